@@ -5,10 +5,11 @@ not block a running scan.
 """
 
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QSizePolicy, QToolButton
 
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.shown.notices import Notice, Notices
 
 
@@ -21,10 +22,10 @@ class Banner(QFrame):
         super().__init__()
         self.setObjectName("banner")
         self._notices = Notices()
-        self._label = QLabel()
+        self._label = PlainLabel()
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        self._more = QLabel()
+        self._more = PlainLabel()
         self.accept_button = QPushButton()
         self.accept_button.clicked.connect(self._accept)
         self.decline_button = QPushButton()

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QLabel, QStatusBar
+from PySide6.QtWidgets import QStatusBar
 
 from sonarhw_gui.live.window_status import Badge, Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.parts.label_slot import LabelSlot
+from sonarhw_gui.parts.plain_label import PlainLabel
 
 # badges have the same background in both palettes
 _COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
@@ -22,9 +23,9 @@ class StatusBar(QStatusBar):
     def __init__(self) -> None:
         super().__init__()
         self.setSizeGripEnabled(False)
-        self.activity = QLabel()
-        self.badge = QLabel()
-        self.figures = QLabel()
+        self.activity = PlainLabel()
+        self.badge = PlainLabel()
+        self.figures = PlainLabel()
         self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air temperature")
         # width of the longest text; otherwise an additional digit is cut off until the next layout
         widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")

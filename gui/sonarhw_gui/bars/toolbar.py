@@ -1,9 +1,10 @@
 """The toolbar: the most frequent commands, and the list of places."""
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
+from PySide6.QtWidgets import QComboBox, QSizePolicy, QToolBar, QWidget
 
 from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.shown.shown import Shown
 
 _PLACE = 11  # characters of a place given as X,Y in metres, to the millimetre
@@ -27,7 +28,7 @@ class ToolBar(QToolBar):
         self.addActions(commands.views.actions())
         self.addSeparator()
         self.addAction(commands.fit)
-        self.addWidget(QLabel("  Place "))
+        self.addWidget(PlainLabel("  Place "))
         self.addWidget(self.place)
         gap = QWidget()
         gap.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)

@@ -9,12 +9,13 @@ import numpy as np
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures.bscan import RangeCells
 
 from sonarhw_gui.bscan.bscan_pane import BScanPane
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.plots.canvas import Canvas
 from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
@@ -23,10 +24,10 @@ from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.bscan_picture import BScans, BScanSettings, Pane
 
 _CHOICES = (
-    ("Measured", "F2", (Pane.MEASURED,), "Traces that the board recorded"),
+    ("Recorded", "F2", (Pane.MEASURED,), "Traces of the scan"),
     ("Predicted", "F3", (Pane.PREDICTED,), "Traces that the model predicts"),
-    ("Difference", "F4", (Pane.DIFFERENCE,), "Measured minus predicted"),
-    ("All three", "Shift+F4", tuple(Pane), "Measured, predicted and difference, with common pan and zoom"),
+    ("Difference", "F4", (Pane.DIFFERENCE,), "Recorded minus predicted"),
+    ("All three", "Shift+F4", tuple(Pane), "Recorded, predicted and difference, with common pan and zoom"),
 )
 
 
@@ -52,7 +53,7 @@ class BScanView(QWidget):
         self.polar = view_action(self, "Polar", "O", "Polar, over the room; off: heading by range")
         self.decibels = view_action(self, "dB", "B", "Levels in dB of full scale; off: linear")
         self.decibels.setChecked(True)
-        self.note = QLabel()
+        self.note = PlainLabel()
         self.canvas = Canvas()
         self.panes: dict[Pane, BScanPane] = {}  # each is created when first visible
         self._arrange()
@@ -206,7 +207,7 @@ def _cursor_text(bscan: BScans | None, shown: Shown) -> str:
     if bscan is None or cursor is None:
         return ""
     texts = [f"{heading_text(cursor.heading)}, {shown.look.unit.text(cursor.range)}:"]
-    for name, image in (("measured", bscan.measured), ("predicted", bscan.predicted)):
+    for name, image in ((shown.origin.value, bscan.measured), ("predicted", bscan.predicted)):
         level = image.level_at(cursor.heading, cursor.range)
         if level is not None:
             texts.append(f"{name} {_decibels(level)}")

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QDialogButtonBox,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
     QLineEdit,
     QPushButton,
     QTableWidget,
@@ -19,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
 from sonarhw_gui.work.port_list import PortRow
 
 _EXAMPLES = "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT or fake:ROOM.toml?place=NAME"
@@ -36,7 +36,7 @@ class ConnectDialog(QDialog):
         self.setWindowTitle("Connect a scanner")
         self._rows: tuple[PortRow, ...] = ()
         self.ports = _port_table()
-        self.none = QLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
+        self.none = PlainLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
         self.none.setWordWrap(True)
         self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Probe all ports")
         self.probe_all.setToolTip("Opening a port may reset the device on it")
@@ -59,7 +59,7 @@ class ConnectDialog(QDialog):
         for k, row in enumerate(rows):
             for column, text in enumerate((row.device, row.description, row.answer)):
                 item = QTableWidgetItem(text)
-                item.setToolTip(text)
+                item.setToolTip(plain_tip(text))
                 self.ports.setItem(k, column, item)
         self.none.setVisible(not rows)
         self.ports.setVisible(bool(rows))
@@ -90,7 +90,7 @@ class ConnectDialog(QDialog):
         column.addWidget(self.none)
         column.addWidget(self.ports, stretch=1)
         column.addLayout(beside)
-        column.addWidget(QLabel("Port or URL"))
+        column.addWidget(PlainLabel("Port or URL"))
         column.addWidget(self.url)
         column.addWidget(self.buttons)
 

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
+from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.store.open_requests import can_open
 
@@ -37,7 +38,7 @@ class FileCommands(QMenu):
         for path in paths:
             action = self.addAction(Path(path).name)
             action.setData(path)
-            action.setToolTip(path)
+            action.setToolTip(plain_tip(path))
         self.setToolTipsVisible(True)
         self.setEnabled(bool(paths))
 

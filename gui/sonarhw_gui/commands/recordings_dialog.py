@@ -9,7 +9,6 @@ from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
     QHeaderView,
-    QLabel,
     QLineEdit,
     QTableWidget,
     QTableWidgetItem,
@@ -17,6 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
 from sonarhw_gui.store.recording_list import RecordingList, RecordingRow, Recordings
 
 _COLUMNS = ("date", "room", "place", "readings", "traces", "file", "condition")
@@ -37,7 +37,7 @@ class RecordingsDialog(QDialog):
         self._recordings = Recordings(folder)
         self.search = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
         self.table = _recording_table()
-        self.summary = QLabel(wordWrap=True)
+        self.summary = PlainLabel(wordWrap=True)
         self.buttons = QDialogButtonBox()
         self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
@@ -69,7 +69,7 @@ class RecordingsDialog(QDialog):
         for number, row in enumerate(listed.rows):
             for column, text in enumerate(_texts(row)):
                 item = QTableWidgetItem(text)
-                item.setToolTip(str(row.path))
+                item.setToolTip(plain_tip(str(row.path)))
                 item.setData(_PATH, str(row.path))
                 self.table.setItem(number, column, item)
             if str(row.path) == chosen:

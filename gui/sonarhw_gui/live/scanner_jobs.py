@@ -11,7 +11,8 @@ from sonarhw_sim.air import Air
 
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder
-from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
+from sonarhw.scanning.scan_recording import ScanPlan, record_scan
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import Outcome
 from sonarhw_gui.live.scanner_state import JobState, Phase
 from sonarhw_gui.scene.scene import Scene

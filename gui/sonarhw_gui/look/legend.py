@@ -10,11 +10,14 @@ from PySide6.QtGui import QColor, QPainter, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 from sonarhw_compare.matching.match import Kind
 
+from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Palette, Unclassed
 from sonarhw_gui.parts.flow_layout import FlowLayout
+from sonarhw_gui.parts.plain_label import PlainLabel
 
 Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels per pixel
+ORIGIN = "ORIGIN"  # in a text, stands for the origin of the readings
 _SIZE = 14  # pixels
 _LINE = 26  # pixels
 
@@ -25,12 +28,19 @@ class Legend(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._pictures: list[tuple[QLabel, Picture]] = []
+        self._named: list[tuple[QLabel, str]] = []  # texts with the origin of the readings
         row = FlowLayout(self, QMargins(8, 2, 8, 2), gap=14)
         for kind in Kind:
             if kind in MARKS:
-                self._add(row, partial(mark_picture, kind), f"measured: {MARKS[kind].name}", MARKS[kind].meaning)
+                self._add(row, partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
         for picture, name, meaning in _LINES_AND_PATCHES:
             self._add(row, picture, name, meaning)
+        self.show_origin(Origin.MEASURED)
+
+    def show_origin(self, origin: Origin) -> None:
+        """Name the readings by their origin."""
+        for label, text in self._named:
+            label.setText(text.replace(ORIGIN, origin))
 
     def show_look(self, look: Look) -> None:
         """Use the colours of `look`."""
@@ -38,14 +48,16 @@ class Legend(QWidget):
             label.setPixmap(picture(look.palette, self.devicePixelRatioF()))
 
     def _add(self, row: FlowLayout, picture: Picture, name: str, meaning: str) -> None:
-        drawn = QLabel()
+        drawn = PlainLabel()
         self._pictures.append((drawn, picture))
         entry = QWidget()
         entry.setToolTip(meaning)
         pair = QHBoxLayout(entry)
         pair.setContentsMargins(0, 0, 0, 0)
         pair.setSpacing(5)
-        for label in (drawn, QLabel(name)):
+        named = PlainLabel(name)
+        self._named.append((named, name))
+        for label in (drawn, named):
             pair.addWidget(label)
         row.addWidget(entry)
 
@@ -87,7 +99,7 @@ def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
 
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _LINES_AND_PATCHES: tuple[tuple[Picture, str, str], ...] = (
-    (partial(_line_picture, "measured", _SOLID), "measured trace", "the received signal that the board recorded"),
+    (partial(_line_picture, "measured", _SOLID), f"{ORIGIN} trace", "the received signal that the board recorded"),
     (
         partial(_line_picture, "predicted", _SOLID),
         "predicted",

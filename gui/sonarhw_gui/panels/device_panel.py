@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QGroupBox,
     QHBoxLayout,
-    QLabel,
     QPushButton,
     QSpinBox,
     QVBoxLayout,
@@ -33,6 +32,7 @@ from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.number_field import NumberField
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.shown.shown import Shown
 
@@ -65,13 +65,13 @@ class DevicePanel(QWidget):
         super().__init__()
         self._status = Status()
         self._look = Look()
-        self.state = QLabel("")
-        self.hint = QLabel("")
+        self.state = PlainLabel("")
+        self.hint = PlainLabel("")
         self.hint.setWordWrap(True)
         self.connect_button, self.disconnect_button = QPushButton("Connect"), QPushButton("Disconnect")
         self.connect_button.setToolTip("Connect and read the scanner's identity; the turntable does not move")
         self.disconnect_button.setToolTip("Stop and release the port for other programs")
-        self.identity, self.temperature, self.angle = QLabel(), QLabel(), QLabel()
+        self.identity, self.temperature, self.angle = PlainLabel(), PlainLabel(), PlainLabel()
         self.identity.setWordWrap(True)
         self.identity.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.target = _degrees(0.0, "Target angle of the turntable; press Enter to turn")
@@ -86,9 +86,9 @@ class DevicePanel(QWidget):
         self.max_range.setSpecialValueText("maximum")
         self.traces = QCheckBox("Record traces")
         self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
-        self.summary = QLabel()
+        self.summary = PlainLabel()
         self.summary.setWordWrap(True)
-        self.figures = [QLabel() for _ in link_figures(None)]
+        self.figures = [PlainLabel() for _ in link_figures(None)]
         self._turntable = self._made_turntable(commands)
         self._scan = self._made_scan(commands)
         self._lay_out(commands)
@@ -148,7 +148,7 @@ class DevicePanel(QWidget):
             )
         ):
             row, column = divmod(place, 2)
-            label = QLabel(name)
+            label = PlainLabel(name)
             label.setBuddy(field)
             grid.addWidget(label, row, 2 * column)
             grid.addWidget(field, row, 2 * column + 1)

@@ -1,5 +1,7 @@
 """The fit panel: find the pose of the scanner from its readings. An accepted result is one undo step."""
 
+from html import escape
+
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -18,6 +20,7 @@ from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
 from sonarhw.errors import InputError
 from sonarhw_gui.panels.fit_texts import rows, share_line, solution_line, warnings
 from sonarhw_gui.panels.room_groups import short_list
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.session.fit_control import FitState
@@ -46,9 +49,9 @@ class FitPanel(QWidget):
         self.solutions = QComboBox()
         ignore_wheel_without_focus(self.solutions)
         self.solutions.setToolTip("Solutions that fit almost equally well, the best first")
-        self.table, self.notes = QLabel(), QLabel(wordWrap=True)
+        self.table, self.notes = QLabel(textFormat=Qt.TextFormat.RichText), PlainLabel(wordWrap=True)
         self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")
-        self._refused = QLabel(wordWrap=True)
+        self._refused = PlainLabel(wordWrap=True)
         self._request, self._work, self._result = self._request_group(), self._work_row(), self._result_group()
         column = QVBoxLayout(self)
         for part in (self._request, self._work, self._refused, self._result):
@@ -157,7 +160,7 @@ class FitPanel(QWidget):
             return
         solution = self.solutions.currentIndex()
         lines = "".join(
-            f"<tr><td>{name}&nbsp;&nbsp;</td><td align='right'>{value}</td><td>&nbsp;&nbsp;{deviation}</td></tr>"
+            f"<tr><td>{escape(name)}&nbsp;&nbsp;</td><td align=right>{value}</td><td>&nbsp;&nbsp;{deviation}</td></tr>"
             for name, value, deviation in rows(found, solution, shown.look.unit)
         )
         self.table.setText(f"<table>{lines}</table>")

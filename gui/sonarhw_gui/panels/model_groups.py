@@ -5,12 +5,13 @@ from enum import Enum
 from functools import partial
 
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import QComboBox, QLabel
+from PySide6.QtWidgets import QComboBox
 from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw_gui.panels.room_groups import Change, Group, short_list, show_names
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.parts.slider_field import SliderField
 from sonarhw_gui.scene.scene_edit import with_air_state, with_board, with_options
 from sonarhw_gui.shown.shown import Shown
@@ -24,7 +25,7 @@ class AirGroup(Group):
         self.temperature = SliderField(-40, 60, 1, " °C", "Sound is faster in warmer air: 0.18 % per °C")
         self.humidity = SliderField(0, 100, 0, " %", "Relative humidity; changes the absorption of ultrasound")
         self.pressure = SliderField(30, 120, 1, " kPa", "101.3 kPa at sea level, about 90 kPa at 1000 m")
-        self.speed = QLabel()
+        self.speed = PlainLabel()
         rows = (("Temperature", self.temperature), ("Humidity", self.humidity), ("Pressure", self.pressure))
         for name, slider in rows:
             self.rows.addRow(name, slider)
@@ -63,6 +64,10 @@ _MEANINGS: dict[Enum, tuple[str, str]] = {
         "reflects sound",
         "Sound that hits the face of the transducer is reflected; slow to predict",
     ),
+    EdgeStrength.UNIFORM: (
+        "uniform theory",
+        "Diffraction by angles, distances and reflectances, continuous with reflection",
+    ),
     EdgeStrength.PAPER: ("as in the paper", "An edge diffracts sound equally in all directions"),
     EdgeStrength.KELLER: ("after Keller", "Diffraction depends on the angles to the faces of the edge"),
 }
@@ -96,7 +101,7 @@ class ModelGroup(Group):
         for field, value in (
             (self.receiver, options.receiver),
             (self.unit, options.unit),
-            (self.edges, options.edge_strength),
+            (self.edges, options.edge_strength or shown.scene.board.edge_strength),
         ):
             text, tip = _MEANINGS[value]
             field.setCurrentText(text)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QAction, QIcon
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QToolButton, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QToolButton, QWidget
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.look.appearance import Look
@@ -21,6 +21,7 @@ from sonarhw_gui.parts.media_icons import (
     Shape,
     media_icon,
 )
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.session.replay_control import SPEEDS, ReplayState
 
 
@@ -36,12 +37,12 @@ class ReplayBar(QWidget):
         self._commands = commands
         self._look = Look()
         self._playing = False
-        self.badge = QLabel("REPLAY")
+        self.badge = PlainLabel("REPLAY")
         self.badge.setToolTip("The readings come from a log; the scanner is not in use")
         self.play = QPushButton()
         self.play.setToolTip(commands.play.toolTip())
         self.slider = TimeSlider()
-        self.time = QLabel()
+        self.time = PlainLabel()
         self.time.setToolTip("Time in the log · readings up to this time of all readings")
         self.speed = QComboBox()
         self.speed.setToolTip("Speed relative to the recording")

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QFormLayout,
     QGroupBox,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
     QPushButton,
 )
@@ -19,6 +18,7 @@ from sonarhw_sim.room.room_writing import materials
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.parts.number_field import NumberField
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.plan.plan_texts import surface_text
 from sonarhw_gui.scene.scene import Scene
@@ -128,7 +128,7 @@ class SurfaceGroup(Group):
     def __init__(self, change: Change) -> None:
         super().__init__("Wall or post", change)
         self.surface, self.material = short_list(), short_list()
-        self.description = QLabel(wordWrap=True)
+        self.description = PlainLabel(wordWrap=True)
         self.remove = QPushButton("Remove")
         self.remove.setToolTip("Remove it from the room (Del)")
         self._room: Room | None = None

@@ -6,12 +6,13 @@ Each edit is one undo step, and so is one drag of a slider.
 from collections.abc import Callable
 
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from sonarhw.errors import InputError
 from sonarhw_gui.panels.material_group import MaterialGroup
 from sonarhw_gui.panels.model_groups import AirGroup, ModelGroup
 from sonarhw_gui.panels.room_groups import Group, SensorGroup, SurfaceGroup
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit
 from sonarhw_gui.shown.shown import Shown
@@ -29,7 +30,7 @@ class RoomPanel(QWidget):
         super().__init__()
         self.setMinimumWidth(_LEAST_WIDTH)
         self._shown: Shown | None = None
-        self._refused = QLabel(wordWrap=True)
+        self._refused = PlainLabel(wordWrap=True)
         self._refused.hide()
         self.sensor, self.surface = SensorGroup(self.change), SurfaceGroup(self.change)
         self.materials = MaterialGroup(self.change)

@@ -2,9 +2,10 @@
 
 from functools import cached_property
 
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures, ViewEntry
@@ -13,7 +14,7 @@ from sonarhw_gui.view import Gestures, ViewEntry
 class SideBySide(QWidget):
     """Two plans: measured readings and predicted readings."""
 
-    entry = ViewEntry("Side by side", "Measured on the left, predicted on the right", key="2")
+    entry = ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2")
 
     def __init__(self) -> None:
         super().__init__()
@@ -22,6 +23,7 @@ class SideBySide(QWidget):
         self._row.setContentsMargins(0, 0, 0, 0)
         self._row.setSpacing(1)
         self._created = False
+        self.title = PlainLabel("Measured")  # of the left plan: the origin of the readings
 
     @cached_property
     def measured(self) -> PlanDrawing:
@@ -38,6 +40,7 @@ class SideBySide(QWidget):
         if not self._created:
             self._created = True
             self._arrange()
+        self.title.setText(shown.origin.capitalize())
         for view in (self.measured, self.predicted):
             view.show_state(shown)
 
@@ -51,18 +54,19 @@ class SideBySide(QWidget):
         return self
 
     def _arrange(self) -> None:
-        for title, view in (("Measured", self.measured), ("Predicted", self.predicted)):
+        for title, view in ((self.title, self.measured), (PlainLabel("Predicted"), self.predicted)):
             self._row.addLayout(_titled(title, view), stretch=1)
         self.predicted.plot.setXLink(self.measured.plot)
         self.predicted.plot.setYLink(self.measured.plot)
 
 
-def _titled(title: str, view: PlanDrawing) -> QVBoxLayout:
+def _titled(title: PlainLabel, view: PlanDrawing) -> QVBoxLayout:
     message = ElidedLabel()
     view.message_changed.connect(message.setText)
     head = QHBoxLayout()
     head.setContentsMargins(8, 3, 8, 3)
-    head.addWidget(QLabel(f"<b>{title}</b>"))
+    title.setStyleSheet("font-weight: bold")
+    head.addWidget(title)
     head.addWidget(message, stretch=1)
     column = QVBoxLayout()
     column.setSpacing(0)

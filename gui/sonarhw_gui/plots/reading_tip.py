@@ -12,7 +12,7 @@ def reading_tip(shown: Shown, index: int) -> str:
     """Return the tooltip of a reading, a few short lines."""
     reading, row = shown.readings[index], shown.row(index)
     lines = [f"reading {index} at {heading_text(shown.heading(index))}"]
-    lines.append(f"measured {_length(reading.range, shown.look.unit)}")
+    lines.append(f"{shown.origin} {_length(reading.range, shown.look.unit)}")
     if row is not None:
         lines.append(f"predicted {_length(row.predicted, shown.look.unit)}")
         if row.residual is not None:

@@ -14,11 +14,12 @@ import pyqtgraph as pg
 from PySide6.QtCore import QBuffer, QIODevice, QPoint, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QBrush, QColor, QImage, QPainter
 from PySide6.QtSvg import QSvgGenerator
-from PySide6.QtWidgets import QGraphicsItem, QLabel, QWidget
+from PySide6.QtWidgets import QGraphicsItem, QWidget
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.parts.pixels import Pixels
+from sonarhw_gui.parts.plain_label import PlainLabel
 
 _SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
 _RATIO = 2  # picture pixels per screen pixel, for print
@@ -114,8 +115,7 @@ def _with_legend(widget: QWidget, title: str, look: Look) -> Sequence[QWidget]:
     if not title:
         return (widget,)
     width = widget.width()
-    head, legend = QLabel(title), Legend()
-    head.setTextFormat(Qt.TextFormat.PlainText)
+    head, legend = PlainLabel(title), Legend()
     head.setContentsMargins(8, 6, 8, 2)
     legend.show_look(look)
     for part in (head, legend):

@@ -13,6 +13,7 @@ from PySide6.QtGui import QBrush, QColor, QPixmap
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import mark_picture
 from sonarhw_gui.look.palette import MARKS, Unclassed
+from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
 from sonarhw_gui.shown.reading_order import RowQuery, order_of
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, Class, IntArray, ReadingRows
@@ -49,7 +50,7 @@ class ReadingModel(QAbstractTableModel):
     def show_state(self, shown: Shown) -> None:
         """Update readings, classes and look."""
         before, self._shown = self._shown, shown
-        if before is None or before.look != shown.look:
+        if before is None or (before.look, before.origin) != (shown.look, shown.origin):
             self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
             self._sentences.clear()
             self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
@@ -90,7 +91,7 @@ class ReadingModel(QAbstractTableModel):
             case _Role.DisplayRole:
                 return self._text(self._shown, row, column)
             case _Role.ToolTipRole if column in (Column.PATH, Column.SENTENCE):
-                return self._text(self._shown, row, column)
+                return plain_tip(self._text(self._shown, row, column))
             case _Role.DecorationRole if column is Column.CLASS:
                 return self._marks[CLASSES[self.rows.classes[row]]]
             case _Role.TextAlignmentRole if column in _AT_RIGHT:
@@ -102,7 +103,7 @@ class ReadingModel(QAbstractTableModel):
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return the name of a column with its unit."""
         if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and self._shown:
-            return column_name(Column(section), self._shown.look)
+            return column_name(Column(section), self._shown.look, self._shown.origin)
         return None
 
     def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:

@@ -4,10 +4,10 @@ from math import ceil
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QPalette, QResizeEvent, QTextLayout
-from PySide6.QtWidgets import QLabel
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.shown.shown import Shown
 
 _LINES = 2  # fixed height, so that a longer sentence does not move the views
@@ -15,7 +15,7 @@ _MARGIN, _ABOVE = 12, 6
 _SIZE = 1.2  # of the default text size
 
 
-class Sentence(QLabel):
+class Sentence(PlainLabel):
     """Explains the selected reading."""
 
     def __init__(self) -> None:
@@ -23,7 +23,6 @@ class Sentence(QLabel):
         self._whole = ""
         self._look: Look | None = None
         self.setWordWrap(True)
-        self.setTextFormat(Qt.TextFormat.PlainText)
         self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.setContentsMargins(_MARGIN, _ABOVE, _MARGIN, _ABOVE)
         self.setMinimumWidth(1)

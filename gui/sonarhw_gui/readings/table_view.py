@@ -195,7 +195,9 @@ class TableView(QWidget):
             widest = "0" * _digits(shown)
         elif column is Column.CLASS and shown.scene.room is None:
             widest = class_name(Unclassed.MEASURED)
-        text = max(map(self.view.fontMetrics().horizontalAdvance, (widest, column_name(column, shown.look))))
+        text = max(
+            map(self.view.fontMetrics().horizontalAdvance, (widest, column_name(column, shown.look, shown.origin)))
+        )
         return text + _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
 
     @Slot()

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from sonarhw_compare.imports.recorded_board import board_of_log
+from sonarhw_compare.imports.recorded_setting import board_of_log
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room, parse_room

@@ -8,7 +8,8 @@ from pathlib import Path
 from PySide6.QtCore import QObject
 
 from sonarhw.log import Log
-from sonarhw.readings import Reading
+from sonarhw.readings import Origin, Reading
+from sonarhw.wire.origin import origin_of
 from sonarhw_gui.live.live_feed import LiveFeed
 from sonarhw_gui.live.reading_rate import RateMeter
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
@@ -41,11 +42,22 @@ class ReadingSource:
         self._opened: ReplayedLog | None = None
         self._played: tuple[Reading, ...] = ()
         self.scan_scene: Scene | None = None  # the scene at the start of the last live scan
+        self._live_origin = Origin.MEASURED
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """The readings up to the position of the replay, or those of the scanner; the same object while unchanged."""
         return self._up_to_now() if self.replay.loaded else self.live.readings
+
+    @property
+    def origin(self) -> Origin:
+        """The origin of the readings; measured if there is neither a log nor a scanner yet."""
+        if self.replayed:
+            return self.replayed.log.origin
+        if self.live.link:  # kept after the connection has ended
+            device = self.live.link.device
+            self._live_origin = origin_of("scan", device.firmware, device.serial)
+        return self._live_origin
 
     @property
     def all_readings(self) -> tuple[Reading, ...]:

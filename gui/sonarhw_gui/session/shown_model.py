@@ -177,6 +177,7 @@ class ShownModel(QObject):
             compared=compared,
             outdated=self.forecast.outdated,
             readings=readings,
+            origin=self._source.origin,
             earlier=self.shown.known_rows,
             chosen=self._choice.among(len(readings), compared.end if compared else 0),
         )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from sonarhw.atomic_file import unfinished_file
 from sonarhw.errors import InputError
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.session.scene_memory import SceneMemory
@@ -73,7 +74,10 @@ def read_unsaved(path: Path) -> UnsavedRoom:
 
 def write_unsaved(path: Path, text: str) -> None:
     """Write a file completely or not at all, and create its folder if needed. Raises OSError."""
-    fresh = path.with_suffix(".new")
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh.write_text(text, encoding="utf-8")
-    os.replace(fresh, path)
+    with unfinished_file(path) as fresh:
+        with fresh.open("x", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(path)

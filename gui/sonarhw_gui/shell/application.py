@@ -130,7 +130,7 @@ def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
 
 @contextmanager
 def _closed_by_signals(window: MainWindow) -> Iterator[list[int]]:
-    """Let Ctrl-C and SIGTERM close the window. The list contains the received signals.
+    """Let Ctrl-C, SIGTERM and SIGHUP close the window. The list contains the received signals.
 
     Python handles a signal only while it runs Python code. The session's timer runs some at every tick.
     """
@@ -140,7 +140,9 @@ def _closed_by_signals(window: MainWindow) -> Iterator[list[int]]:
         received.append(number)
         QTimer.singleShot(0, window.close)
 
-    before = {number: signal.signal(number, close) for number in (signal.SIGINT, signal.SIGTERM)}
+    hangup = getattr(signal, "SIGHUP", signal.SIGTERM)  # Windows has none
+    endings = {number for number in (signal.SIGTERM, hangup) if signal.getsignal(number) != signal.SIG_IGN}
+    before = {number: signal.signal(number, close) for number in (signal.SIGINT, *endings)}
     try:
         yield received
     finally:

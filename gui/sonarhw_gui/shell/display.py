@@ -1,15 +1,16 @@
-"""Checks for a display before Qt is loaded, because without a display Qt aborts the process."""
+"""Checks for Qt and a display before Qt is loaded, because without a display Qt aborts the process."""
 
 import ctypes
+import importlib.util
 import os
 import re
 import socket
 import sys
 from pathlib import Path
 
-from sonarhw.errors import SonarError
+from sonarhw.errors import MissingExtra, SonarError
 
-_INSTEAD = "`sonarhw demo --headless DIR` works without a window"
+DEMO = "`sonarhw demo --headless DIR` works without a window"
 _TIMEOUT = 2.0  # s
 
 
@@ -17,19 +18,25 @@ class NoDisplay(SonarError):
     """There is no display for a window."""
 
 
-def check_display() -> None:
-    """Raise NoDisplay if no window can be opened."""
-    if not sys.platform.startswith("linux") or _without_display() or os.environ.get("WAYLAND_DISPLAY"):
-        return
+def check_display(instead: str = DEMO) -> None:
+    """Raise NoDisplay or MissingExtra if no window can be opened. `instead` states what works without a window."""
+    if sys.platform.startswith("linux") and not _without_display() and not os.environ.get("WAYLAND_DISPLAY"):
+        _check_x_server(instead)
+    for package in ("PySide6", "pyqtgraph"):
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtra(f"the window needs {package}", "gui")
+
+
+def _check_x_server(instead: str) -> None:
     display = os.environ.get("DISPLAY", "")
     if not display:
-        raise NoDisplay(f"no display for a window (DISPLAY is not set); {_INSTEAD}")
+        raise NoDisplay(f"no display for a window (DISPLAY is not set); {instead}")
     if not _answers(display):
-        raise NoDisplay(f"no display for a window (no X server answers at {display}); {_INSTEAD}")
+        raise NoDisplay(f"no display for a window (no X server answers at {display}); {instead}")
     try:
         ctypes.CDLL("libxcb-cursor.so.0")
     except OSError:
-        raise NoDisplay(f"Qt needs libxcb-cursor0 for a window: apt-get install libxcb-cursor0; {_INSTEAD}") from None
+        raise NoDisplay(f"Qt needs libxcb-cursor0 for a window: apt-get install libxcb-cursor0; {instead}") from None
 
 
 def _without_display() -> bool:

@@ -125,7 +125,8 @@ class MainWindow(QMainWindow):
         self.views.show_state(shown)
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
-        self.setWindowTitle(f"sonarhw — {shown.scene.title}")
+        self.setWindowTitle(f"sonarhw — {shown.title}")
+        self.legend.show_origin(shown.origin)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()
 

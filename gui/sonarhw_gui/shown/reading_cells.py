@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from enum import IntEnum
 
+from sonarhw.export.csv_rows import text_cell
+from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS
 from sonarhw_gui.look.residual_unit import residual_unit
@@ -56,11 +58,13 @@ def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
     return rows.path(row)
 
 
-def column_name(column: Column, look: Look) -> str:
-    """Return the header of a column, with its unit."""
+def column_name(column: Column, look: Look, origin: Origin) -> str:
+    """Return the header of a column, with its unit; that of measured ranges names the origin of the readings."""
     match column:
-        case Column.MEASURED | Column.PREDICTED:
-            return f"{column.name.lower()} ({look.unit.label})"
+        case Column.MEASURED:
+            return f"{origin} ({look.unit.label})"
+        case Column.PREDICTED:
+            return f"predicted ({look.unit.label})"
         case Column.RESIDUAL:
             return f"residual ({residual_unit(look.unit).label})"
         case Column.NUMBER:
@@ -88,5 +92,5 @@ def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int
         texts = ("" if math.isnan(length) else f"{length:.4f}" for length in lengths)
         kind = class_name(CLASSES[rows.classes[row]])
         heading = f"{rows.headings[row]:.4f}"
-        writer.writerow((row, heading, *texts, kind, rows.path(row), sentence(int(row))))
+        writer.writerow((row, heading, *texts, kind, *map(text_cell, (rows.path(row), sentence(int(row))))))
     return text.getvalue()

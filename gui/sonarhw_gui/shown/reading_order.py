@@ -20,11 +20,6 @@ class RowQuery:
     hidden: frozenset[Class] = frozenset()
     text: str = ""  # words; each must occur in the heading, the class or the path
 
-    @property
-    def is_default(self) -> bool:
-        """Whether all rows are shown, in the order of the scan."""
-        return self.column is Column.NUMBER and not (self.descending or self.hidden or self.text)
-
 
 def order_of(rows: ReadingRows, query: RowQuery) -> IntArray:
     """Return the numbers of the rows of a query, in order; rows without a value are always last."""

@@ -12,7 +12,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Kind, Matched
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.scene.scene import Scene
@@ -47,6 +47,7 @@ class Shown:
     outline: PredictedScan | None = None
     compared: Compared | None = None
     readings: tuple[Reading, ...] = ()
+    origin: Origin = Origin.MEASURED  # of the readings
     chosen: int | None = None
     trace: ChosenTrace | None = None  # of the selected reading; computed after the selection
     bscan: BScans | None = None  # as last shown
@@ -54,6 +55,12 @@ class Shown:
     look: Look = field(default_factory=Look)
     outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # rows that `rows` reuses
+
+    @property
+    def title(self) -> str:
+        """The text of the window's title: room and place, and the origin of readings that are not measured."""
+        other = self.readings and self.origin is not Origin.MEASURED
+        return f"{self.scene.title} · {self.origin} readings" if other else self.scene.title
 
     @property
     def chosen_reading(self) -> Reading | None:

@@ -53,7 +53,7 @@ class OpenCsvRequest:
     log_path: Path | None = None  # of an earlier import of this file, which is overwritten
 
     def answer(self) -> LogOpened:
-        """Import the file as a log, and read the log. Raises InputError, LogError."""
+        """Import the file as a log, and read the log. Raises InputError, LogError, OutputError."""
         columns, guessed = guess_columns(self.path)
         meaning = replace(guessed, no_echo=self.no_echo)
         readings = read_foreign_scan(self.path, columns, meaning)

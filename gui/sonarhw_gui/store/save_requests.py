@@ -1,6 +1,5 @@
 """Requests to save pictures, data and reports; each file is written completely or not at all."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,8 +7,8 @@ from typing import BinaryIO, Protocol
 
 from sonarhw.errors import InputError
 from sonarhw.export.export_formats import export_format, export_suffixes
+from sonarhw.json_text import json_text
 from sonarhw.log import Log, read_log
-from sonarhw.readings import Reading
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
@@ -59,7 +58,7 @@ class Data:
         """Write the readings or the summary."""
         log = _log_of(self.recorded)
         if ending == JSON:
-            file.write(_summary(log.readings, self.scene).encode())
+            file.write(_summary(log, self.scene).encode())
         else:
             export_format(ending).write(log, file)
 
@@ -104,9 +103,11 @@ class SaveRequest:
         endings, path = self.content.endings, self.path
         if path.suffix.lower() not in endings:
             raise InputError(f"{path.name}: expected a name ending in {' or '.join(endings)}")
+        if path.is_symlink() and path.resolve().suffix.lower() not in endings:
+            raise InputError(f"{path}: is a link to {path.resolve()}; choose another name")
         if path.exists() and not self.overwrite:
             raise InputError(f"{path}: exists already; choose another name")
-        with atomic_file(path, "name") as file:
+        with atomic_file(path, "name", overwrite=self.overwrite) as file:
             self.content.write(file, path.suffix.lower())
         return path
 
@@ -115,9 +116,9 @@ def _log_of(recorded: Log | Path) -> Log:
     return read_log(recorded) if isinstance(recorded, Path) else recorded
 
 
-def _summary(readings: Sequence[Reading], scene: Scene) -> str:
+def _summary(log: Log, scene: Scene) -> str:
     from sonarhw_compare.matching.match import compare_readings
 
     room, _ = room_and_place(scene)
-    compared = compare_readings(readings, room, scene.pose, scene.board, options=scene.options)
-    return json.dumps(asdict(compared.summary()), indent=2) + "\n"
+    compared = compare_readings(log.readings, room, scene.pose, scene.board, options=scene.options, origin=log.origin)
+    return json_text(asdict(compared.summary())) + "\n"

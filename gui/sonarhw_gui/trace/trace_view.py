@@ -9,13 +9,14 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Slot
 from PySide6.QtGui import QActionGroup
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
 from sonarhw_sim.air import Air
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.label_slot import LabelSlot
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis
@@ -52,7 +53,7 @@ class TraceView(QWidget):
             self.forms.addAction(form)
         self.envelope.setChecked(True)
         self.cursors_shown = view_action(self, "Cursors", "C", "Show two cursors for time and range; drag to move")
-        self.title, self.readout = ElidedLabel(), QLabel()
+        self.title, self.readout = ElidedLabel(), PlainLabel()
         self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         gain_axis = GainAxis()
         self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
@@ -226,21 +227,17 @@ def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> 
         item.setData(curve.times, curve.values.clip(heights.bottom, heights.top))
 
 
-def _degrees(heading: float) -> str:
-    return heading_text(heading)
-
-
 def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:
     """Return the title; `due` is the selected heading, which may differ until its trace is computed."""
     if trace is None:
         return "Trace: no reading yet"
-    parts = [f"Trace at {_degrees(trace.heading)}"]
-    if due is not None and _degrees(due) != _degrees(trace.heading):
-        parts.append(f"{_degrees(due)} is being computed")
+    parts = [f"Trace at {heading_text(trace.heading)}"]
+    if due is not None and heading_text(due) != heading_text(trace.heading):
+        parts.append(f"{heading_text(due)} is being computed")
     if trace.measured is None:
         parts.append("no trace recorded")
     elif rf and trace.measured.rf is None:
-        parts.append("measured: envelope only")
+        parts.append("recorded: envelope only")
     if trace.predicted is None:
         parts.append("no prediction")
     elif rf and trace.predicted.undersampled:

@@ -33,7 +33,7 @@ _DIFFERENCE = 0.5  # of full scale
 class Pane(Enum):
     """What a B-scan shows."""
 
-    MEASURED = "Measured"
+    MEASURED = "Recorded"  # by a scanner or a program: the origin is in the legend
     PREDICTED = "Predicted"
     DIFFERENCE = "Difference"
 

@@ -10,7 +10,7 @@ from sonarhw_compare.pictures.trace_levels import envelope_of, floor_of, in_db
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.traces import Signal
+from sonarhw_sim.board.traces import Signal, is_stepped
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 
@@ -141,11 +141,6 @@ def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Ga
         return Gain(Curve(np.repeat(ends, 2)[1:-1], np.repeat(levels, 2)), True)
     times = np.linspace(duration / _GAIN_POINTS, duration, _GAIN_POINTS)
     return Gain(Curve(times, path_loss_db(times * speed, board)), False)
-
-
-def is_stepped(board: Board, receiver: Receiver) -> bool:
-    """Return whether the gain of this receiver rises in steps; else it is ideal."""
-    return receiver is Receiver.BOARD and bool(board.gain_steps)
 
 
 def _echoes(prediction: PredictedScan, index: int, receiver: Receiver) -> tuple[NamedEcho, ...]:
