@@ -1,18 +1,47 @@
 """Options of all tests: `--soak` for long runs, `--url` for your own scanner."""
 
+import signal
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 pytest_plugins = ["tests.fixtures.window_scene"]
 
 Count = Callable[[int, int], int]
+# These tests repeat what others cover, and Python code runs at two thirds of its speed while coverage is measured.
+NOT_MEASURED = (
+    "contract",
+    "soak",
+    "system/cli/instrument/test_calibrate_command.py",
+    "system/cli/prediction/test_figures_command.py",
+    "system/compare/test_fit.py",
+    "system/compare/test_locate.py",
+    "system/docs",
+    "system/firmware",
+    "system/sim",
+    "system/test_notebook.py",
+)
+
+
+def pytest_configure() -> None:
+    """Let the commands under test be interrupted, also if a shell started pytest with these signals ignored."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--soak` and `--url`."""
     parser.addoption("--soak", action="store_true", help="run the long tests completely: hours instead of minutes")
     parser.addoption("--url", help="run the contract tests with the scanner at this URL only")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Exclude the tests in NOT_MEASURED from the measurement of coverage."""
+    path = item.path.relative_to(Path(__file__).parent).as_posix()
+    if path.startswith(NOT_MEASURED):
+        item.add_marker("no_cover")
 
 
 @pytest.fixture(scope="session")

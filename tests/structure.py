@@ -16,7 +16,9 @@ from grimp import ImportGraph
 
 from tests.checkout import CHECKOUT
 
-TOP_FOLDERS = ("sonarhw", "sim", "compare", "gui", "cli", "rooms", "firmware", "tests", "benchmarks", "docs")
+TOP_FOLDERS = (
+    *("sonarhw", "sim", "compare", "gui", "cli", "rooms", "firmware", "tests", "benchmarks", "docs", "requirements"),
+)
 OTHER_PACKAGES = ("tests", "benchmarks")
 GENERATED = ("build", "__pycache__")
 
@@ -58,7 +60,7 @@ def files_per_folder() -> Counter[str]:
 
 def import_graph() -> ImportGraph:
     """Return every import of the code, also those inside functions and those for type checkers only."""
-    code = [name for name in installed_packages() if name != "sonarhw_rooms"]
+    code = [name for name in installed_packages() if name not in ("sonarhw_rooms", "sonarhw_examples")]
     return grimp.build_graph(*code, *OTHER_PACKAGES, cache_dir=None)
 
 

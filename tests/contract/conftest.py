@@ -1,18 +1,27 @@
-"""Run every test of this folder with every scanner of `scanners.py`, or with the scanner at `--url` only."""
+"""Run every test of this folder with every scanner of `scanners.py`, or with the scanner at `--url` only.
+
+`--url` is a serial port, `socket://HOST:PORT` or `'fake:ROOM?place=NAME&pace=10'`. If no scanner answers there, the
+tests end with one line. The pace of a fake must not be `max`: it would never detect a silent host.
+"""
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 import pytest
+from sonarhw_cli.console.connect import resolve
 
+from sonarhw.errors import SonarError
+from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
-from tests.contract.scanners import SCANNERS
+from tests.contract.scanners import ONE_LINE, SCANNERS
 from tests.contract.talk import Talk
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run each test once per scanner."""
+    """Run each test once per scanner; tests with the mark `one_line` over one kind of line, unless --soak is given."""
     if "url" in metafunc.fixturenames:
-        names = ["--url"] if metafunc.config.getoption("--url") else [*SCANNERS]
+        one_line = metafunc.definition.get_closest_marker("one_line") and not metafunc.config.getoption("--soak")
+        names = ["--url"] if metafunc.config.getoption("--url") else [*(ONE_LINE if one_line else SCANNERS)]
         metafunc.parametrize("url", names, indirect=True, scope="package")
 
 
@@ -26,12 +35,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="package")
 def url(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Return the URL of the scanner."""
+    """Return the URL of the scanner. If no scanner answers at `--url`, end all tests."""
     if request.param == "--url":
-        yield request.config.getoption("--url")
+        with ExitStack() as exit_stack:
+            yield _answering(request.config.getoption("--url"), exit_stack)
     else:
         with SCANNERS[request.param]() as served:
             yield served
+
+
+def _answering(given: str, exit_stack: ExitStack) -> str:
+    """Return the URL to open for the one given, after a scanner has answered there."""
+    try:
+        served = exit_stack.enter_context(resolve(given))()
+        Scanner.open(served).close()
+    except SonarError as error:
+        pytest.exit(f"--url {given}: no scanner to test: {str(error).removeprefix(f'{given}: ')}", returncode=2)
+    return served
 
 
 class OpenLink:

@@ -5,23 +5,23 @@ To test another scanner, add it to SCANNERS.
 
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from sonarhw_cli.console.connect import resolve
+from sonarhw_compare.scanners.scanner_url import resolve
 
 from sonarhw.device.emulated_board import emulated_board
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import FakeBoard
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
 
 ROOM = CHECKOUT / "rooms" / "simple.toml"
 FIRMWARE = CHECKOUT / "firmware"
-PACE = "10"  # times real time; a fake at pace max would never detect a silent host
-_SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
+PACE = 10.0  # times real time; a fake at pace max would never detect a silent host
 _SER2NET = """%YAML 1.1
 ---
 connection: &scanner
@@ -35,27 +35,27 @@ Scanner = Callable[[], AbstractContextManager[str]]
 @contextmanager
 def in_this_process() -> Iterator[str]:
     """Provide the fake at a `fake:` URL, in this process."""
-    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE}") as find:
+    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE:g}") as find:
         yield find()
 
 
 @contextmanager
 def on_a_pseudo_terminal() -> Iterator[str]:
-    """Run the fake in its own process, on a pseudo-terminal."""
-    with TemporaryDirectory() as folder, _fake("--pty", f"{folder}/scanner") as url:
-        yield url
+    """Serve a fake board on a pseudo-terminal."""
+    with TemporaryDirectory() as folder, serve(_board(), pty=Path(folder) / "scanner", pace=PACE) as endpoint:
+        yield endpoint.url
 
 
 @contextmanager
 def over_tcp() -> Iterator[str]:
-    """Run the fake in its own process, at a socket:// URL."""
-    with _fake("--tcp", "127.0.0.1:0") as url:
-        yield url
+    """Serve a fake board at a socket:// URL."""
+    with serve(_board(), tcp="127.0.0.1:0", pace=PACE) as endpoint:
+        yield endpoint.url
 
 
 @contextmanager
 def behind_ser2net() -> Iterator[str]:
-    """Run the fake on a pseudo-terminal that ser2net serves over the network."""
+    """Serve a fake board on a pseudo-terminal, and this over the network with ser2net."""
     with on_a_pseudo_terminal() as device, ser2net(device) as url:
         yield url
 
@@ -88,13 +88,11 @@ SCANNERS: dict[str, Scanner] = {
     "fake behind ser2net": behind_ser2net,
     "firmware on the emulated board": emulated,
 }
+ONE_LINE = ("fake in this process", "firmware on the emulated board")  # each kind of device once
 
 
-@contextmanager
-def _fake(*options: str) -> Iterator[str]:
-    with _running(*_SONARHW, "fake", str(ROOM), "--place", "figure9", "--pace", PACE, *options) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().strip()
+def _board() -> FakeBoard:
+    return FakeBoard(PlainEchoes(), seed=5)
 
 
 @contextmanager

@@ -1,16 +1,16 @@
-"""The promises of firmware_protocol.md, message by message, for any device."""
+"""The promises of firmware_protocol.md, message by message, for any device.
+
+The kind of line makes no difference to them, so each device is tested over one line; with `--soak`, over every line.
+"""
 
 import itertools
-import random
 import time
-from collections.abc import Callable
 from dataclasses import astuple
 
 import pytest
 
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import ScanOrder
-from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
     Accepted,
@@ -19,10 +19,8 @@ from sonarhw.wire.messages import (
     Feature,
     Finished,
     Heartbeat,
-    Hello,
     Home,
     Info,
-    LinkTested,
     Message,
     Outcome,
     ReadingMessage,
@@ -36,15 +34,14 @@ from sonarhw.wire.messages import (
     Statistics,
     Stop,
     TestLink,
-    TraceChunk,
     Turn,
 )
 from sonarhw.wire.units import NO_TEMPERATURE
 from tests.contract.talk import Talk, readings
 
+pytestmark = pytest.mark.one_line
 DEGREE = 1_000_000  # µdeg
 TEN = StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=5, sweeps=2, pings=1)
-HELLO = encode_frame(Frame(Hello.TYPE, 4711, 0, Hello(PROTOCOL_MAJOR, 0).pack()))
 LONG = StartScan(start=0, step=DEGREE, headings=90, sweeps=4, pings=1)
 
 
@@ -91,15 +88,6 @@ def test_statistics_count_the_frames_sent(talk: Talk) -> None:
     after = talk.ask(AskStatistics(), Statistics)
     assert after.frames - before.frames == 4
     assert after.rejected - before.rejected == 1
-
-
-@pytest.mark.parametrize(
-    ("size", "data"),
-    [(480, bytes(range(64))), (1, b"\0"), (100, b"\xff\x00"), (0, b"x")],
-    ids=["all", "one", "two", "none"],
-)
-def test_a_line_test_returns_its_bytes(talk: Talk, size: int, data: bytes) -> None:
-    assert talk.ask(TestLink(size, data), LinkTested).data == (data * size)[:size]
 
 
 # settings
@@ -327,33 +315,6 @@ def test_readings_are_resent_unchanged_without_a_new_measurement(talk: Talk) -> 
     assert readings(talk.messages(since)) == made[3:7]
 
 
-def test_traces_are_complete_and_belong_to_their_readings(talk: Talk) -> None:
-    if not talk.capabilities().fastest_trace:
-        assert talk.home(trace=1).trace == 0
-        return
-    settings = talk.home(listen=0.03, trace=1)
-    messages = talk.act(TEN)[1]
-    traces: dict[int, list[TraceChunk]] = {}
-    for message in messages:
-        if isinstance(message, TraceChunk):
-            traces.setdefault(message.number, []).append(message)
-    assert [*traces] == list(range(10))
-    for chunks in traces.values():
-        check_trace(chunks, settings)
-
-
-def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
-    """Assert that every sample is present once, at the stated rate, and not later than the end of listening."""
-    (total,), (period,) = {chunk.total for chunk in chunks}, {chunk.period_ns for chunk in chunks}
-    (start,), (size,) = {chunk.start_ns for chunk in chunks}, {chunk.bits // 8 for chunk in chunks}
-    samples = [at for chunk in chunks for at in range(chunk.offset, chunk.offset + len(chunk.samples) // size)]
-    assert samples == list(range(total))
-    assert all(len(chunk.samples) <= 256 for chunk in chunks)
-    assert period == pytest.approx(1e9 / settings.trace_rate, rel=1e-4)
-    assert start + (total - 1) * period <= settings.listen_us * 1000
-    assert settings.trace_bits == 8 * size
-
-
 def test_a_limit_on_echoes_keeps_the_earliest(talk: Talk) -> None:
     talk.home()
     all_of_them = readings(talk.act(TEN)[1])
@@ -375,16 +336,6 @@ def test_heartbeats_come_every_quarter_second_during_every_activity(talk: Talk) 
     times = [item.frame.time_us / 1e6 for item in talk.received if isinstance(item.message, Heartbeat)]
     # heartbeats may be late: the device sends nothing while it listens
     assert all(0.15 < later - earlier < 0.35 for earlier, later in itertools.pairwise(times))
-
-
-def test_sequence_numbers_increase_and_timestamps_never_decrease(talk: Talk) -> None:
-    talk.home(trace=1)
-    talk.act(TEN)
-    talk.ask(Resend(0, 10), Accepted)
-    frames = [item.frame for item in talk.received]
-    assert all((b.sequence - a.sequence) % 0x10000 == 1 for a, b in itertools.pairwise(frames))
-    assert all(a.time_us <= b.time_us for a, b in itertools.pairwise(frames))
-    assert talk.rejected == []
 
 
 def test_the_conversation_with_a_silent_host_ends_until_the_next_hello(free_url: str) -> None:
@@ -410,44 +361,3 @@ def wait_until_quiet(talk: Talk, quiet: float) -> None:
         talk.listen()
         if len(talk.received) > count:
             since, count = time.monotonic(), len(talk.received)
-
-
-# a bad line
-
-
-def overlong() -> bytes:
-    """Return a block longer than any frame."""
-    return b"\x55" * 5000
-
-
-def cut_off() -> bytes:
-    """Return the beginning of a frame."""
-    return HELLO[:9]
-
-
-def damaged() -> bytes:
-    """Return a frame with one wrong bit."""
-    wire = bytearray(HELLO)
-    wire[7] ^= 0x10
-    return bytes(wire)
-
-
-def noise() -> bytes:
-    """Return random bytes, as an unconnected input receives them."""
-    return random.Random(3).randbytes(10_000)
-
-
-@pytest.mark.parametrize("damage", [overlong, cut_off, damaged, noise], ids=lambda make: make.__name__)
-def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk, damage: Callable[[], bytes]) -> None:
-    since = len(talk.received)
-    talk.write(damage())
-    talk.ask(AskStatistics(), Statistics)
-    others = [message for message in talk.messages(since) if not isinstance(message, Heartbeat | Statistics)]
-    assert others == []
-
-
-def test_a_frame_cut_off_by_a_disconnect_does_not_damage_the_next_greeting(free_url: str) -> None:
-    with Link(free_url) as link:
-        link.write(cut_off())
-    with Link(free_url) as link:
-        assert isinstance(Talk(link).greet(), Info)

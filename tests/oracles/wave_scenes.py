@@ -48,6 +48,13 @@ def abreast_of_an_end(beyond: float) -> Scene:
     return Scene("end abreast", ((at, -OUT, at, _on_line(beyond)),))
 
 
+def strip(width: float) -> Scene:
+    """Return a thin plate at the flat wall's distance, `width` m wide, opposite the source."""
+    at = FLAT_WALL.walls[0][0]
+    low = _on_line(-width / 2)
+    return Scene(f"strip of {1000 * width:g} mm", ((at, low, at, low + width),))
+
+
 def _vertex(distance: float, towards_source_deg: float) -> tuple[float, float]:
     """Return the position of a vertex with the source in this direction, moved to lines between cells."""
     angle = math.radians(towards_source_deg)
@@ -118,14 +125,18 @@ class Difference:
         return 20 * math.log10(self.found.strength / self.predicted.strength)
 
 
-def differences(scene: Scene, edge_strength: EdgeStrength = EdgeStrength.PAPER) -> list[Difference]:
-    """Return all arrivals of a scene, earliest first. Paths of equal length arrive together and add."""
+def differences(scene: Scene, edge_strength: EdgeStrength = EdgeStrength.UNIFORM) -> list[Difference]:
+    """Return all arrivals of a scene, earliest first; paths up to one wavelength longer arrive with a path and add."""
     room = room_of(scene.walls, scene.posts)
     search = PathSearch(LONGEST, WAVELENGTH, edge_strength=edge_strength)
     paths = find_paths(room, (0.0, 0.0), search, receiver=scene.receiver)
     touching = np.flatnonzero((paths.bounces > 0) | (paths.edges >= 0))
-    together = np.split(touching, np.flatnonzero(np.diff(paths.lengths[touching]) > 1e-6) + 1)
-    return [_difference(scene, room, paths, rows) for rows in together if len(rows)]
+    arrivals = []
+    while len(touching):
+        together = paths.lengths[touching] <= paths.lengths[touching[0]] + WAVELENGTH
+        arrivals.append(_difference(scene, room, paths, touching[together]))
+        touching = touching[~together]
+    return arrivals
 
 
 def unexplained(scene: Scene) -> float:
@@ -138,7 +149,9 @@ def unexplained(scene: Scene) -> float:
 
 
 def _difference(scene: Scene, room: Room, paths: Paths, rows: np.ndarray) -> Difference:
-    predicted = Arrival(float(paths.lengths[rows[0]]), float(paths.gains[rows].sum()))
+    phasors = paths.gains[rows] * np.exp(1j * (paths.phases[rows] - math.tau / WAVELENGTH * paths.lengths[rows]))
+    loudest = rows[np.argmax(paths.gains[rows])]
+    predicted = Arrival(float(paths.lengths[loudest]), float(abs(phasors.sum())))
     via = " | ".join(">".join(paths.via(int(row), room)) for row in rows)
     diffracted = bool((paths.edges[rows] >= 0).any())
     return Difference(scene.name, via, diffracted, predicted, arrival_near(scene, predicted.length))

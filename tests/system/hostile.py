@@ -1,5 +1,6 @@
 """A working folder with files named like our modules, each of which raises at import, and a user's work in it."""
 
+import json
 import os
 import subprocess
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ USE_THE_API = """
 import importlib, pkgutil, sys
 import numpy as np
 from sonarhw import Reading, Scanner, ScanOrder, sector
-from sonarhw.errors import InputError
+from sonarhw.errors import MissingExtra
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import load_room
@@ -30,20 +31,22 @@ for package in (sys.modules[name] for name in [*sys.modules] if name.startswith(
             continue
         try:
             importlib.import_module(module.name)
-        except InputError as missing_extra:
-            assert "pip install 'sonarhw[study]'" in str(missing_extra), missing_extra
+        except MissingExtra as error:
+            assert "pip install '.[study]'" in str(error), error
 """
-SHOW_ALL_HELP = """
-import sys
+# all of them in one process, which saves the start of twenty
+RUN_COMMANDS = """
+import json, sys
 from typer.main import get_command
 from sonarhw_cli.app import app, run
 
-def commands(command, *names):
+def helps(command, *names):
     yield [*names, "--help"]
     for name, part in getattr(command, "commands", {}).items():
-        yield from commands(part, *names, name)
+        yield from helps(part, *names, name)
 
-sys.exit(max(run(arguments) for arguments in commands(get_command(app))))
+for arguments in (*helps(get_command(app)), *json.loads(sys.argv[1])):
+    assert run(arguments) == 0, arguments
 """
 COMMANDS = (
     "--version",
@@ -71,28 +74,36 @@ def fill(folder: Path) -> None:
     (folder / "room.toml").write_text((CHECKOUT / "rooms" / "simple.toml").read_text(encoding="utf-8"))
 
 
-def use_everything(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:
-    """Use the Python API and the commands in `folder`, which is also the first place where Python searches modules."""
-    search_path = os.pathsep.join(part for part in (str(folder), search) if part)
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    environment |= {"PYTHONPATH": search_path}
-
-    def run(*arguments: str) -> str:
-        done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, (arguments, done.stderr)
-        return done.stdout
-
+def use_api(python: Sequence[str], folder: Path, search: str = "") -> None:
+    """Use the Python API in `folder`, which is also the first place where Python searches modules."""
     (folder / "script.py").write_text(USE_THE_API)
-    run(*python, "script.py")
-    assert run(*python, "-c", SHOW_ALL_HELP).count("Usage: sonarhw") > 20
-    for command in COMMANDS:
-        run(*sonarhw, *command.split())
+    _run([*python, "script.py"], folder, search)
+
+
+def use_commands(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:
+    """Use the commands in `folder`, which is also the first place where Python searches modules."""
     fake = [*sonarhw, "fake", "room.toml", "--place", "figure9", "--tcp", "127.0.0.1:0", "--pace", "max"]
-    with subprocess.Popen(fake, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as scanner:
+    with subprocess.Popen(
+        fake, cwd=folder, env=_environment(folder, search), stdout=subprocess.PIPE, text=True
+    ) as scanner:
         try:
             assert scanner.stdout is not None
             url = scanner.stdout.readline().strip()
-            run(*sonarhw, "info", url)
-            run(*sonarhw, "scan", url, "--out", "fake.mcap", "--step", "90")
+            commands = [*COMMANDS, f"info {url}", f"scan {url} --out fake.mcap --step 90"]
+            all_of_them = json.dumps([command.split() for command in commands])
+            printed = _run([*python, "-c", RUN_COMMANDS, all_of_them], folder, search)
         finally:
             scanner.terminate()
+    assert printed.count("Usage: sonarhw") > 20
+
+
+def _run(arguments: Sequence[str], folder: Path, search: str) -> str:
+    environment = _environment(folder, search)
+    done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (arguments, done.stderr)
+    return done.stdout
+
+
+def _environment(folder: Path, search: str) -> dict[str, str]:
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    return own | {"PYTHONPATH": os.pathsep.join(part for part in (str(folder), search) if part)}

@@ -1,4 +1,4 @@
-"""Modules that the command line imports before it runs a command do not load slow packages."""
+"""The command line before it runs a command, and a prediction, load no slow packages that they do not need."""
 
 import subprocess
 import sys
@@ -13,8 +13,10 @@ import pytest
             "sonarhw_sim, sonarhw_sim.choices, sonarhw_compare, sonarhw_compare.fit, sonarhw_compare.study",
             "numpy numba",
         ),
-        ("sonarhw_compare.fit.values.quantities", "numba scipy emcee"),
-        ("sonarhw_cli.app", "numba scipy matplotlib PySide6"),
+        ("sonarhw", "numpy serial lazy_loader sonarhw_sim sonarhw_compare typer"),
+        ("sonarhw_compare.fit.values.quantities", "numpy numba scipy emcee"),
+        ("sonarhw_sim.predict.models", "scipy.special scipy.spatial scipy.optimize matplotlib"),
+        ("sonarhw_cli.app", "numpy numba scipy matplotlib PySide6"),
     ],
 )
 def test_early_imports_load_no_slow_package(modules: str, heavy: str) -> None:

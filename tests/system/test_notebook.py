@@ -37,6 +37,6 @@ def test_notebook_runs_and_reproduces_its_results() -> None:
 
 
 def test_the_notebook_contains_its_pictures_and_is_small() -> None:
-    assert NOTEBOOK.read_text().count("image/png") == 3
+    assert NOTEBOOK.read_text().count("image/png") == 4
     assert NOTEBOOK.stat().st_size < 200_000
     assert "/tmp/" not in NOTEBOOK.read_text()

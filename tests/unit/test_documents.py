@@ -43,3 +43,18 @@ def resolves(name: str) -> bool:
             text = (stub if stub.exists() else source).read_text(encoding="utf-8")
             return all(re.search(rf"\b{part}\b", text) for part in parts[end:])
     return False
+
+
+HELP = sorted((CHECKOUT / "cli").rglob("*.py"))
+UNQUOTED = re.compile(r"sonarhw [^`\n]*(?<!['\"])fake:[^`\n']*\?|(?:,| or) fake:[^`\n']*\?")
+
+
+@pytest.mark.parametrize("page", [*PAGES, *HELP], ids=lambda page: page.name)
+def test_urls_with_characters_of_the_shell_are_quoted(page: Path) -> None:
+    assert UNQUOTED.findall(page.read_text(encoding="utf-8")) == []
+
+
+def test_an_unquoted_url_is_found() -> None:
+    assert UNQUOTED.search("$ sonarhw info fake:simple?place=figure9")
+    assert UNQUOTED.search('help="socket://HOST:PORT or fake:ROOM?place=NAME."')
+    assert not UNQUOTED.search("$ sonarhw info 'fake:simple?place=figure9'")

@@ -8,9 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from sonarhw_cli.app import run
 
 COMMAND = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]
-SLOW_TO_IMPORT = {"numba", "scipy", "matplotlib", "PySide6", "mcap", "rich", "pydantic", "emcee"}
+SLOW_TO_IMPORT = {"numpy", "numba", "scipy", "matplotlib", "PySide6", "mcap", "rich", "pydantic", "emcee"}
 
 
 @pytest.fixture
@@ -39,12 +40,35 @@ def test_bash_completes_commands_options_and_choices_after_installation(home: Pa
     assert "bash completion installed" in output(["bash", "-c", "sonarhw --install-completion; true"])
     ask = 'source ~/.bashrc; COMP_WORDS=($1); COMP_CWORD=$2; _sonarhw_completion sonarhw; echo "${COMPREPLY[@]}"'
     for words, index, wanted in [
+        ("sonarhw simulate --receiver b", 3, "board"),
+        ("sonarhw simulate nowhere --place ", 4, ""),
+    ]:
+        assert output(["bash", "-c", ask, "bash", words, str(index)]).strip() == wanted
+
+
+@pytest.mark.parametrize(
+    ("words", "index", "wanted"),
+    [
         ("sonarhw simu", 1, "simulate"),
         ("sonarhw log ", 2, "info export recover"),
         ("sonarhw simulate --rece", 2, "--receiver"),
         ("sonarhw simulate --receiver b", 3, "board"),
-    ]:
-        assert output(["bash", "-c", ask, "bash", words, str(index)]).strip() == wanted
+        ("sonarhw simulate lab", 2, "laboratory"),
+        ("sonarhw simulate laboratory --place ", 4, "bench door"),
+        ("sonarhw simulate laboratory --board pap", 4, "paper paper-b12"),
+        ("sonarhw simulate nowhere --place ", 4, ""),
+    ],
+)
+def test_commands_options_and_choices_are_completed(
+    words: str, index: int, wanted: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # as the script for bash calls the command
+    for name, value in (("_SONARHW_COMPLETE", "complete_bash"), ("COMP_WORDS", words), ("COMP_CWORD", str(index))):
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit) as end:
+        run([])
+    assert not end.value.code
+    assert capsys.readouterr().out.split() == wanted.split()
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 from sonarhw_cli.app import run
 
 from sonarhw.log import read_log
+from tests.checkout import CHECKOUT
 
 
 def test_headless_demo_writes_scan_picture_and_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -20,8 +21,33 @@ def test_headless_demo_writes_scan_picture_and_summary(tmp_path: Path, capsys: p
     assert str(folder / "overlay.png") in capsys.readouterr().out
     capsys.readouterr()
     assert run(["compare", str(folder / "scan.mcap"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == summary
-    assert run(["demo", "--headless", str(folder)]) == 0
+    assert json.loads(capsys.readouterr().out) == summary | {"fit": None}
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert run(["demo", "--headless", str(folder)]) == 2
+    assert "scan.mcap: exists already; choose another --headless or add --force" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert run(["demo", "--headless", str(folder), "--force"]) == 0
+    # a log contains the time of its recording; the other files are the same again
+    after = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert after["scan.mcap"] != before["scan.mcap"]
+    assert [after[name] == before[name] for name in ("overlay.png", "summary.json")] == [True, True]
+
+
+@pytest.mark.parametrize("name", ["scan.mcap", "overlay.png", "summary.json"])
+def test_headless_demo_keeps_a_file_of_the_user(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("mine")
+    assert run(["demo", "--headless", str(tmp_path)]) == 2
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
+
+
+@pytest.mark.parametrize("out", ["", "file"])
+def test_headless_demo_refuses_a_file_as_folder_and_force_without_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert run(["demo", "--force", *(["--headless", str(tmp_path / out)] if out else [])]) == 2
+    assert ("is a file" if out else "--force: needs --headless DIR") in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_demo_without_a_display_prints_the_path_of_the_picture(
@@ -30,6 +56,27 @@ def test_demo_without_a_display_prints_the_path_of_the_picture(
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "demo-result").mkdir()
+    (tmp_path / "demo-result" / "summary.json").write_text("mine")
+    (tmp_path / "demo-result-2").write_text("mine too")
     assert run(["demo"]) == 0
-    assert "demo-result/overlay.png" in capsys.readouterr().out
-    assert (tmp_path / "demo-result" / "overlay.png").exists()
+    assert "demo-result-3/overlay.png" in capsys.readouterr().out
+    assert (tmp_path / "demo-result-3" / "overlay.png").exists()
+    assert (tmp_path / "demo-result" / "summary.json").read_text() == "mine"
+    assert (tmp_path / "demo-result-2").read_text() == "mine too"
+
+
+def test_gui_without_a_display_names_commands_for_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert (
+        run(["simulate", str(CHECKOUT / "rooms" / "simple.toml"), "--place", "figure9", "--out", "my scan.mcap"]) == 0
+    )
+    assert run(["gui", "my scan.mcap"]) == 1
+    error = capsys.readouterr().err
+    assert "`sonarhw report 'my scan.mcap' --out FILE.html`" in error
+    assert "`sonarhw compare 'my scan.mcap' --plot FILE.png`" in error
+    assert "demo" not in error

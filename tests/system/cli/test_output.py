@@ -15,12 +15,14 @@ from sonarhw_cli.console.options import LOG, checked_out
 from sonarhw_cli.console.output import atomic_file, text_output
 
 from sonarhw.errors import InputError
+from sonarhw.export.encoded_log import write_scan
 from sonarhw.export.export_formats import export_suffixes
 from tests.checkout import CHECKOUT
-from tests.fixtures.example_logs import write_example
+from tests.fixtures.example_logs import METADATA, example_reading, write_example
 
 ROOM = CHECKOUT / "rooms" / "simple.toml"
 IMPORT = ["--heading", "deg", "--range", "m"]
+MAIN = "from sonarhw_cli.entry import main; main()"
 
 
 @pytest.mark.parametrize("by", ["its name", "a link", "a hard link"])
@@ -69,11 +71,11 @@ def test_no_command_overwrites_its_input(
         ("recover", "x.csv", ".mcap"),
         ("paths", "x.npz", ".csv, or - for standard output"),
         ("paths", "x.mcap", ".csv, or - for standard output"),
-        ("simulate", "x.docx", ".csv, .npz, .png or .mcap, or - for standard output"),
-        ("simulate", ".csv", ".csv, .npz, .png or .mcap, or - for standard output"),
+        ("simulate", "x.docx", ".csv, .npz, .png, .pdf, .svg or .mcap, or - for standard output"),
+        ("simulate", ".csv", ".csv, .npz, .png, .pdf, .svg or .mcap, or - for standard output"),
         ("export", "x.png", f"{', '.join(export_suffixes())} or .mcap, or - for standard output"),
-        ("compare", "-", ".png"),
-        ("compare", "x.csv", ".png"),
+        ("compare", "-", ".png, .pdf or .svg"),
+        ("compare", "x.gif", ".png, .pdf or .svg"),
     ],
 )
 def test_an_output_name_must_have_a_known_suffix(
@@ -137,15 +139,22 @@ def full_disk() -> Iterator[None]:
         ("export", "scan.csv"),
         ("export", "scan.npz"),
         ("compare", "plot.png"),
+        ("simulate", "scan.mcap"),
+        ("import", "scan.mcap"),
+        ("export", "scan.mcap"),
+        ("recover", "scan.mcap"),
     ],
 )
 def test_a_full_disk_leaves_no_incomplete_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, name: str, there: bool
 ) -> None:
-    log, folder = tmp_path / "scan.mcap", tmp_path / "results"
+    log, table, folder = tmp_path / "example.mcap", tmp_path / "own.csv", tmp_path / "results"
     write_example(log, 40)
+    table.write_text("deg,m\n0,1\n5,1\n")
     folder.mkdir()
     arguments = {
+        "import": ["import", str(table), *IMPORT, "--force", "--out"],
+        "recover": ["log", "recover", str(log), "--force", "--out"],
         "simulate": ["simulate", str(ROOM), "--place", "figure9", "--force", "--out"],
         "export": ["log", "export", str(log), "--force", "--out"],
         "compare": ["compare", str(log), "--room", str(ROOM), "--force", "--plot"],
@@ -158,15 +167,32 @@ def test_a_full_disk_leaves_no_incomplete_file(
         out.write_text("older")
     with full_disk():
         status = run([*arguments, str(out)])
-    message = f"sonarhw: {out}: File too large; choose another {arguments[-1]}\n"
+    message = f"sonarhw: {out}: File too large; choose another file\n"
     assert (status, *capsys.readouterr()) == (1, "", message)
     assert [path.read_text() for path in folder.iterdir()] == ["older"] * there
+
+
+def test_a_full_file_system_leaves_the_old_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    disk, log = tmp_path / "disk", tmp_path / "long.mcap"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk], check=False).returncode != 0:
+        pytest.skip("only root can mount a small file system")
+    try:
+        write_example(disk / "scan.mcap", 4)
+        before = (disk / "scan.mcap").read_bytes()
+        write_example(log, 400)
+        for command in ("export", "recover"):
+            assert run(["log", command, str(log), "--out", str(disk / "scan.mcap"), "--force"]) == 1
+            assert "No space left on device; delete other files" in capsys.readouterr().err
+            assert [path.read_bytes() for path in disk.iterdir()] == [before]
+    finally:
+        subprocess.run(["umount", disk], check=True)
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     out = tmp_path / "scan.csv"
     out.write_text("older")
-    with suppress(KeyboardInterrupt), atomic_file(out) as file:
+    with suppress(KeyboardInterrupt), atomic_file(out, overwrite=True) as file:
         file.write(b"newer")
         file.flush()
         raise KeyboardInterrupt
@@ -178,7 +204,7 @@ def test_an_overwritten_file_keeps_its_permissions_and_links(tmp_path: Path) -> 
     out.write_text("older")
     out.chmod(0o640)
     link.symlink_to(out)
-    with text_output(str(link)) as file:
+    with text_output(str(link), overwrite=True) as file:
         file.write("newer")
     assert link.is_symlink()
     assert out.read_text() == "newer"
@@ -186,7 +212,7 @@ def test_an_overwritten_file_keeps_its_permissions_and_links(tmp_path: Path) -> 
 
 
 def test_a_new_file_has_default_permissions(tmp_path: Path) -> None:
-    with text_output(str(tmp_path / "scan.csv")) as file:
+    with text_output(str(tmp_path / "scan.csv"), overwrite=False) as file:
         file.write("new")
     (tmp_path / "other").touch()
     assert (tmp_path / "scan.csv").stat().st_mode == (tmp_path / "other").stat().st_mode
@@ -195,7 +221,7 @@ def test_a_new_file_has_default_permissions(tmp_path: Path) -> None:
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["simulate", str(ROOM), "--place", "figure9", "--out"]
     assert run([*command, "/dev/full"]) == 1
-    message = "sonarhw: /dev/full: No space left on device; delete other files or choose another --out\n"
+    message = "sonarhw: /dev/full: No space left on device; delete other files or choose another file\n"
     assert capsys.readouterr().err == message
     assert run([*command, "/dev/null"]) == 0
     assert Path("/dev/null").is_char_device()
@@ -211,23 +237,23 @@ def test_a_pipe_receives_the_same_output_as_a_file(tmp_path: Path) -> None:
     assert pipe.is_fifo()
 
 
+EXPORT = ["log", "export", "scan.mcap", "--out", "-"]
+CLOSED = (">&-", "standard output: is closed; leave it open, or name a file with --out")
+FULL = (">/dev/full", "standard output: No space left on device; name a file with --out")
+
+
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "redirection", "message", "unbuffered"),
     [
-        ["simulate", ROOM, "--place", "figure9"],
-        ["paths", ROOM, "--place", "figure9"],
-        ["log", "export", "scan.mcap", "--out", "-"],
+        (EXPORT, *CLOSED, ""),
+        (EXPORT, *CLOSED, "1"),
+        (EXPORT, *FULL, ""),
+        (EXPORT, *FULL, "1"),
+        (["simulate", ROOM, "--place", "figure9", "--step", "90"], *CLOSED, ""),
+        (["paths", ROOM, "--place", "figure9"], *FULL, ""),
     ],
-    ids=["simulate", "paths", "export"],
+    ids=["closed", "closed, unbuffered", "full", "full, unbuffered", "simulate", "paths"],
 )
-@pytest.mark.parametrize(
-    ("redirection", "message"),
-    [
-        (">&-", "standard output: is closed; leave it open, or name a file with --out"),
-        (">/dev/full", "standard output: No space left on device; name a file with --out"),
-    ],
-)
-@pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 def test_standard_output_that_cannot_be_written_gives_an_error_of_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -239,19 +265,92 @@ def test_standard_output_that_cannot_be_written_gives_an_error_of_one_line(
     # Python flushes a buffer that could not be written again at exit
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     write_example(tmp_path / "scan.mcap", 4)
-    command = shlex.join([sys.executable, "-c", "from sonarhw_cli.entry import main; main()", *map(str, arguments)])
+    command = shlex.join([sys.executable, "-c", MAIN, *map(str, arguments)])
     done = subprocess.run(
         f"{command} {redirection}", shell=True, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (1, f"sonarhw: {message}\n")
 
 
-@pytest.mark.parametrize("given", ["{}", "fake:{}", "fake:{}?place=figure9&seed=1"])
-def test_the_room_file_of_a_url_is_an_input_file(tmp_path: Path, given: str) -> None:
+@pytest.mark.parametrize("arguments", [["log", "info", "scan.mcap"], ["--version"], ["--help"], ["ports", "--json"]])
+def test_a_closed_standard_output_is_an_error_of_every_command_that_prints(
+    tmp_path: Path, arguments: list[str]
+) -> None:
+    write_example(tmp_path / "scan.mcap", 4)
+    command = shlex.join([sys.executable, "-c", MAIN, *arguments])
+    done = subprocess.run(f"{command} >&-", shell=True, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
+    message = "sonarhw: standard output: is closed; leave it open, or redirect it to a file\n"
+    assert (done.returncode, done.stderr) == (1, message)
+
+
+def test_a_command_that_prints_nothing_needs_no_standard_output(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap", 4)
+    streams = "import os; print(sorted(int(n) for n in os.listdir('/proc/self/fd'))[:3], file=open('streams', 'w'))"
+    main = f"from sonarhw_cli import entry; entry._occupy_closed_streams(); {streams}; entry.main()"
+    command = shlex.join([sys.executable, "-c", main, "log", "export", "scan.mcap", "--out", "scan.csv"])
+    subprocess.run(f"{command} <&- >&- 2>&-", shell=True, cwd=tmp_path, check=True)
+    assert (tmp_path / "scan.csv").read_text().startswith("time_s,")
+    # no file of the command has the number of a standard stream
+    assert (tmp_path / "streams").read_text() == "[0, 1, 2]\n"
+
+
+def test_a_reader_that_closes_the_pipe_ends_a_command_quietly(tmp_path: Path) -> None:
+    # more than a pipe holds
+    write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(number, angle=0.0) for number in range(4000)])
+    command = [sys.executable, "-c", MAIN, "log", "export", "scan.mcap", "--out", "-"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "time_s,heading_deg,range_m,echoes_s\n"
+        process.stdout.close()
+        assert process.stderr is not None
+        assert process.stderr.read() == ""
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "{}",
+        "fake:{}",
+        "fake:{}?place=figure9&seed=1",
+        "fake:room.toml?board={}",
+        "fake:room.toml?place=figure9&board={}&seed=1",
+    ],
+)
+def test_the_room_file_and_the_board_of_a_url_are_input_files(tmp_path: Path, given: str) -> None:
     room = tmp_path / "own.mcap"
     room.write_text("name = 'own'")
     with pytest.raises(InputError, match="is the input file"):
         checked_out(room, (LOG,), True, None, "paper", "socket://127.0.0.1:4000", given.format(room))
+
+
+def test_the_log_on_standard_output_is_not_the_exported_one(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap", 4)
+    before = (tmp_path / "scan.mcap").read_bytes()
+    for out in ("-", "/dev/stdout", "/dev/fd/1"):
+        arguments = ["log", "export", "scan.mcap", "--out", out]
+        with (tmp_path / "scan.mcap").open("ab") as appended:
+            done = subprocess.run(
+                [sys.executable, "-c", MAIN, *arguments],
+                cwd=tmp_path,
+                stdout=appended,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        assert done.returncode == 2
+        assert "is the input file scan.mcap" in done.stderr
+    assert (tmp_path / "scan.mcap").read_bytes() == before
+
+
+@pytest.mark.parametrize("out", ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"])
+def test_an_open_file_is_continued_and_not_truncated(tmp_path: Path, out: str) -> None:
+    write_example(tmp_path / "scan.mcap", 4)
+    results = tmp_path / "results.csv"
+    results.write_text("earlier\n")
+    command = shlex.join([sys.executable, "-c", MAIN, "log", "export", str(tmp_path / "scan.mcap"), "--out", out])
+    subprocess.run(f"({command}; echo later) >> {results}", shell=True, check=True)
+    lines = results.read_text().splitlines()
+    assert (lines[0], lines[1], len(lines), lines[-1]) == ("earlier", "time_s,heading_deg,range_m,echoes_s", 7, "later")
 
 
 def test_a_file_name_with_a_question_mark_is_an_input_file(tmp_path: Path) -> None:

@@ -5,9 +5,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import StringIO
+from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_cli.console.progress import CompilationProgress, progress_of_share
 from sonarhw_cli.entry import INTERRUPTED
 
 from tests.checkout import CHECKOUT
@@ -74,23 +77,76 @@ def seen(person: int, until: str = "") -> str:
     return came.decode()
 
 
-@pytest.mark.parametrize("name", COMMANDS)
 def test_progress_is_shown_on_a_terminal_and_output_equals_that_to_a_pipe(
-    name: str, log: str, capsys: pytest.CaptureFixture[str]
+    log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    doing, (command, *options) = COMMANDS[name]
+    doing, (command, *options) = COMMANDS["fit"]
     with at_terminal(command, log, *options) as (process, person):
         on_terminal = seen(person)
         printed, _ = process.communicate(timeout=HANG)
     assert process.returncode == 0
     assert doing in on_terminal
     assert BAR in on_terminal
-    assert on_terminal.endswith(LINE_GONE)
 
     assert run([command, log, *options]) == 0
     in_pipe = capsys.readouterr()
     assert printed == in_pipe.out
-    assert in_pipe.err == ""
+    _, gone, after = on_terminal.rpartition(LINE_GONE)
+    assert gone
+    assert after == in_pipe.err.replace("\n", "\r\n")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_long_command_shows_its_progress(name: str, log: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = fake_terminal(monkeypatch)
+    doing, (command, *options) = COMMANDS[name]
+    assert run([command, log, *options]) == 0
+    assert doing in terminal.getvalue()
+    assert BAR in terminal.getvalue()
+
+
+def fake_terminal(monkeypatch: pytest.MonkeyPatch) -> StringIO:
+    """Replace standard error of this process by a terminal, and return what is shown there."""
+    terminal = StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    return terminal
+
+
+def test_the_first_command_says_that_it_compiles_and_the_second_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    command = ["simulate", "rooms/simple.toml", "--place", "figure9", "--model", "cone", "--step", "90"]
+    on_terminal = []
+    for _ in range(2):
+        with at_terminal(*command) as (process, person):
+            on_terminal.append(seen(person))
+            printed, _ = process.communicate(timeout=HANG)
+        assert process.returncode == 0
+        assert printed.count("\n") == 5
+    assert "Compiling the ray kernels, once per installation…" in on_terminal[0]
+    assert BAR in on_terminal[0]
+    assert on_terminal[0].endswith(LINE_GONE)
+    assert on_terminal[1] == ""
+
+
+def test_compilation_during_other_work_replaces_its_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = fake_terminal(monkeypatch)
+    shown = CompilationProgress()
+    with progress_of_share() as show:
+        show(0.25, "searching")
+        shown.compiling(0, 5)
+        show(0.25, "still searching")
+        shown.compiled()
+        show(0.5, "refining")
+    text = terminal.getvalue()
+    assert "Compiling the ray kernels" in text
+    assert "still searching" not in text
+    assert "refining" in text
+    assert "0/5" not in text
+    assert text.endswith(LINE_GONE.replace("\r", "\r"))
 
 
 def test_ctrl_c_removes_the_progress_bar_and_ends_with_130(log: str) -> None:

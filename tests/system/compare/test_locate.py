@@ -20,6 +20,7 @@ from tests.conftest import Count
 from tests.fixtures.rooms_for_tests import polygon_room
 
 BOARD = load_board("lego-nxt")
+RECTANGLE = polygon_room([(0.0, 0.0), (1.7, 0.0), (1.7, 1.1), (0.0, 1.1)])
 
 
 def scan_from(room: Room, position: tuple[float, float], heading: float, count: int = 60) -> list[Reading]:
@@ -48,8 +49,7 @@ def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
 
 
 def test_a_rectangle_has_two_equally_probable_poses() -> None:
-    room = polygon_room([(0.0, 0.0), (1.7, 0.0), (1.7, 1.1), (0.0, 1.1)])
-    located = locate_scan(scan_from(room, (0.5, 0.4), 0.3), room, BOARD)
+    located = locate_scan(scan_from(RECTANGLE, (0.5, 0.4), 0.3), RECTANGLE, BOARD)
     one, other = located.poses[:2]
     assert one.probability + other.probability > 0.99
     assert one.probability == pytest.approx(0.5, abs=0.1)
@@ -58,9 +58,10 @@ def test_a_rectangle_has_two_equally_probable_poses() -> None:
     assert located.places() == {}
 
 
-def test_repeated_readings_add_no_evidence(arena: Room) -> None:
-    scan = scan_from(arena, (1.8, 0.3), 0.0)
-    once, thrice = (locate_scan(readings, arena, BOARD) for readings in (scan, [one for one in scan for _ in range(3)]))
+def test_repeated_readings_add_no_evidence() -> None:
+    scan = scan_from(RECTANGLE, (0.5, 0.4), 0.3)
+    repeated = [one for one in scan for _ in range(3)]
+    once, thrice = (locate_scan(readings, RECTANGLE, BOARD) for readings in (scan, repeated))
     assert once.poses[1].probability > 0.1
     assert thrice.redundancy == pytest.approx(3 * once.redundancy)
     assert thrice.poses[0].probability == pytest.approx(once.poses[0].probability, abs=0.1)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -150,8 +151,48 @@ def test_the_command_reads_logs_and_writes_picture_and_json(tmp_path: Path, caps
     assert "--pose: expected one for each of 2 logs, got 1" in capsys.readouterr().err
     assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--json"]) == 2
     assert "contains no place in room" in capsys.readouterr().err
-    assert run(["map", *logs]) == 0
-    assert "direct readings: " in capsys.readouterr().out
+    assert (printed["places"], printed["confirmed"]) == (2, False)
+
+
+@pytest.fixture(scope="module")
+def simple_logs(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Return logs of two places in an empty rectangular room."""
+    folder, logs = tmp_path_factory.mktemp("map"), []
+    for place in ("figure9", "0.3,0.4"):
+        logs.append(str(folder / f"{place}.mcap"))
+        order = ["--place", place, "--board", "paper", "--step", "3", "--out", logs[-1]]
+        assert run(["simulate", "rooms/simple.toml", *order]) == 0
+    return logs
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_fewer_than_three_places_give_a_warning_and_only_possible_features(
+    count: int, simple_logs: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    picture = tmp_path / "map.svg"
+    capsys.readouterr()
+    assert run(["map", *simple_logs[:count], "--out", str(picture)]) == 0
+    printed = capsys.readouterr()
+    assert f"warning: scans from {count} place" in printed.err
+    assert re.search(r"\d possible walls", printed.out)
+    # it is not determined which echoes came by several reflections, so their number is not given
+    assert "removed" not in printed.out
+    assert f"not determined which of {count * 120} readings came by several reflections" in printed.out
+    drawn = picture.read_text()
+    assert "<!-- possible wall -->" in drawn
+    assert "<!-- wall -->" not in drawn
+    assert "<!-- the same: not determined which echoes came by several reflections -->" in drawn
+
+
+def test_readings_without_a_path_are_counted_as_not_determined() -> None:
+    room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
+    scan = scan_from(room, (0.8, 0.7))
+    # the same room, but its right wall is 10 cm farther: paths off that wall do not explain these echoes
+    other = polygon_room([(0.0, 0.0), (3.1, 0.0), (3.1, 2.0), (0.0, 2.0)])
+    right, wrong = map_scans([scan], BOARD, room), map_scans([scan], BOARD, other)
+    assert right.echoes == wrong.echoes > 0
+    assert right.undetermined == 0
+    assert 0 < wrong.undetermined < wrong.echoes
 
 
 def test_the_document_shows_the_output_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,10 @@
 
 import json
 import math
+import os
 import re
+import subprocess
+import sys
 from base64 import b64decode
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -72,16 +75,29 @@ def report(log: Path) -> Report:
     return report_of(log.name, read_log(log).readings, room, place, load_board("paper"), options, log=read_log(log))
 
 
-def test_the_page_is_complete_and_has_no_external_parts(report: Report) -> None:
-    text = report_html(report)
+@pytest.fixture(scope="module")
+def text(report: Report) -> str:
+    return report_html(report)
+
+
+def test_the_page_is_complete_and_has_no_external_parts(text: str) -> None:
     page = Page(text)
     assert page.open == []
     assert page.external == []
     assert "url(" not in text
 
 
-def test_every_reading_has_its_row_class_and_sentence(report: Report) -> None:
-    rows = [row for row in Page(report_html(report)).rows if len(row) == 7][1:]
+def test_the_report_on_a_log_is_the_same_file_each_time(log: Path, tmp_path: Path) -> None:
+    here, there = tmp_path / "here.html", tmp_path / "there.html"
+    assert run(["report", str(log), "--out", str(here)]) == 0
+    command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "report", log, "--out", there]
+    # another order of sets than in this process
+    subprocess.run(command, check=True, env={**os.environ, "PYTHONHASHSEED": "1"})
+    assert here.read_bytes() == there.read_bytes()
+
+
+def test_every_reading_has_its_row_class_and_sentence(report: Report, text: str) -> None:
+    rows = [row for row in Page(text).rows if len(row) == 7][1:]
     comparison = report.comparison
     assert len(rows) == 36
     assert len({row[5] for row in rows}) > 1
@@ -95,8 +111,8 @@ def region_rows(report: Report) -> list[list[str]]:
     return Page("".join(regions_table(report.comparison))).rows[1:]
 
 
-def test_measured_regions_are_listed_beside_predicted_ones(report: Report) -> None:
-    listed = [row for row in Page(report_html(report)).rows if len(row) == 6][1:]
+def test_measured_regions_are_listed_beside_predicted_ones(report: Report, text: str) -> None:
+    listed = [row for row in Page(text).rows if len(row) == 6][1:]
     found = region_details(report.comparison)
     assert found["pairs"]
     assert found["only_measured"]
@@ -105,7 +121,7 @@ def test_measured_regions_are_listed_beside_predicted_ones(report: Report) -> No
         assert row[2:4] == [span(pair["predicted"]), metres(pair["predicted"])]
         assert float(row[4]) == round(pair["farther_m"] * 1000)
         assert row[5].startswith("in both: ")
-    alone = [row for row in listed if row[5] == "only measured"]
+    alone = [row for row in listed if row[5] == "only simulated"]
     assert [row[:2] for row in alone] == [[span(one), metres(one)] for one in found["only_measured"]]
     assert all(row[2:5] == ["", "", ""] for row in alone)
     assert len(listed) == sum(map(len, found.values()))
@@ -127,7 +143,7 @@ def test_a_scan_without_regions_has_no_table_of_regions(report: Report, log: Pat
     scene = (prediction.room, prediction.place, prediction.board, PredictionOptions())
     short = report_of("x", read_log(log).readings[:1], *scene)
     listed = "".join(regions_table(short.comparison))
-    assert "0 in both, 0 only measured, 0 only predicted" in listed
+    assert "0 in both, 0 only simulated, 0 only predicted" in listed
     assert "<table" not in listed
 
 
@@ -140,10 +156,12 @@ def metres(region: dict[str, float]) -> str:
     return f"{region['range_m']:.3f}"
 
 
-def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(report: Report, log: Path) -> None:
-    kinds = [kind for kind, _ in PICTURE.findall(report_html(report))]
+def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(
+    report: Report, log: Path, text: str
+) -> None:
+    kinds = [kind for kind, _ in PICTURE.findall(text)]
     assert kinds == ["svg", "svg", "png"]
-    for kind, content in PICTURE.findall(report_html(report)):
+    for kind, content in PICTURE.findall(text):
         if kind == "svg":
             assert ElementTree.fromstring(b64decode(content)).tag.endswith("svg")
         else:

@@ -16,13 +16,13 @@ from sonarhw_cli.app import run
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.study import load_study, read_study, read_tables, run_study
 from sonarhw_compare.study.cases import Cases
-from sonarhw_compare.study.parts import make_part, part_count
+from sonarhw_compare.study.parts import make_part, part_count, scans_per_part
 from sonarhw_compare.study.spec import OptionValues, Study
 from sonarhw_compare.study.study_scans import PathCache, columns_of, predict_case, predict_scans
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.errors import InputError, SonarError
+from sonarhw.errors import InputError, MissingExtra, SonarError
 from tests.hang_guard import HANG, wait_until
 
 ROOMS = Path("rooms").resolve()
@@ -69,11 +69,11 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("/simple.toml", "/nowhere.toml", "no such file; give the name of a room file"),
         ('"anywhere"]', '"attic"]', "rooms[0].places: room 'Simple room': no place 'attic'"),
         ('"paper",', '"papre",', "boards[0]: unknown board 'papre'"),
-        ("-36.5]", "-36.5, 3.0]", "vary.board: threshold_db: expected less than or equal to 0, got 3.0"),
+        ("-36.5]", "-36.5, 3.0]", "vary.board: threshold_db: expected less than or equal to 0 dB, got 3.0"),
         ("[0.016, 0.0192]", "[0.016, 1.92]", "vary.board: aperture_radius: expected less than or equal to 1"),
         ("[0.016, 0.0192]", "[0.02, 0.01]", "vary.board.aperture_radius: expected uniform = [low, high]"),
         ("[0.016, 0.0192]", "[0.02, 0.01]", "with low below high, got [0.02, 0.01]"),
-        ('name = "test"', 'nam = "test"', "nam: unknown key; check its spelling (and 1 more)"),
+        ('name = "test"', 'nam = "test"', "nam: unknown key; did you mean 'name'? (and 1 more)"),
         ('"anywhere"]', '"anywhere"]\nclearance = 3', "rooms[0].clearance: room 'Simple room': no place is 3 m from"),
         ("[-40, -36.5]", "[]", "vary.board.threshold_db: expected a value, a list of values"),
         ("[-40, -36.5]", "[]", ", got []"),
@@ -237,7 +237,7 @@ def test_processes_write_the_same_files_and_an_interrupted_study_resumes(tmp_pat
     unfinished = tmp_path / "broken.unfinished"
     kept = {path: path.stat().st_mtime_ns for path in unfinished.rglob("*.parquet")}
     assert 0 < len(kept) < 2 * part_count(study)
-    with pytest.raises(InputError, match="--resume"):
+    with pytest.raises(InputError, match="resume it"):
         run_study(study, broken)
     with pytest.raises(InputError, match="another study"):
         run_study(study_of(tmp_path, SPEC.replace("seed = 5", "seed = 6")), broken, resume=True)
@@ -296,13 +296,14 @@ def test_without_pyarrow_the_error_names_the_extra(tmp_path: Path) -> None:
     program = "import sys; sys.modules['pyarrow'] = None; from sonarhw_cli.app import run; sys.exit(run(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "study", str(spec_of(tmp_path))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == ("sonarhw: studies need pyarrow, which is not installed: pip install 'sonarhw[study]'\n")
+    assert done.returncode == 1
+    install = "run pip install '.[study]' in the source folder of sonarhw"
+    assert done.stderr == f"sonarhw: studies need pyarrow, which is not installed: {install}\n"
 
 
 def test_without_dask_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"sonarhw\[study\]"):
+    with pytest.raises(MissingExtra, match=r"'\.\[study\]'"):
         run_study(study_of(tmp_path), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
 
 
@@ -359,3 +360,17 @@ def test_a_cluster_writes_the_same_files_even_if_a_worker_is_killed(tmp_path: Pa
 def test_a_missing_cluster_raises_one_error(tmp_path: Path) -> None:
     with pytest.raises(SonarError, match="no Dask scheduler answers"):
         run_study(study_of(tmp_path), tmp_path / "out", scheduler="nonsense://127.0.0.1:1")
+
+
+@pytest.mark.parametrize("step", ["1e-9", "1e-300", "0.001"])
+def test_headings_that_are_too_many_are_refused_with_the_limit(tmp_path: Path, step: str) -> None:
+    with pytest.raises(InputError, match=r"headings: step: a scan has .* headings, at most 65535 are possible"):
+        study_of(tmp_path, SPEC.replace("step = 30.0", f"step = {step}"))
+
+
+def test_a_part_of_fine_scans_has_fewer_scans(tmp_path: Path) -> None:
+    coarse = study_of(tmp_path, SPEC.replace("draws = 4", "draws = 4000"))
+    assert scans_per_part(coarse) == 500
+    fine = study_of(tmp_path, SPEC.replace("draws = 4", "draws = 4000").replace("step = 30.0", "step = 0.01"))
+    assert scans_per_part(fine) == 1_000_000 // 36_000
+    assert part_count(fine) == -(-fine.scans // scans_per_part(fine))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarhw_cli.console.demo_room import PLACE, demo_room
+from sonarhw_cli.console.demo_room import PLACE, ROOM
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
@@ -27,7 +27,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link.serial_link import Link
-from sonarhw.readings import Reading, Trace
+from sonarhw.readings import Origin, Reading, Trace
 from sonarhw.wire.messages import (
     Accepted,
     AskStatistics,
@@ -41,6 +41,7 @@ from sonarhw.wire.messages import (
     StartScan,
     Statistics,
 )
+from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
 from tests.system.firmware.conftest import FIRMWARE
 
@@ -83,8 +84,7 @@ def scanner_on(echoes: Echoes | RoomEchoes, **options: object) -> Iterator[tuple
 
 def demo_echoes() -> RoomEchoes:
     """Return an echo source for the demo room with a fixed seed."""
-    with demo_room() as file:
-        room = load_room(file)
+    room = load_room(ROOM)
     echoes = RoomEchoes(room, room.place(PLACE), load_board("polaroid-6500"), seed=1)
     echoes.prepare()
     return echoes
@@ -348,6 +348,12 @@ def test_a_failing_echo_source_ends_the_board_and_its_error_is_raised() -> None:
             talk.home()
             talk.send(StartScan(0, 1_000_000, 3, 1, 1))
         assert board.wait() == 0
+
+
+def test_a_scan_of_the_emulated_board_is_not_measured() -> None:
+    with scanner_on(Echoes(0.020)) as (_, scanner):
+        info = scanner.info
+    assert origin_of("scan", info.firmware, info.serial) is Origin.FAKE
 
 
 def test_serial_number_and_count_of_starts_survive_a_power_failure(tmp_path: Path) -> None:

@@ -2,6 +2,9 @@
 
 import subprocess
 import sys
+from pathlib import Path
+
+from tests.checkout import CHECKOUT
 
 
 def test_all_kernels_are_compiled_after_prepare() -> None:
@@ -25,6 +28,36 @@ source.receive(Ping(1.0, 0, 0, 0.06, trace=True))
 assert before and compiled() == before, (before, compiled())
 """
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_no_command_uses_a_kernel_that_make_setup_does_not_compile(tmp_path: Path) -> None:
+    program = """
+import contextlib, io, runpy, sys
+
+def compiled():
+    ours = [(name, module) for name, module in sys.modules.items() if name.startswith("sonarhw")]
+    return {(name, key, str(types)) for name, module in ours for key, kernel in vars(module).items()
+            if hasattr(kernel, "overloads") and kernel.py_func.__module__ == name for types in kernel.overloads}
+
+runpy.run_path("setup/compile_kernels.py")["compile_kernels"]()
+before = compiled()
+from sonarhw_cli.app import run
+simple, log, traces = ["rooms/simple.toml", "--place", "figure7"], sys.argv[1], sys.argv[2]
+for command in (
+    ["simulate", *simple, "--out", log],
+    ["simulate", *simple, "--receiver", "board", "--traces", "sampled", "--step", "90", "--out", traces],
+    ["simulate", "laboratory", "--place", "bench", "--edge-strength", "keller"],
+    ["simulate", "doorstep", "--place", "tripod", "--board", "hc-sr04", "--unit", "block"],
+    ["paths", *simple],
+    ["fit", log, "--samples", "0"],
+    ["--quiet", "map", log],
+):
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert run(command) == 0, command
+    assert before and compiled() == before, (command, compiled() - before)
+"""
+    files = [str(tmp_path / "scan.mcap"), str(tmp_path / "traces.npz")]
+    subprocess.run([sys.executable, "-c", program, *files], cwd=CHECKOUT, check=True)
 
 
 def test_choices_load_neither_numpy_nor_pydantic() -> None:

@@ -1,6 +1,5 @@
 """Faults of a fake scanner over real links: the example of the document, unplugs and another protocol version."""
 
-import re
 import threading
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -13,17 +12,8 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Hello
-from tests.checkout import CHECKOUT
 from tests.fixtures.faulty_boards import faulty
-from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import wait_until
-
-DOCUMENT = (CHECKOUT / "docs" / "how_to" / "faults.md").read_text(encoding="utf-8")
-
-
-def test_the_python_of_the_document_runs() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT, flags=re.DOTALL)
-    exec(code, {"my_echoes": PlainEchoes()})
 
 
 @pytest.mark.parametrize("line", ["pty", "tcp"])

@@ -70,7 +70,7 @@ def test_a_log_cut_at_any_chunk_boundary_keeps_every_whole_reading(whole: Path, 
 
 def test_a_log_cut_anywhere_keeps_every_whole_reading(whole: Path, tmp_path: Path) -> None:
     data = whole.read_bytes()
-    cuts = random.Random(3).sample(range(first_record_end(data), len(data)), 300)
+    cuts = random.Random(3).sample(range(first_record_end(data), len(data)), 100)
     for at in [first_record_end(data), *cuts, len(data) - 1]:
         assert_cut_keeps_whole_readings(whole, tmp_path / "torn.mcap", at)
 
@@ -118,15 +118,17 @@ def test_a_damaged_chunk_loses_its_own_reading_only(whole: Path, tmp_path: Path)
 
 
 def test_any_amount_of_damage_is_reported_in_a_short_line(whole: Path, tmp_path: Path) -> None:
-    data = bytearray(whole.read_bytes())
     ends = [end for end, _ in chunk_ends(whole)][2:]
-    for end in ends:
-        data[end - 5] ^= 0x40
-    (tmp_path / "damaged.mcap").write_bytes(data)
-    torn = str(read_log(tmp_path / "damaged.mcap").torn)
-    assert "CRC-32 does not match" in torn
-    assert torn.endswith(f" (and {len(ends) - 1} more places)")
-    assert len(torn) < 120
+    # one undamaged chunk between two damaged ones, and none at the end
+    for damaged, others in ((ends[:3:2], "(and 1 more place)"), (ends, f"(and {len(ends) - 1} more places)")):
+        data = bytearray(whole.read_bytes())
+        for end in damaged:
+            data[end - 5] ^= 0x40
+        (tmp_path / "damaged.mcap").write_bytes(data)
+        torn = str(read_log(tmp_path / "damaged.mcap").torn)
+        assert "CRC-32 does not match" in torn
+        assert torn.endswith(f" {others}")
+        assert len(torn) < 120
 
 
 @lru_cache
@@ -148,7 +150,7 @@ def damaged_spans(draw: st.DrawFn) -> tuple[float, int, bytes]:
     return draw(st.floats(0, 1)), draw(st.integers(1, 3000)), draw(st.binary(max_size=3000))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(damage=damaged_spans())
 @example(damage=(0.5, 2000, bytes(2000)))
 @example(damage=(0.5, 1, b""))
@@ -231,7 +233,7 @@ def test_ranges_are_kept_when_the_settings_frames_are_lost(whole: Path, tmp_path
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_damage_raises_no_other_error_than_not_a_log(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -264,7 +266,7 @@ def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(tmp_path: Path, con
 
 
 def test_a_missing_log_gives_an_error_of_one_line(tmp_path: Path) -> None:
-    with pytest.raises(NotALog, match="cannot be read: No such file"):
+    with pytest.raises(NotALog, match="no such file; give the name of a log"):
         read_log(tmp_path / "scan.mcap")
 
 

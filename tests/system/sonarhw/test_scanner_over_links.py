@@ -3,7 +3,6 @@
 import errno
 import math
 import os
-import re
 import socket
 import subprocess
 import sys
@@ -26,7 +25,6 @@ from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.limits import HOST_SILENCE
 from sonarhw.wire.messages import Outcome
-from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
 from tests.hang_guard import HANG, wait_until
@@ -272,7 +270,7 @@ def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.Monke
         first = next(scan)
         cycles: list[float] = []
         monkeypatch.setattr(scanner._session, "keep_alive", cycles.append)
-        wait_until(lambda: len(cycles) == 4)  # the thread has run four cycles without reading the link
+        wait_until(lambda: len(cycles) >= 4)  # the thread has run four cycles without reading the link
         assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
@@ -322,15 +320,6 @@ def test_a_line_with_a_settable_speed_uses_its_highest_speed(tmp_path: Path) -> 
         assert scanner.baud == board.line.baud == 1_000_000
         assert termios.tcgetattr(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY))[4] == termios.B1000000
         check_scan(list(scanner.scan(ORDER)))
-
-
-def test_the_example_of_the_readme_scans(served: Serve) -> None:
-    readme = (CHECKOUT / "README.md").read_text(encoding="utf-8")
-    (lines,) = re.findall(r"```python\n(from sonarhw import Scanner.*?)```", readme, flags=re.DOTALL)
-    kept: list[Reading] = []
-    with served() as endpoint:
-        exec(lines.replace("/dev/ttyUSB0", endpoint.url).replace("...", "kept.append(reading)"), {"kept": kept})
-    check_scan(kept)
 
 
 def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, read_foreign_scan
+from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, likely_no_echo, read_foreign_scan
 
 from sonarhw.errors import InputError
 
@@ -50,3 +50,22 @@ def test_missing_and_ambiguous_columns_are_rejected(tmp_path: Path, header: str,
     with pytest.raises(InputError, match=message) as rejected:
         guess_columns(written(tmp_path, header))
     assert "--heading COL" in str(rejected.value)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "found"),
+    [
+        ([0.0] * 3 + [1.0, 2.0], (0.0, 3)),
+        ([0.0] * 2 + [1.0, 2.0], None),  # fewer than three
+        ([4.0] * 3 + [0.1 * k for k in range(1, 28)], (4.0, 3)),  # a tenth of the readings, at the longest range
+        ([4.0] * 3 + [0.1 * k for k in range(1, 29)], None),  # less than a tenth
+        ([1.0] * 3 + [0.5, 2.0], None),  # neither 0 nor the longest
+        ([2.0] * 5, None),  # a round tank
+    ],
+)
+def test_a_frequent_range_of_0_or_the_longest_likely_stands_for_no_echo(
+    tmp_path: Path, ranges: list[float], found: tuple[float, int] | None
+) -> None:
+    file = tmp_path / "scan.csv"
+    file.write_text("heading,range\n" + "".join(f"{k},{value!r}\n" for k, value in enumerate(ranges)))
+    assert likely_no_echo(file, CsvColumns("heading", "range")) == found

@@ -280,3 +280,14 @@ def test_an_unreadable_trace_is_a_gap_and_is_reported(request_of: BScanRequest) 
     assert "reading 3" in answer.rows.unreadable
     silent = [np.isnan(row).all() for row in answer.measured.levels]
     assert silent == [k == 3 for k in range(18)]
+
+
+def test_the_level_at_a_point_is_that_of_its_row_and_cell() -> None:
+    levels = np.array([[0.1, 0.2, 0.3, math.nan], [0.5, 0.6, 0.7, 0.8]])
+    scan = BScan(np.radians([10.0, 100.0]), RangeCells(0.5, 4), levels, math.radians(6.0))
+    assert scan.cells.reach == 2.0
+    assert scan.level_at(math.radians(12.0), 0.6) == 0.2
+    assert scan.level_at(math.radians(100.0 - 360.0), 0.0) == 0.5
+    assert scan.level_at(math.radians(100.0), 1.99) == 0.8
+    for degrees, distance in ((10.0, 1.6), (100.0, 2.0), (100.0, -0.1), (50.0, 1.0)):
+        assert scan.level_at(math.radians(degrees), distance) is None

@@ -194,3 +194,14 @@ def test_the_nearest_mark_is_within_the_limits_of_the_cable(
 
 def test_a_turntable_that_reaches_no_mark_has_no_nearest_mark() -> None:
     assert nearest_mark(1.0, 0.5, 2.0) is None
+
+
+@pytest.mark.parametrize(("begin", "unverified"), [(-5, 0), (-5.9, 0), (-6.1, 1), (-30, 1)])
+def test_a_mark_is_checked_only_after_an_approach_longer_than_the_backlash(begin: float, unverified: int) -> None:
+    """3° of backlash and 3° of approach; without them the table might not yet move where it reaches the mark."""
+    assert first_unverified(np.radians([begin, 10, 20])) == unverified
+
+
+@pytest.mark.parametrize(("end", "unverified"), [(5.9, 0), (6.1, 1)])
+def test_a_mark_is_checked_only_6_degrees_behind_it(end: float, unverified: int) -> None:
+    assert first_unverified(np.radians([-30, end])) == unverified

@@ -1,20 +1,30 @@
 """`sonarhw calibrate` with a served board: the written profile is valid and has the simulated offset and angle."""
 
+import errno
 import json
 import math
+import os
 from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_sim.air import speed_of_sound
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.sound_speed import speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plate import Plate
 
 DISTANCE = 1.25
+CHIRP = """
+[[chirp]]
+frequency = 50000.0
+cycles = 10
+[[chirp]]
+frequency = 48000.0
+cycles = 6
+"""
 
 
 def calibrated(out: Path, *options: str) -> int:
@@ -88,6 +98,133 @@ def test_offset_and_home_angle_are_used_by_the_prediction(tmp_path: Path, capsys
     for board, heading in (("polaroid-6500", 0.0), (str(profile), 30.0)):
         assert run(["compare", str(log), "--room", room, "--place", "figure7", "--board", board, "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["heading_deg"] == pytest.approx(heading)
+
+
+ROOM = """
+name = "Plate"
+[materials.steel]
+reflectance = 0.95
+[[walls]]
+name = "far"
+points = [[-3.0, -3.5], [4.0, -3.5], [4.0, 3.5], [-3.0, 3.5]]
+closed = true
+material = "steel"
+[places.bench]
+position = [0.0, 0.0]
+"""
+
+
+def plate(distance: float, tilt: float = 0.0, width: float = 0.5) -> str:
+    """Return a plate straight ahead, turned by `tilt` degrees, for a room file."""
+    x, y = math.sin(math.radians(tilt)) * width / 2, math.cos(math.radians(tilt)) * width / 2
+    points = [[distance + x, -y], [distance - x, y]]
+    return f'[[walls]]\nname = "plate"\npoints = {points}\nmaterial = "steel"\n'
+
+
+def post(distance: float, radius: float) -> str:
+    return f'[[posts]]\nname = "post"\ncenter = [{distance + radius}, 0.0]\nradius = {radius}\nmaterial = "steel"\n'
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("tilt", [0.0, 3.0, -6.0])
+def test_a_plate_in_a_simulated_room_gives_right_values(tmp_path: Path, tilt: float, seed: int) -> None:
+    """The fake stands some millimetres from its place, and its thermometer is wrong by some tenths of a degree."""
+    room, out = tmp_path / "room.toml", tmp_path / "bench.toml"
+    room.write_text(ROOM + plate(DISTANCE, tilt))
+    url = f"fake:{room}?place=bench&pace=max&seed={seed}"
+    assert run(["calibrate", url, "--distance", str(DISTANCE), "--out", str(out)]) == 0
+    found = load_board(str(out))
+    # the near rim of a plate turned by 6 degrees is only 6 mm farther than the plate, so noise hides where it begins
+    assert found.home_angle_deg == pytest.approx(-tilt, abs=0.6 if tilt == -6.0 else 0.3)
+    assert found.range_offset == pytest.approx(DISTANCE * (math.cos(math.radians(tilt)) - 1), abs=0.010)
+
+
+@pytest.mark.parametrize(
+    ("objects", "seen"),
+    [
+        ("", "the plate is detected at 0 headings"),
+        (plate(DISTANCE + 0.2), "the echo comes from 1.4"),
+        (plate(DISTANCE - 0.2), "the echo comes from 1.0"),
+        (plate(DISTANCE, tilt=12.0), "degrees, expected 0 degrees within 10"),
+        (plate(DISTANCE, tilt=25.0), ""),
+        (plate(DISTANCE, width=1.0, tilt=40.0), ""),
+        (post(DISTANCE, 0.03), "for a flat plate and this board profile"),
+        (post(DISTANCE, 0.1), "for a flat plate and this board profile"),
+    ],
+    ids=["no plate", "too far", "too near", "tilt 12", "tilt 25", "tilt 40", "thin post", "post"],
+)
+def test_anything_but_a_plate_at_the_stated_distance_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], objects: str, seen: str
+) -> None:
+    room, out = tmp_path / "room.toml", tmp_path / "bench.toml"
+    room.write_text(ROOM + objects)
+    url = f"fake:{room}?place=bench&pace=max&seed=1"
+    assert run(["calibrate", url, "--distance", str(DISTANCE), "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert seen in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(("distance", "direction"), [(1.5, 0), (1.0, 180), (1.0, 270)])
+def test_clutter_of_a_laboratory_is_no_plate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], distance: float, direction: int
+) -> None:
+    out = tmp_path / "bench.toml"
+    options = ["--distance", str(distance), "--direction", str(direction), "--step", "1", "--out", str(out)]
+    assert run(["calibrate", "fake:rooms/laboratory.toml?place=bench&pace=max", *options]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "trailing"),
+    [
+        ("bench", "[mount]\nahead = 0.01\n"),
+        ("bench", CHIRP),
+        ('a "quoted" name', CHIRP),
+        ("back\\slash", CHIRP),
+        ("newline\n#", CHIRP),
+        ("umlaut ä", CHIRP),
+    ],
+)
+def test_keys_go_to_the_top_of_the_profile_and_any_name_is_valid(tmp_path: Path, trailing: str, name: str) -> None:
+    given, out = tmp_path / "given.toml", tmp_path / f"{name}.toml"
+    given.write_text(f"# mine\n{load_board('polaroid-6500').text}\n# below\n{trailing}")
+    assert calibrated(out, "--board", str(given)) == 0
+    before, after = load_board(str(given)), load_board(str(out))
+    assert after.name == name
+    assert after.range_offset == pytest.approx(0.008, abs=0.001)
+    assert (after.mount, after.chirp) == (before.mount, before.chirp)
+    kept = [line for line in given.read_text().splitlines() if line and not line.startswith("name")]
+    assert [line for line in out.read_text().splitlines() if line in kept] == kept
+
+
+def test_the_board_profile_in_the_url_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(load_board("polaroid-6500").text)
+    before = own.read_text()
+    url = f"fake:rooms/laboratory.toml?place=bench&board={own}&pace=max"
+    assert run(["calibrate", url, "--distance", "1.27", "--direction", "180", "--out", str(own), "--force"]) == 2
+    assert f"--out {own}: is the input file {own}" in capsys.readouterr().err
+    assert own.read_text() == before
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_full_disk_leaves_the_old_profile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool
+) -> None:
+    out = tmp_path / "bench.toml"
+    if there:
+        out.write_text("mine")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert calibrated(out, "--force") == 1
+    assert "No space left on device; delete other files or choose another file" in capsys.readouterr().err
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"] * there
 
 
 @pytest.mark.parametrize("temperature", ["900", "nan"])

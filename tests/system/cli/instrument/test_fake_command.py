@@ -1,5 +1,6 @@
-"""`sonarhw fake`, `info`, `home`, `turn`, `stop`, `monitor` and `ports` as processes, with a fake scanner."""
+"""`sonarhw fake`, `info`, `home`, `turn`, `stop`, `monitor` and `ports` with a fake scanner."""
 
+import json
 import re
 import signal
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.fault_schedule import KNOWN
 from sonarhw.log import read_log
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.reference_pages import keys_in_reference
 from tests.system.cli.instrument.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
 
 
@@ -120,6 +122,23 @@ def test_info_prints_identity_and_link_statistics(url: str) -> None:
     assert int(frames[2]) >= 22
 
 
+def test_info_as_json_has_the_documented_keys(url: str) -> None:
+    done = sonarhw("info", url, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads(done.stdout)
+    assert {key: found[key] for key in ("url", "origin", "serial", "protocol", "temperature_c", "starts")} == {
+        "url": url,
+        "origin": "fake",
+        "serial": "FAKE-0002",
+        "protocol": "1.1",
+        "temperature_c": 21.3,
+        "starts": 1,
+    }
+    assert found["capabilities"]["lowest_angle_deg"] == -720.0
+    assert found["link"]["frames_received"] >= 22
+    assert set(found) == keys_in_reference("### `sonarhw info")
+
+
 def test_info_of_a_log_prints_the_recorded_scanner(url: str, tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
     assert sonarhw("scan", url, "--out", log, "--step", "90").returncode == 0
@@ -128,10 +147,23 @@ def test_info_of_a_log_prints_the_recorded_scanner(url: str, tmp_path: Path) -> 
     assert "FAKE-0002" in done.stdout
 
 
-def test_home_turn_and_stop_succeed_and_a_turn_too_far_is_refused(url: str) -> None:
-    for arguments in (("home",), ("turn", "90"), ("turn", "-90"), ("stop",)):
-        done = sonarhw(arguments[0], url, *arguments[1:])
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["home"], "the turntable is at its zero"),
+        (["turn", "90"], "turned to 90.0°"),
+        (["turn", "-90"], "turned to -90.0°"),
+        (["stop"], "stopped"),
+    ],
+    ids=" ".join,
+)
+def test_home_turn_and_stop_report_what_they_did(url: str, arguments: list[str], line: str) -> None:
+    command, *angle = arguments
+    done = sonarhw(command, url, *angle)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", f"{url}: {line}\n")
+
+
+def test_a_turn_too_far_is_refused(url: str) -> None:
     refused = sonarhw("turn", url, "1000")
     assert refused.returncode == 1
     message = r"sonarhw: .*refused Turn: 1000 degrees; the cable winds from -720 to 720 degrees\n"
@@ -157,8 +189,12 @@ def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
             assert line
             shown += line
         monitor.send_signal(signal.SIGINT)
-        assert end(monitor) == (130, "")
+        status, closing = end(monitor)
     assert "Info(command=0" in shown
+    assert status == 130
+    counted = re.fullmatch(rf"{re.escape(url)}: (\d+) frames and 0 rejected blocks in \d+\.\d s\n", closing)
+    assert counted
+    assert int(counted[1]) >= len(shown.splitlines())
 
 
 def test_ports_succeeds_on_this_computer() -> None:
@@ -174,7 +210,7 @@ def test_ports_succeeds_on_this_computer() -> None:
         ("socket://127.0.0.1:99999", "expected socket://HOST:PORT"),
         ("rfc2217://", "expected rfc2217://HOST:PORT"),
         ("bogus://x", "unknown scheme bogus://; expected "),
-        ("fake:", "room file missing; expected fake:ROOM.toml?place=NAME"),
+        ("fake:", "room missing; expected 'fake:NAME?place=NAME' or 'fake:FILE.toml?place=NAME'"),
         (f"fake:{SIMPLE_ROOM.parent / 'laboratory.toml'}", "add ?place=NAME, one of bench, door"),
     ],
 )

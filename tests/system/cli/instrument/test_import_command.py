@@ -1,6 +1,7 @@
 """`sonarhw import`: direction of headings, units, warnings, and input that is refused before a file is written."""
 
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -137,7 +138,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm,cm\n0,1,1\n", [], "line 1: more than one column 'cm'"),
         ("deg,cm\n0,1\n5,far\n", [], "line 3: cm is 'far'; expected a number"),
         ("deg,cm\n\n0,1\n\n,1\n", [], "line 5: deg is ''; expected a number"),
-        ("deg,cm\n0,nan\n", [], "line 2: cm is nan; expected a range of 0 or more, or --no-echo nan"),
+        ("deg,cm\n0,nan\n", [], "line 2: cm is nan; expected a range of 0 or more, or nan as the value for no echo"),
         ("deg,cm\nnan,1\n", [], "line 2: deg is nan; expected degrees"),
         ("deg,cm,s\n0,1,nan\n", ["--time", "s"], "line 2: s is nan; expected seconds"),
         ("deg,cm,s\n0,1,\n", ["--time", "s"], "line 2: s is ''; expected a number"),
@@ -145,7 +146,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg;cm\n0;1\n", [], "line 1: only one column, with semicolons in it; expected commas between columns"),
         ("deg\tcm\n0\t1\n", [], "line 1: only one column, with tabs in it; expected commas between columns"),
         ("deg,cm\ninf,1\n", [], "line 2: deg is inf"),
-        ("deg,cm\n0,-1\n", [], "line 2: cm is -1; expected a range of 0 or more, or --no-echo -1"),
+        ("deg,cm\n0,-1\n", [], "line 2: cm is -1; expected a range of 0 or more, or -1 as the value for no echo"),
         ("deg,cm\n0,inf\n", [], "line 2: cm is inf"),
         ("deg,cm\n0\n", [], "line 2: has 1 field, but none for column 'cm'"),
         ("deg,cm\n0,1e6\n", [], "line 2: range 1e+06 m"),
@@ -153,6 +154,29 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm\n0,1\n", ["--time", "s"], "line 1: no column 's'"),
         ("deg,cm,s\n0,1,2\n1,1,1\n", ["--time", "s"], "line 3: time 1 s is before"),
         ("deg,cm,s\n0,1,2\n1,1,1e300\n", ["--time", "s"], "line 3: time 1e+300 s"),
+        (
+            "deg,cm\n0,1,5\n",
+            [],
+            "line 2: has 3 fields; expected 2, as in the header; if its numbers have decimal commas",
+        ),
+        ("deg,cm\n0,1\n10,5,1,25\n", [], "line 3: has 4 fields; expected 2"),
+        ('deg,cm\n0,"1,5"\n', [], "line 2: cm is '1,5'; expected a number; if its numbers have decimal commas, write"),
+        ("deg;cm\n0;1,5\n", [], "line 1: only one column, with semicolons in it"),
+        ("deg;cm\n0;1,5\n", [], "--decimal-comma"),
+        ("deg,cm\n0,1\n", ["--decimal-comma"], "line 1: only one column; with decimal commas, expected semicolons"),
+        ("deg;cm\n0;1;2\n", ["--decimal-comma"], "line 2: has 3 fields; expected 2, as in the header"),
+        ("deg,cm\n0,1_0\n", [], "line 2: cm is '1_0'; expected a number"),
+        ("deg,cm\n0,٣\n", [], "line 2: cm is '٣'; expected a number"),
+        ("deg,cm\n0,1\0\n", [], r"line 2: cm is '1\x00'; expected a number"),
+        ("deg,cm\n0,0x10\n", [], "line 2: cm is '0x10'; expected a number"),
+        ("deg,cm\n0,1\n", ["--range", "deg"], "column 'deg' is given for two quantities; expected one column each"),
+        ("deg,cm\n0,1\n", ["--time", "cm"], "column 'cm' is given for two quantities"),
+        (
+            "deg,cm,s\n0,1,0\n1,1,1e9\n",
+            ["--time", "s"],
+            "line 3: time 1e+09 s; expected seconds, at most 86400 s",
+        ),
+        pytest.param(f"deg,cm\n0,{100_000 * '1'}\n", [], "line 2: has more than 65536 characters", id="a long line"),
         ("deg,cm\n0,1\n", ["--scale", "0"], "--scale 0"),
         ("deg,cm\n0,1\n", ["--scale", "nan"], "--scale nan"),
         ("deg,cm\n0,1\n", ["--heading-zero", "inf"], "--heading-zero inf"),
@@ -169,6 +193,48 @@ def test_invalid_input_gives_an_error_of_one_line_and_no_file(
     assert err.count("\n") == 1
     assert out == ""
     assert not (tmp_path / "out.mcap").exists()
+
+
+def test_too_many_readings_give_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sonarhw_compare.imports.foreign_csv.MOST_READINGS", 200)  # a thousandth of the limit
+    (tmp_path / "in.csv").write_text("deg,cm\n" + 201 * "1,1\n")
+    assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
+    assert "has more than 200 readings; split it" in capsys.readouterr().err
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read_with_an_option(tmp_path: Path, separator: str) -> None:
+    (tmp_path / "in.csv").write_text("deg;cm\n0,5;1,25\n10;2\n".replace(";", separator))
+    out = tmp_path / "out.mcap"
+    assert run(["import", str(tmp_path / "in.csv"), "--out", str(out), *COLUMNS, "--decimal-comma"]) == 0
+    readings = read_log(out).readings
+    assert degrees(readings) == pytest.approx([0.5, 10])
+    assert [reading.range for reading in readings] == pytest.approx([1.25, 2], abs=2e-7)
+
+
+def test_empty_fields_at_the_end_of_a_line_and_a_byte_order_mark_are_harmless(tmp_path: Path) -> None:
+    readings = imported(tmp_path, "\ufeffdeg,cm\n0,1.5,,\n5,2,\n")
+    assert [reading.range for reading in readings] == pytest.approx([1.5, 2], abs=2e-7)
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "UTF-16"])
+def test_what_is_not_a_text_file_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    path = tmp_path / "in.csv"
+    match kind:
+        case "a pipe":
+            os.mkfifo(path)
+        case "a device":
+            path.symlink_to("/dev/zero")
+        case "UTF-16":
+            path.write_text("deg,cm\n0,1\n", encoding="utf-16")
+    assert run(["import", str(path), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
+    expected = "save it as CSV in UTF-8" if kind == "UTF-16" else "is not a file; give the name of a CSV file"
+    assert expected in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01", b"deg,cm\n0,\x00\n" + b"\xe9"])
@@ -198,3 +264,23 @@ def test_the_real_scans_become_logs(tmp_path: Path, name: str) -> None:
     assert degrees(readings) == pytest.approx([-float(turret) for turret, _ in rows])
     expected = [None if distance == "255" else float(distance) / 100 for _, distance in rows]
     assert [reading.range for reading in readings] == pytest.approx(expected, abs=2e-7)
+
+
+def test_room_place_and_board_are_stored_for_later_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simple = ["--room", "simple", "--board", "paper"]
+    imported(tmp_path, "deg,cm\n90,0.657\n180,0.774\n270,0.827\n", *simple, "--place", "figure9")
+    capsys.readouterr()
+    assert run(["compare", str(tmp_path / "out.mcap")]) == 0
+    assert "match        0.827 m at 270.0°" in capsys.readouterr().out
+    # the place may be unknown: locate finds it
+    imported(tmp_path, "deg,cm\n90,0.657\n", *simple, "--force")
+    metadata = read_log(tmp_path / "out.mcap").metadata
+    assert (metadata.room_file, metadata.place, metadata.board) == ("simple.toml", "", "paper")
+
+
+def test_a_place_without_its_room_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "in.csv").write_text("deg,cm\n90,1\n")
+    out = tmp_path / "out.mcap"
+    assert run(["import", str(tmp_path / "in.csv"), "--out", str(out), *COLUMNS, "--place", "figure9"]) == 2
+    assert "--place needs --room" in capsys.readouterr().err
+    assert not out.exists()

@@ -1,5 +1,6 @@
 """`sonarhw log` and `sonarhw replay`: output, messages and refused input."""
 
+import json
 import os
 import signal
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw.export import export_formats
 from sonarhw.log import Log, read_log
 from tests.fixtures.example_logs import assert_readings_close, example_reading, write_example
+from tests.reference_pages import keys_in_reference, section
 from tests.system.cli.instrument.test_scan_command import end, lines, sonarhw, started
 
 GOLDEN = """\
@@ -163,6 +165,26 @@ def test_info_prints_origin_and_contents_of_a_log(log: Path, capsys: pytest.Capt
         assert text in printed
 
 
+def test_info_as_json_has_the_documented_keys(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "info", str(log), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (scan,) = found["scans"]
+    assert {key: found[key] for key in ("file", "origin", "made_by", "place", "board", "condition", "damage")} == {
+        "file": str(log),
+        "origin": "simulated",
+        "made_by": "simulate",
+        "place": "figure9",
+        "board": "paper",
+        "condition": "whole",
+        "damage": None,
+    }
+    assert (scan["readings"], scan["echoes"], scan["highest_angle_deg"], scan["finished"]) == (4, 3, 15.0, True)
+    heading = "### `sonarhw log info"
+    assert set(found) == keys_in_reference(heading)
+    described = section("command_line.md", heading)
+    assert [key for key in (*scan, *found["device"]) if f"`{key}`" not in described] == []
+
+
 def test_info_of_a_log_without_metadata_prints_an_unknown_date(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -196,7 +218,7 @@ def test_a_single_reading_is_counted_in_the_singular(tmp_path: Path, capsys: pyt
     assert run(["log", "info", str(tmp_path / "scan.mcap")]) == 0
     assert "1 of 1 reading, 1 with an echo" in capsys.readouterr().out
     assert run(["compare", str(tmp_path / "scan.mcap"), "--room", "rooms/simple.toml"]) == 0
-    assert "\n1 reading, 1 with an echo: " in capsys.readouterr().out
+    assert "\n1 simulated reading, 1 with an echo: " in capsys.readouterr().out
 
 
 def another_programs_mcap(path: Path) -> None:

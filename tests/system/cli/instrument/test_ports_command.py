@@ -1,5 +1,6 @@
 """`sonarhw ports` checks ports that may have a scanner, and all ports with --ask."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.link.ports import Port, Usb
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.reference_pages import keys_in_reference
 
 
 def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
@@ -27,6 +29,19 @@ def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
         assert unchecked == f"{unknown}  16550  not checked; --ask checks all"
         assert run(["ports", "--ask"]) == 0
         assert "scanner FAKE-0004" in capsys.readouterr().out
+        assert run(["ports", "--json"]) == 0
+        first_port, second_port = json.loads(capsys.readouterr().out)["ports"]
+    assert first_port == {
+        "url": first.url,
+        "description": "USB serial",
+        "known_as": "Arduino Mega 2560",
+        "usb_id": "2341:0042",
+        "usb_serial": "1",
+        "scanner": True,
+        "answer": "scanner FAKE-0003, sonarhw-fake 0.1.0",
+    }
+    assert (second_port["url"], second_port["scanner"], second_port["answer"]) == (second.url, None, None)
+    assert set(first_port) == keys_in_reference("### `sonarhw ports")
 
 
 def test_a_port_without_a_scanner_is_reported(

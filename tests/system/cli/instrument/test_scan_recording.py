@@ -9,7 +9,6 @@ from sonarhw_cli.app import run
 from sonarhw_gui.live.live_device import LiveDevice
 from sonarhw_gui.live.scanner_jobs import WHOLE_TURN, ScanJob, ScanSettings
 from sonarhw_gui.scene.scene import scene_with
-from sonarhw_sim.air import speed_of_sound
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
@@ -18,6 +17,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
+from sonarhw.sound_speed import speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
 

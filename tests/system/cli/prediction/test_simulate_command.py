@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,52 @@ def test_traces_contain_the_echo_that_the_board_reports(tmp_path: Path) -> None:
         # silence from the end of blanking to the reported echo
         assert trace[(times > 2.38e-3) & (times < 2 * 0.657 / 343.9867)].max() < 0.01
         assert trace[(times > arrival) & (times < arrival + 1e-4)].max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("form", "out", "needed"),
+    [
+        ("rf", "x.npz", "36000 traces of 62212 samples need 9.0 GB, at most 4 GB"),
+        ("envelope", "x.mcap", "36000 traces of 3111 samples need 0.9 GB, at most 0.5 GB"),
+    ],
+)
+def test_traces_that_are_too_large_are_refused_before_the_prediction(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    form: str,
+    out: str,
+    needed: str,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("sonarhw_sim.predict.models.predict_with", refuse)
+    fine = ["simulate", *FIGURE_9, "--step", "0.01", "--traces", form, "--out", str(tmp_path / out)]
+    assert run(fine) == 2
+    assert capsys.readouterr().err == (
+        f"sonarhw: --traces {form}: {needed} are possible; give a larger --step or a lower --rate\n"
+    )
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_traces_in_an_npz_file_are_written_one_by_one(tmp_path: Path) -> None:
+    """All traces together would need 90 MB."""
+    out = tmp_path / "x.npz"
+    tracemalloc.start()
+    try:
+        assert run(["simulate", *FIGURE_9, "--step", "1", "--traces", "rf", "--out", str(out)]) == 0
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert np.load(out)["trace"].shape == (360, 62212)
+    assert peak < 60e6
+
+
+@pytest.mark.parametrize("stop", ["1e-9", "1e-300"])
+def test_a_sector_narrower_than_a_step_has_one_heading(capsys: pytest.CaptureFixture[str], stop: str) -> None:
+    assert run(["simulate", *FIGURE_9, "--to", stop]) == 0
+    assert [row["heading_deg"] for row in rows(capsys.readouterr().out)] == ["0"]
 
 
 def test_noise_is_the_same_for_the_same_seed(tmp_path: Path) -> None:
@@ -278,12 +325,14 @@ def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.Capture
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400e3  # kB; whole matrices took 1.5 GB
 
 
-def test_place_with_a_height_detects_the_foot_of_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_place_with_a_height_detects_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
     place = ["rooms/doorstep.toml", "--place", "robot"]
     assert run(["paths", *place, "--max-range", "1.5", "--no-diffraction"]) == 0
     listed = {row["via"]: row for row in rows(capsys.readouterr().out)}
     assert float(listed["floor>step"]["length_m"]) == pytest.approx(2 * math.hypot(1.4, 0.25))
     for sections in ("1", "5"):
         assert run(["simulate", *place, "--from", "90", "--to", "95", "--sections", sections]) == 0
-        assert rows(capsys.readouterr().out)[0]["via"] == "floor>step"
+        assert rows(capsys.readouterr().out)[0]["via"] == "step/"
+    assert run(["simulate", *place, "--from", "90", "--to", "95", "--edge-strength", "paper"]) == 0
+    assert rows(capsys.readouterr().out)[0]["via"] == "floor>step"
     assert run(["simulate", *place, "--sections", "0"]) == 2

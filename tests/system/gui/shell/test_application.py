@@ -38,7 +38,7 @@ def finished(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.
     )
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_a_signal_during_a_scan_closes_window_and_log(tmp_path: Path, number: int) -> None:
     room = tmp_path / "small.toml"
     room.write_text(ROOM.read_text())

@@ -5,23 +5,24 @@ import pkgutil
 import subprocess
 import sys
 
-import pytest
 import sonarhw_compare
 import sonarhw_sim
 
 import sonarhw
 
+MODEL = ("scene", "shown", "work", "live", "store")
 
-def test_sonarhw_sim_and_compare_import_no_qt() -> None:
+
+def test_sonarhw_sim_compare_and_the_model_of_the_window_load_no_qt() -> None:
     modules = [
         info.name
         for package in (sonarhw, sonarhw_sim, sonarhw_compare)
         for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     ]
-    assert len(modules) > 20
-    script = f"import sys; [__import__(name) for name in {modules}]; print([m for m in sys.modules if 'PySide' in m])"
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == "[]"
+    modules += [name for folder in MODEL for name in modules_in(f"sonarhw_gui.{folder}")]
+    modules += ["sonarhw_gui.plan.plan_texts", "sonarhw_gui.parts.pixels"]
+    assert len(modules) > 50
+    assert first_that_loads(modules, ("PySide6", "pyqtgraph")) == []
 
 
 def test_the_window_opens_without_matplotlib() -> None:
@@ -37,11 +38,11 @@ def modules_in(package: str) -> list[str]:
     return [package, *(one.name for one in pkgutil.iter_modules(found.submodule_search_locations, f"{package}."))]
 
 
-def loaded_by(package: str, unwanted: tuple[str, ...]) -> list[str]:
-    """Return the first module of a package that loads one of the unwanted modules, directly or indirectly."""
+def first_that_loads(modules: list[str], unwanted: tuple[str, ...]) -> list[str]:
+    """Return the first of these modules that loads one of the unwanted modules, directly or indirectly."""
     script = f"""
 import sys
-for name in {modules_in(package)}:
+for name in {modules}:
     __import__(name)
     if any(module.startswith({unwanted}) for module in sys.modules):
         print(name)
@@ -50,17 +51,5 @@ for name in {modules_in(package)}:
     return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
 
 
-@pytest.mark.parametrize("folder", ["scene", "shown", "work", "live", "store"])
-def test_the_folders_of_the_model_load_no_qt(folder: str) -> None:
-    assert loaded_by(f"sonarhw_gui.{folder}", ("PySide6", "pyqtgraph")) == []
-
-
 def test_the_session_loads_signals_and_timers_but_no_widgets() -> None:
-    assert loaded_by("sonarhw_gui.session", ("PySide6.QtWidgets", "pyqtgraph")) == []
-
-
-@pytest.mark.parametrize("module", ["sonarhw_gui.plan.plan_texts", "sonarhw_gui.parts.pixels"])
-def test_texts_and_pixels_load_no_qt(module: str) -> None:
-    script = f"import sys, {module}; print([m for m in sys.modules if 'PySide' in m])"
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == "[]"
+    assert first_that_loads(modules_in("sonarhw_gui.session"), ("PySide6.QtWidgets", "pyqtgraph")) == []

@@ -73,7 +73,7 @@ def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) 
         qtbot.keyClick(window, key, CONTROL)
         shown = window.session.shown
         assert window.sentence.text().startswith(f"{unit.text(heard)} at 270.0°: ")
-        assert f"measured {unit.text(heard)}\n" in reading_tip(shown, 27)
+        assert f"fake {unit.text(heard)}\n" in reading_tip(shown, 27)
         assert window.views.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
         others = [other for other in LengthUnit if other is not unit]
         said = [shown.sentence_of(k) for k in range(len(shown.readings))]

@@ -44,7 +44,7 @@ def click_selects_the_reading(program: Outside) -> bool:
 def test_a_csv_scan_is_shown_in_the_given_room(tmp_path: Path) -> None:
     (tmp_path / "turret.csv").write_text("turret_deg,range_cm\n0,15.4\n90,65.7\n")
     with Outside(tmp_path, str(tmp_path / "turret.csv"), str(ROOM), "--place", "figure9") as program:
-        assert program.title == "Simple room · place figure9"
+        awaited(lambda: program.title == "Simple room · place figure9 · imported readings", "room, place and origin")
         awaited(lambda: program.badge(LIGHT.replay), "the badge of a replay")
         awaited(lambda: SENTENCE.match(program.sentence())["range"] == "0.657 m", "its last reading")
         program.key("ctrl+q")
@@ -55,7 +55,7 @@ def test_a_csv_scan_is_shown_in_the_given_room(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("qapp")  # for screen and clipboard
 def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -> None:
     with Outside(tmp_path) as program:
-        assert program.title == DEMO
+        assert program.title.startswith(DEMO)
         (recording,) = awaited(lambda: program.recordings, "a recording")
         awaited(lambda: len(program.readings(LIGHT.measured)) > 3, "readings in the plan")
         program.key("F6")
@@ -67,14 +67,14 @@ def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -
 
         x, y = program.sensor()
         program.drag((x, y), (x + 40, y + 20))
-        awaited(lambda: program.title != DEMO, "another place in the title")
+        awaited(lambda: not program.title.startswith(DEMO), "another place in the title")
         program.key("ctrl+z")
-        awaited(lambda: program.title == DEMO, "the place as it was")
+        awaited(lambda: program.title.startswith(DEMO), "the place as it was")
 
         program.drag((x, y), (x + 40, y + 20), let_go=False)
-        awaited(lambda: program.title != DEMO, "another place in the title")
+        awaited(lambda: not program.title.startswith(DEMO), "another place in the title")
         program.key("Escape")
-        awaited(lambda: program.title == DEMO, "the place as it was")
+        awaited(lambda: program.title.startswith(DEMO), "the place as it was")
         program.let_go()
 
         program.key("ctrl+d", "F5")
@@ -89,7 +89,7 @@ def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -
     with Outside(tmp_path) as program:
         awaited(lambda: program.badge(DARK.replay), "the badge of a replay")
         assert program.looks(DARK)
-        assert program.title == DEMO
+        assert program.title.startswith(DEMO)
         assert program.recordings == [recording, second]
         awaited(lambda: shown_heading(program) == max(ranges), "the last reading of the interrupted scan")
         program.key("ctrl+Left")

@@ -10,18 +10,21 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.echo_paths import displaced, echo_paths, growth_by_wall, moved
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
+from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for
-from sonarhw_sim.rays.paths import Paths, find_paths
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, load_room
 
 from sonarhw.readings import FloatArray, Reading
+from tests.fixtures.rooms_for_tests import room_of
 
 ARENA = load_room("rooms/arena.toml")
 BOARD = load_board("polaroid-6500")
 HERE, THERE = (0.9, 0.5), (0.912, 0.491)
 BY = (0.012, -0.009)
-SEARCH = search_for(ARENA, BOARD, PredictionOptions(max_bounces=5))
+SEARCH = search_for(ARENA, BOARD, PredictionOptions(max_bounces=5, edge_strength=EdgeStrength.PAPER))
 
 
 def same_paths(some: Paths, others: Paths, there: Room = ARENA) -> list[tuple[int, int]]:
@@ -76,6 +79,29 @@ def test_growth_by_wall_equals_the_measured_growth() -> None:
         assert (moved_wall.lengths[other] - here.lengths[row]) / step == pytest.approx(grown[row], abs=1e-2)
 
 
+def test_growth_by_wall_over_a_post_equals_the_measured_growth() -> None:
+    """One path runs over the post first, then over the wall, and one in reverse; neither is symmetric."""
+    step, here = 1e-5, (0.4, -0.3)
+
+    def paths_with(offset: float) -> tuple[Paths, Room]:
+        room = room_of([[-3.0, 1.0 + offset, 3.0, 1.0 + offset]], [(1.6, -0.2, 0.3)])
+        return find_paths(room, here, PathSearch(12.0, 0.00696, 3, diffraction=False)), room
+
+    (before, room), (after, _) = paths_with(0.0), paths_with(step)
+    grown = growth_by_wall(echo_paths(before, room, [], ["w0"]))[:, 0]
+    both = [row for row in range(len(before)) if {0, 1} <= set(before.surfaces[row].tolist())]
+    assert len(both) >= 2
+    for row in both:
+        (other,) = [
+            k
+            for k in range(len(after))
+            if after.surfaces[k].tolist() == before.surfaces[row].tolist()
+            and abs(after.lengths[k] - before.lengths[row]) < 1e-3
+            and abs(after.departures[k] - before.departures[row]) < 1e-3
+        ]
+        assert (after.lengths[other] - before.lengths[row]) / step == pytest.approx(grown[row], abs=1e-3)
+
+
 def test_a_moving_wall_moves_its_corners() -> None:
     room = with_shifted_walls(ARENA, {"south": 0.05})
     before, after = (dict(zip(one.names, one.walls.tolist(), strict=True)) for one in (ARENA, room))
@@ -85,7 +111,13 @@ def test_a_moving_wall_moves_its_corners() -> None:
     assert after["divider"] == before["divider"]
 
 
-def objective_of(room: Room, ranges: list[float | None], headings: FloatArray, board: Board = BOARD) -> Objective:
+def objective_of(
+    room: Room,
+    ranges: list[float | None],
+    headings: FloatArray,
+    board: Board = BOARD,
+    options: PredictionOptions = PredictionOptions(),
+) -> Objective:
     """Return the objective of readings with these ranges at these headings."""
     speed = room.air.speed_of_sound
     readings = [
@@ -93,7 +125,7 @@ def objective_of(room: Room, ranges: list[float | None], headings: FloatArray, b
         for k, (one, heading) in enumerate(zip(ranges, headings, strict=True))
     ]
     free = free_parameters(("x",), [""], room, board)
-    problem = make_problem([PlacedScan(readings, Place("", HERE))], room, board, free, PredictionOptions(), True)
+    problem = make_problem([PlacedScan(readings, Place("", HERE))], room, board, free, options, True)
     return problem.near(problem.start())
 
 
@@ -120,3 +152,35 @@ def test_silence_is_likely_exactly_where_the_model_predicts_it() -> None:
     silences = objective.by_reading(values, 0)
     assert 10 < np.isnan(ranges).sum() < 62
     assert np.median(silences[np.isnan(ranges)]) > np.median(silences[~np.isnan(ranges)]) + 2
+
+
+@pytest.mark.parametrize("mount", [Mount(ahead=0.08, aside=0.05), Mount(ahead=0.05, aside=-0.06, separation=0.06)])
+def test_echoes_of_a_head_off_the_axis_are_most_likely_with_its_own_mount(mount: Mount) -> None:
+    headings = np.arange(72) * math.tau / 72
+    board = replace(BOARD, mount=mount)
+    ranges = predict_scan(ARENA, Place("", HERE), board, headings).ranges
+    readings = [None if math.isnan(one) else float(one) for one in ranges]
+    mirrored, nearer = (mount.model_copy(update=change) for change in ({"aside": -mount.aside}, {"ahead": 0.0}))
+    medians = []
+    for one in (mount, mirrored, nearer):
+        objective = objective_of(ARENA, readings, headings, replace(BOARD, mount=one))
+        likelihoods = objective.by_reading(objective.problem.with_noise(np.array([HERE[0]]), NOISE), 0)
+        medians.append(np.median(likelihoods[~np.isnan(ranges)]))
+    # an exact range has the density 1 / (4 mm √2π), a wrong one that of strays
+    assert medians[0] == pytest.approx(math.log(1 / (0.004 * math.sqrt(math.tau))), abs=0.5)
+    assert max(medians[1:]) < medians[0] - 2
+
+
+def test_late_detection_by_the_receiver_is_part_of_the_expected_range() -> None:
+    headings = np.arange(72) * math.tau / 72
+    options = PredictionOptions(receiver=Receiver.BOARD)
+    board = replace(BOARD, integration_cycles=64.0)  # detects faint echoes several centimetres late
+    ranges = predict_scan(ARENA, Place("", HERE), board, headings, options).ranges
+    readings = [None if math.isnan(one) else float(one) for one in ranges]
+    medians = []
+    for receiver in Receiver:
+        objective = objective_of(ARENA, readings, headings, board, replace(options, receiver=receiver))
+        likelihoods = objective.by_reading(objective.problem.with_noise(np.array([HERE[0]]), NOISE), 0)
+        medians.append((float(np.median(likelihoods[~np.isnan(ranges)])), receiver))
+    assert max(medians)[1] is Receiver.BOARD
+    assert max(medians)[0] > min(medians)[0] + 2

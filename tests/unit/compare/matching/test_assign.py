@@ -5,6 +5,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from sonarhw_compare.matching.assign import assigned, assigned_echoes, echo_statistics
 from sonarhw_compare.matching.match import TOLERANCE, compare_readings
 from sonarhw_sim.board.profile import load_board
@@ -53,3 +54,20 @@ def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
     assert (statistics.echoes, statistics.explained) == (4, 0.75)
     assert statistics.bias_m == pytest.approx(0.004, abs=1e-9)
     assert statistics.spread_m == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("bias", "deviation"), [(0.0, 0.002), (0.005, 0.004)])
+def test_bias_and_spread_of_normal_residuals_are_their_mean_and_standard_deviation(
+    bias: float, deviation: float
+) -> None:
+    predicted_range = predict_scan(ROOM, PLACE, BOARD, np.array([1.0])).echoes(0)[0].range
+    residuals = bias + deviation * norm.ppf((np.arange(200) + 0.5) / 200)
+    readings = [
+        Reading(k, 0, k, 0.0, 0.1 * k, (2 * (predicted_range + residual) / SPEED,), SPEED)
+        for k, residual in enumerate(residuals.tolist())
+    ]
+    # one residual that is far off hardly changes either
+    readings.append(Reading(200, 0, 200, 0.0, 20.0, (2 * (predicted_range + 0.04) / SPEED,), SPEED))
+    statistics = echo_statistics(compare_readings(readings, ROOM, replace(PLACE, heading=1.0), BOARD))
+    assert statistics.bias_m == pytest.approx(bias, abs=1e-4)
+    assert statistics.spread_m == pytest.approx(deviation, rel=0.02)

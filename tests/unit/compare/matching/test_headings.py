@@ -10,6 +10,7 @@ from sonarhw_cli.comparison.compare_command import summary_lines
 from sonarhw_cli.comparison.fit_table import fit_lines
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
+from sonarhw_compare.fit.fit_warnings import warnings_of
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.report.html_report import report_html, report_of
 from sonarhw_sim.board.profile import load_board
@@ -50,21 +51,31 @@ def test_report_sentence_and_summary_have_the_same_heading() -> None:
 
 
 def test_a_fitted_heading_that_rounds_to_360_is_0_in_the_table_with_its_interval_around_it() -> None:
-    free = free_parameters(("heading",), ("scan",), ROOM, PAPER)
-    values = [math.radians(degrees) for degrees in (359.998, 0.14, 359.7, 360.3)]
-    result = FitResult(
-        parameters=free,
-        estimates={"heading": Estimate(*values)},
+    table = list(fit_lines(heading_fit(359.998)))
+    assert table[1].split() == ["heading", "0.00", "°", "0.14", "°", "-0.30", "to", "0.30"]
+    assert any("ranges +0.00% from" in line for line in table)
+
+
+def test_solutions_that_print_alike_are_one() -> None:
+    assert warnings_of(heading_fit(359.999, 0.001)) == ()
+    (several,) = warnings_of(heading_fit(0.0, 180.0))
+    assert several.startswith("2 solutions")
+    assert several.endswith("heading 0.0°; heading 180.0°")
+
+
+def heading_fit(*degrees: float) -> FitResult:
+    """Return a fit of the heading alone, with these solutions; the first is the best."""
+    values = [math.radians(one) for one in degrees]
+    return FitResult(
+        parameters=free_parameters(("heading",), ("scan",), ROOM, PAPER),
+        estimates={"heading": Estimate(values[0], math.radians(0.14), math.radians(359.7), math.radians(360.3))},
         correlations=np.eye(1),
         noise={"range_m": 0.001, "level_db": 1.0, "missed": 0.0, "lost": 0.0, "stray_per_m": 0.0, "stretch": 0.999999},
         warnings=(),
-        modes=(Mode({"heading": values[0]}, 0.0),),
+        modes=tuple(Mode({"heading": value}, 0.0) for value in values),
         room=ROOM,
         places=(PLACE,),
         board=PAPER,
         score=0.0,
         samples=np.empty((0, 1)),
     )
-    table = list(fit_lines(result))
-    assert table[1].split() == ["heading", "0.00", "°", "0.14", "°", "-0.30", "to", "0.30"]
-    assert any("ranges +0.00% from" in line for line in table)

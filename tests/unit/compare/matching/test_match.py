@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.fit.plain_fit import fit_scan
+from sonarhw_compare.fit.plain_fit import Fit, fit_scan
 from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -162,3 +162,17 @@ def test_no_heading_corrects_a_reversed_turntable() -> None:
     readings = predicted_readings(6, 0.5)
     assert share(readings) > 0.95
     assert share([replace(r, angle=-r.angle) for r in readings]) < 0.6
+
+
+def test_the_plain_fit_states_its_grid_and_a_value_at_its_edge() -> None:
+    fit = Fit(0.0, 0.01, PLACE, ("heading", "offset", "position"), 0.02)
+    assert fit.search == (
+        "heading in steps of 0.5°; offset within 60 mm in steps of 5 mm; position within 3 cm in steps of 1 cm"
+    )
+    assert fit.at_edge == ()
+    assert len(fit.lines()) == 2
+    edge = Fit(0.0, -0.06, PLACE, ("offset", "position"), 0.03)
+    assert edge.at_edge == ("offset", "position")
+    assert "offset and position at the edge of the grid" in edge.lines()[1]
+    assert Fit(0.0, 0.06, PLACE, ("heading",), 0.03).at_edge == ()
+    assert Fit(0.0, 0.055, PLACE, ("offset", "position"), 0.024).at_edge == ()

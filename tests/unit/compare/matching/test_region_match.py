@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.matching.region_match import compare_regions, match_regions
-from sonarhw_compare.matching.regions import regions_of
+from sonarhw_compare.matching.regions import Region, regions_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import load_room
@@ -74,3 +74,26 @@ def test_a_reflector_detected_in_pieces_is_one_region_and_its_parts() -> None:
     assert (len(found.pairs), len(found.parts)) == (1, 1)
     assert (found.only_measured, found.only_predicted) == ((), ())
     assert match_regions(whole, pieces).parts[0].measured == whole[0]
+
+
+def arc(begin: float, end: float, distance: float = 1.0) -> Region:
+    """Return a region from one heading to another, degrees."""
+    return Region((0,), distance, math.radians((begin + end) / 2) % math.tau, math.radians(end - begin))
+
+
+def test_regions_without_a_common_heading_are_not_paired() -> None:
+    for one, other in ((arc(0, 20), arc(21, 45)), (arc(-30, -1), arc(1, 30)), (arc(0, 30), arc(0, 30, 1.06))):
+        found = match_regions((one,), (other,))
+        assert (found.pairs, found.parts) == ((), ())
+        assert (found.only_measured, found.only_predicted) == ((one,), (other,))
+    # across heading 0
+    assert len(match_regions((arc(-20, 10),), (arc(5, 40),)).pairs) == 1
+    assert len(match_regions((arc(0, 30),), (arc(0, 30, 1.04),)).pairs) == 1
+
+
+def test_a_region_is_paired_with_the_one_that_has_most_headings_in_common() -> None:
+    # 12° and 16° in common
+    measured, first, second = arc(0, 30), arc(-10, 12), arc(14, 34)
+    found = match_regions((measured,), (first, second))
+    assert [pair.predicted for pair in found.pairs] == [second]
+    assert [pair.predicted for pair in found.parts] == [first]

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import j1
 from sonarhw_compare.matching.regions import mean_run, regions_of
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.weighing import beam_table, disc
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place
 
@@ -68,9 +68,9 @@ def test_the_width_of_a_region_follows_from_the_beam() -> None:
     headings = np.radians(np.arange(-60.0, 60.0, 0.25))
     scan = predict_scan(room, Place("here", (0.0, 0.0)), board, headings)
     ka = board.wavenumber(room.air) * board.aperture_radius
-    angles = np.linspace(0, math.radians(12), 20_000)
-    table = beam_table(ka)
-    both_ways = np.array([(abs(disc(ka * math.sin(a), table)) * math.cos(a)) ** 2 for a in angles]) * 0.9
+    angles = np.linspace(0, math.radians(12), 20_001)[1:]
+    x = ka * np.sin(angles)
+    both_ways = 0.9 * (2 * j1(x) / x * np.cos(angles)) ** 2
     reach = angles[np.flatnonzero(both_ways >= 10 ** (board.threshold_db / 20))[-1]]
     widest = max(regions_of(headings, scan.ranges), key=len)
     assert widest.range == pytest.approx(2.0, abs=1e-9)
@@ -85,3 +85,17 @@ def test_only_wide_silence_ends_a_region() -> None:
     ranges[80] = 2.0
     assert [(len(region), region.rows[0]) for region in regions_of(HEADINGS, ranges)] == [(97, 81), (10, 70)]
     assert regions_of(HEADINGS, np.full(120, np.nan)) == ()
+
+
+def test_a_region_ends_where_a_heading_was_left_out_but_not_where_steps_vary() -> None:
+    steps = np.full(20, 3.0)
+    steps[5::6] = 4.2
+    assert [len(one) for one in regions_of(np.radians(np.cumsum(steps)), np.full(20, 2.0))] == [20]
+    without = np.delete(np.arange(0.0, 63.0, 3.0), 10)
+    assert [len(one) for one in regions_of(np.radians(without), np.full(20, 2.0))] == [10, 10]
+
+
+def test_a_region_across_heading_0_between_other_echoes_is_one() -> None:
+    ranges = np.full(120, 2.0)
+    ranges[-4:], ranges[:5] = 1.0, 1.0
+    assert [(region.range, len(region)) for region in regions_of(HEADINGS, ranges)] == [(1.0, 9), (2.0, 111)]

@@ -1,7 +1,9 @@
 """Receiver keys of board profiles, and errors in them."""
 
+import math
 import re
 
+import numpy as np
 import pytest
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Tone, load_board, parse_board
@@ -71,8 +73,8 @@ def test_gain_steps_of_the_6500_follow_its_clock() -> None:
         ("rise_cycles = 1e9", "rise_cycles: expected less than or equal to 100"),
         ("blanking_inhibit = 0.003", "blanking_inhibit: expected 0.00238 s .* got 0.003"),
         ("rearm = 0.0", "rearm: expected greater than 0"),
-        ("range_offset = -5.0", "range_offset: expected greater than or equal to -1, got -5"),
-        ("rounding = 100.0", "rounding: expected less than or equal to 1, got 100"),
+        ("range_offset = -5.0", "range_offset: expected greater than or equal to -1 m, got -5"),
+        ("rounding = 100.0", "rounding: expected less than or equal to 1 m, got 100"),
         (
             "gain_steps = [0.002]\nfixed_gain = true",
             "fixed_gain and gain_steps: expected one of them; a fixed gain has no steps",
@@ -95,3 +97,11 @@ def test_max_range_below_the_end_of_blanking_is_rejected() -> None:
     with pytest.raises(InputError, match=r"max_range: expected more than 0\.409 m, where blanking ends, got 0\.4; it"):
         parse_board(PROFILE.replace("10.7", "0.4"), "mine.toml")
     assert parse_board(PROFILE.replace("10.7", "0.4\nblanking_inhibit = 0.001"), "mine.toml").max_range == 0.4
+
+
+def test_reported_ranges_are_the_nearest_multiples_of_the_rounding() -> None:
+    board = parse_board(PROFILE + "rounding = 0.01\nrange_offset = 0.1", "mine.toml")
+    reported = board.reported(np.array([0.4149, 0.4151, 0.4199, math.nan]))
+    assert reported[:3] == pytest.approx([0.51, 0.52, 0.52])
+    assert math.isnan(reported[3])
+    assert parse_board(PROFILE, "mine.toml").reported(np.array([0.4149])) == pytest.approx([0.4149])

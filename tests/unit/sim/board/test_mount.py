@@ -61,6 +61,12 @@ def test_parallel_plate_returns_many_echoes_each_weaker_by_wall_and_face() -> No
     assert len(ringing) > 20
 
 
+def test_a_blocking_face_absorbs_the_echo_of_a_parallel_plate() -> None:
+    scan = predict(HERE, 0.0, unit=Unit.BLOCK, room=PLATE)
+    assert [echo.range for echo in scan.blanked_echoes(0) if scan.paths.edges[echo.path] < 0] == pytest.approx([0.15])
+    assert not [echo for echo in scan.echoes(0) if scan.paths.edges[echo.path] < 0]
+
+
 def test_tilted_face_reflects_the_second_round_trip_like_two_mirrors() -> None:
     tilt = 2.0
     scan = predict(HERE, tilt, unit=Unit.REFLECT, room=PLATE)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.air import Air, absorption
+from sonarhw_sim.board.burst import RATE
 from sonarhw_sim.board.gain import stepped_gain_db
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.receiver import counted_time, detect_echoes, detect_first_echo, echo_times
@@ -190,6 +191,14 @@ def test_noise_alone_causes_echoes_without_a_winner() -> None:
     assert detected.winner == -1
 
 
+def test_an_arrival_far_below_the_noise_is_not_the_winner() -> None:
+    loud, level = detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,))), -100.0
+    just_before = float(loud.times[0]) * SPEED / 2 - 0.005
+    detected = detect_echoes(walls((just_before, level), (9.0, 0.0)), LEVEL, SPEED, Noise(0.02, (1,)))
+    assert detected.times[0] == pytest.approx(loud.times[0], abs=1e-6)
+    assert detected.winner == -1
+
+
 def test_reported_range_is_that_of_the_signal() -> None:
     headings = np.radians(np.arange(0, 360, 30.0))
     options = PredictionOptions(receiver=Receiver.BOARD, noise=0.001, seed=5)
@@ -207,3 +216,33 @@ def test_false_wall_of_figure_9_exists_for_the_boards_receiver_too() -> None:
     assert scan.paths.via(int(scan.winners[0]), ROOM) == ("bottom", "top", "bottom")
     assert scan.ranges == pytest.approx([0.827, 0.657], abs=0.01)
     assert (scan.ranges > [0.827, 0.657]).all()
+
+
+@pytest.mark.parametrize(("low", "high", "share"), [(0.0, 0.02, 0.5), (0.004, 0.019, 0.4), (0.009, 0.049, 0.025)])
+def test_without_integration_the_time_is_that_at_which_a_straight_line_meets_the_threshold(
+    low: float, high: float, share: float
+) -> None:
+    board = replace(PAPERLIKE, threshold_db=-40.0, blanking=0.0, blanking_inhibit=None)
+    samples = np.zeros(1000, dtype=np.complex128)
+    samples[500], samples[501] = low, high
+    assert echo_times(samples, board, SPEED)[0] * RATE == pytest.approx(500 + share)
+
+
+@pytest.mark.parametrize("over", [1.2, 2.0, 10.0])
+def test_a_constant_signal_fills_the_capacitor_after_the_time_of_an_exponential(over: float) -> None:
+    """v = L (1 - exp(-t/τ)) is 1 at t = τ ln(L / (L - 1))."""
+    board = replace(LEVEL, threshold_db=0.0, blanking=0.0, blanking_inhibit=None, integration_cycles=8.0)
+    lone = lowest_level(board)
+    samples = np.full(4000, over * lone, dtype=np.complex128)
+    constant = board.integration_cycles / board.frequency
+    assert echo_times(samples, board, SPEED)[0] == pytest.approx(constant * math.log(over / (over - 1)), abs=1 / RATE)
+
+
+def lowest_level(board: Board) -> float:
+    """Return the lowest constant level that is ever detected, by bisection."""
+    low, high = 0.0, 2.0
+    for _ in range(40):
+        level = (low + high) / 2
+        found = len(echo_times(np.full(20_000, level, dtype=np.complex128), board, SPEED)) > 0
+        low, high = (low, level) if found else (level, high)
+    return high

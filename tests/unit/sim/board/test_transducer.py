@@ -5,9 +5,19 @@ import math
 import numpy as np
 import pytest
 from scipy.signal import fftconvolve
+from scipy.special import j1, jv
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import board_names, load_board
-from sonarhw_sim.board.transducer import beam_gain, burst_loss, convolved, far_field, impulse_response, square_burst
+from sonarhw_sim.board.transducer import (
+    beam_gain,
+    burst_loss,
+    convolved,
+    disc_factor,
+    disc_slope,
+    far_field,
+    impulse_response,
+    square_burst,
+)
 
 SPEED = 343.987
 RADIUS = 0.0192
@@ -25,6 +35,13 @@ def test_beam_is_that_of_a_piston(ka: float, at_3: float, at_6: float, at_12: fl
     for angle, loss in ((at_3, -3), (at_6, -6), (at_12, -12)):
         assert decibels(angle, ka) == pytest.approx(loss, abs=0.3)
     assert decibels(null, ka) < -45
+
+
+@pytest.mark.parametrize("largest", [0.01, 1.0, 17.33, 300.0])
+def test_the_factor_of_a_disc_and_its_slope_are_those_of_bessel_functions(largest: float) -> None:
+    x = np.linspace(-largest, largest, 4000).reshape(40, 100)
+    assert disc_factor(x) == pytest.approx(2 * j1(x) / x, abs=3e-15)
+    assert disc_slope(x) == pytest.approx(-2 * jv(2, x) / x, abs=3e-15)
 
 
 def test_carrier_two_ways_at_17_degrees_is_minus_36_decibels() -> None:

@@ -11,12 +11,13 @@ from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import board_names, load_board
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.board.weighing import beam, beam_table
-from sonarhw_sim.choices import Model, Unit
+from sonarhw_sim.choices import Model, Receiver, Unit
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, load_room
 
+from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
 
 ROOM = load_room("rooms/simple.toml")
@@ -148,3 +149,22 @@ def test_winner_is_the_first_of_the_echoes_whatever_the_unit() -> None:
         scan = predict("figure7", *range(0, 360, 3), unit=unit)
         firsts = [echoes[0].path if (echoes := scan.echoes(k)) else -1 for k in range(len(scan.headings))]
         assert scan.winners.tolist() == firsts
+
+
+def test_noise_depends_on_the_heading_only_and_is_the_same_after_a_full_turn() -> None:
+    options = PredictionOptions(noise=0.01, receiver=Receiver.BOARD)
+    board = load_board("polaroid-6500")
+
+    def noise(*headings: float) -> list[FloatArray]:
+        scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.array(headings), options)
+        quiet = replace(scan, noise=0.0)
+        return [
+            np.asarray(scan.signal_at(k, 0.02).envelope().samples - quiet.signal_at(k, 0.02).envelope().samples)
+            for k in range(len(headings))
+        ]
+
+    (alone,), (first, other, turned) = noise(0.5), noise(0.5, 0.5001, 0.5 + math.tau)
+    assert np.abs(alone).max() > 0.001
+    np.testing.assert_allclose(first, alone, atol=1e-12)
+    np.testing.assert_allclose(turned, alone, atol=1e-9)
+    assert abs(np.corrcoef(other, alone)[0, 1]) < 0.5

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.predict.room_echoes import EXACT, MAX_ECHOES, RoomEchoes
+from sonarhw_sim.predict.room_echoes import EXACT, MAX_ECHOES, RoomEchoes, with_furniture
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.echo_source import Ping, PingResult
+from tests.fixtures.rooms_for_tests import polygon_room
 
 ROOM = load_room("rooms/simple.toml")
 PLACE = ROOM.places["figure9"]
@@ -57,6 +58,29 @@ def test_room_has_one_additional_post() -> None:
     source.prepare()
     assert source.ready
     assert source._truth()[0].names[-1] == "furniture"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_additional_post_stands_free_between_the_scanner_and_a_wall(seed: int) -> None:
+    """In a rectangle, the whole post is inside the walls, and the scanner is outside the post."""
+    wide, deep, (x, y) = 3.0, 2.0, (0.7, 1.2)
+    room = polygon_room([(0.0, 0.0), (wide, 0.0), (wide, deep), (0.0, deep)])
+    furnished = with_furniture(room, (x, y), np.random.default_rng(seed))
+    ((px, py, radius),) = furnished.posts.tolist()
+    assert 0 < radius < min(px, wide - px, py, deep - py)
+    far = math.hypot(px - x, py - y)
+    assert far > 2 * radius
+    # the distance to the wall behind the post, along the ray through its middle
+    dx, dy = (px - x) / far, (py - y) / far
+    wall = min(((wide if dx > 0 else 0) - x) / dx, ((deep if dy > 0 else 0) - y) / dy)
+    assert 0.6 <= far / wall <= 0.8
+    assert radius / wall == pytest.approx(0.03)
+    assert (
+        with_furniture(
+            polygon_room([(9.0, 9.0), (9.0, 9.0001)], closed=False), (x, y), np.random.default_rng(seed)
+        ).posts.size
+        == 0
+    )
 
 
 def test_trace_rises_at_every_loud_echo_and_not_before_the_first() -> None:

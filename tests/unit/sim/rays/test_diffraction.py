@@ -24,7 +24,9 @@ def diffracted(room: Room, search: PathSearch) -> dict[tuple[str, ...], float]:
 
 
 def test_reflections_before_and_after_an_edge_are_found() -> None:
-    lengths = diffracted(polygon_room(CEILING, closed=False, extra=FIN), PathSearch(5.0, WAVELENGTH))
+    lengths = diffracted(
+        polygon_room(CEILING, closed=False, extra=FIN), PathSearch(5.0, WAVELENGTH, edge_strength=EdgeStrength.PAPER)
+    )
     straight, mirrored = math.hypot(1.0, 0.2), math.hypot(1.0, 1.8)
     assert lengths[("fin[0]/",)] == pytest.approx(2 * straight)
     assert lengths[("w[0]", "fin[0]/")] == pytest.approx(straight + mirrored)
@@ -91,7 +93,7 @@ def test_no_path_above_the_faintest_is_missed(strength: EdgeStrength) -> None:
 
 
 def test_longest_path_to_an_edge_just_reaches_the_faintest() -> None:
-    edge_diffraction = EdgeDiffraction(WAVELENGTH, 0.01)
+    edge_diffraction = EdgeDiffraction(WAVELENGTH, 0.01, EdgeStrength.PAPER)
     for distance in (0.95, 1.2, 1.7):
         longest = float(edge_diffraction.longest_partial(np.array([distance]))[0])
         assert edge_gain(longest, distance, WAVELENGTH) == pytest.approx(0.01)

@@ -1,13 +1,16 @@
 """Paths against image sources, closed forms and symmetry."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 from sonarhw_sim.room.model import Room, load_room
 
-from tests.fixtures.rooms_for_tests import polygon_room, star_room
+from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
 from tests.oracles.image_sources import specular_lengths
 
 WAVELENGTH = 0.00696
@@ -145,7 +148,7 @@ def test_path_over_post_and_wall_has_equal_angles_at_the_post() -> None:
 
 def test_free_wall_end_diffracts_with_the_papers_factor() -> None:
     room = polygon_room([(0.35, 0.0), (1.0, -0.4)], closed=False)
-    paths = find_paths(room, (0.0, 0.0), PathSearch(0.8, WAVELENGTH))
+    paths = find_paths(room, (0.0, 0.0), PathSearch(0.8, WAVELENGTH, edge_strength=EdgeStrength.PAPER))
     assert [paths.via(k, room) for k in range(len(paths))] == [("w[0]/",)]
     assert paths.lengths[0] == pytest.approx(0.7)
     assert 20 * math.log10(paths.gains[0]) == pytest.approx(-33.0, abs=0.1)
@@ -231,7 +234,10 @@ def test_sensor_on_a_wall_in_a_corner_or_in_line_with_one_has_paths(place: tuple
 
 
 def test_edge_along_its_own_wall_has_no_path() -> None:
-    paths = find_paths(polygon_room([(1.0, 0.0), (2.0, 0.0)], closed=False), (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
+    room, search = polygon_room([(1.0, 0.0), (2.0, 0.0)], closed=False), PathSearch(6.0, WAVELENGTH)
+    # edge-on, a plate is silent by the uniform theory
+    assert len(find_paths(room, (0.0, 0.0), search)) == 0
+    paths = find_paths(room, (0.0, 0.0), replace(search, edge_strength=EdgeStrength.PAPER))
     assert paths.lengths == pytest.approx([2.0])
 
 
@@ -239,3 +245,32 @@ def test_path_as_long_as_the_limit_and_its_reverse_are_both_listed() -> None:
     room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
     paths = find_paths(room, (1.13, 0.71), specular(8.0, 4))
     assert [paths.via(k, room)[0] for k in np.flatnonzero(paths.lengths > 7.999)] == ["w[0]", "w[2]"]
+
+
+def test_sound_spread_by_a_thin_post_reaches_edges_in_all_directions() -> None:
+    """The shortest path over the post to the free end of a wall and straight back, by Fermat's principle."""
+    post = (1.0, 0.0, 0.01)
+    angles = np.radians([40, 70, 100, 125, 235, 260, 290, 320])
+    tips = np.column_stack((1.0 + 1.5 * np.cos(angles), 1.5 * np.sin(angles)))
+    outer = np.column_stack((1.0 + 2.5 * np.cos(angles), 2.5 * np.sin(angles)))
+    room = room_of(np.hstack((tips, outer)), [post])
+    paths = find_paths(room, (0.0, 0.0), PathSearch(12.0, WAVELENGTH, 1, True, 5760, EdgeStrength.PAPER, 1e-6))
+    number = len(room.walls)
+    found = {}
+    for row in range(len(paths)):
+        if paths.edges[row] >= 0 and paths.bounces[row] == 1 and paths.surfaces[row, 0] == number:
+            found.setdefault(int(paths.edges[row]), []).append(float(paths.lengths[row]))
+
+    for x, y in tips.tolist():
+        (edge,) = [k for k, at in enumerate(room.edges.points.tolist()) if math.dist(at, (x, y)) < 1e-9]
+
+        def length(turn: float, x: float = x, y: float = y) -> float:
+            px, py = 1.0 + 0.01 * math.cos(turn), 0.01 * math.sin(turn)
+            return math.hypot(px, py) + math.hypot(px - x, py - y) + math.hypot(x, y)
+
+        middle = (math.pi + math.atan2(y, x - 1.0)) / 2 + (math.pi if y < 0 else 0.0)
+        shortest = minimize_scalar(
+            length, bounds=(middle - 1.0, middle + 1.0), method="bounded", options={"xatol": 1e-12}
+        ).fun
+        # there over the post, and back over it
+        assert found[edge] == pytest.approx([shortest] * 2, abs=1e-9)

@@ -12,7 +12,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.scatter import PATCH, scattered_paths
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.model import Place, Room, parse_room, with_material
 
 WAVELENGTH = 0.00696
 SEARCH = PathSearch(20.0, WAVELENGTH, diffraction=False)
@@ -152,3 +152,15 @@ def test_sensor_on_the_rough_wall_has_finite_echoes(position: tuple[float, float
     patches = scattered_paths(wall_room(1.0), position, SEARCH)
     assert np.isfinite(patches.gains).all()
     assert (patches.gains <= 0.8).all()
+
+
+@pytest.mark.parametrize(("reflectance", "scatter"), [(0.8, 0.0), (0.6, 0.36), (0.9, 1.0)])
+def test_a_changed_material_is_the_same_as_in_the_file(reflectance: float, scatter: float) -> None:
+    changed = with_material(wall_room(0.2), "carpet", reflectance, scatter)
+    read = wall_room(scatter, reflectance=reflectance)
+    assert changed.reflectances == pytest.approx(read.reflectances)
+    assert changed.scattered == pytest.approx(read.scattered)
+    # scatter is a share of the power, so both parts add up to the power of the mirror
+    assert changed.reflectances**2 + changed.scattered**2 == pytest.approx([reflectance**2])
+    assert changed.scattered**2 == pytest.approx([scatter * reflectance**2])
+    assert with_material(changed, "brick", 0.1).reflectances.tolist() == changed.reflectances.tolist()

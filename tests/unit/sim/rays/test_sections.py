@@ -3,13 +3,14 @@
 import itertools
 import math
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 import pytest
+from scipy.special import j1
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Model, Unit
+from sonarhw_sim.choices import EdgeStrength, Model, Unit
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
@@ -164,7 +165,8 @@ def test_low_wall_has_echoes_of_foot_and_top_and_does_not_hide_the_wall_behind()
     paths = paths_from(room, place, PathSearch(6.4, WAVELENGTH))
     level = np.abs(paths.elevations).max(axis=1) < 1e-9
     assert [paths.via(k, room) for k in np.flatnonzero(level) if paths.edges[k] < 0] == [("back",)]
-    detected = {via: (length, gain) for length, gain, via in from_above(room, place, PathSearch(6.4, WAVELENGTH))}
+    papers = PathSearch(6.4, WAVELENGTH, edge_strength=EdgeStrength.PAPER)
+    detected = {via: (length, gain) for length, gain, via in from_above(room, place, papers)}
     assert detected[("floor", "fence")] == pytest.approx((2 * math.hypot(1.0, 0.9), 0.72))
     top = math.hypot(1.0, 0.3)
     assert detected[("fence/",)] == pytest.approx((2 * top, 1 / (math.tau * math.sqrt(top / WAVELENGTH))), rel=1e-2)
@@ -229,7 +231,7 @@ def test_lid_of_a_low_post_blocks_and_inside_a_tall_post_there_are_no_paths() ->
 def test_vertical_edge_diffracts_sound_from_the_floor() -> None:
     room = room_of(wall("end", (0.35, 0.0), (1.0, -0.4)))
     place = Place("here", (0.0, 0.0), height=0.2)
-    search = PathSearch(1.0, WAVELENGTH)
+    search = PathSearch(1.0, WAVELENGTH, faintest_diffraction=1e-4)
     in_plan = find_paths(room, place.position, search)
     detected = [
         (length, gain) for length, gain, via in from_above(room, place, search) if set(via) == {"end/", "floor"}
@@ -273,6 +275,14 @@ def test_outlines_in_the_plan_are_closed_with_one_point_for_every_touch() -> Non
         assert corners[0] == pytest.approx(HERE.position)
         assert corners[-1] == pytest.approx(HERE.position)
         assert np.hypot(*np.diff(corners, axis=0).T).sum() <= paths.lengths[k] + 1e-9
+        edge, bend = int(paths.edges[k]), int(paths.bends[k])
+        if edge < 0:
+            assert bend == paths.bounces[k]
+        elif edge < len(room.edges.points):
+            assert corners[bend + 1] == pytest.approx(room.edges.points[edge], abs=1e-9)
+    # some have reflections before and after the edge, and off floor or ceiling
+    bent = (paths.edges >= 0) & (paths.bends > 0) & (paths.bends < paths.bounces)
+    assert (np.abs(paths.elevations[bent]) > 1e-9).any()
 
 
 def test_parallel_sections_share_the_face_between_them() -> None:
@@ -330,7 +340,8 @@ def test_reading_of_a_place_with_height_is_the_first_of_all_sections() -> None:
     flat = predict_scan(room, replace(place, height=None), board, np.array([math.pi / 2]))
     tall = cut(room, spanning_at(room, 0.25))
     over = predict_scan(tall, replace(place, height=None), board, np.array([math.pi / 2]))
-    assert scan.paths.via(int(scan.winners[0]), room) == ("floor", "step")
+    # the top of the step is only 0.07 m below the transducer, so its edge is louder than the corner at its foot
+    assert scan.paths.via(int(scan.winners[0]), room) == ("step/",)
     assert flat.ranges[0] < scan.ranges[0] < over.ranges[0]
 
 
@@ -339,7 +350,7 @@ def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() ->
     out_of_plan = 0
     for position, height in (((1.53, 1.72), 0.3), ((2.67, 0.7), 0.69), ((1.06, 1.46), 0.52)):
         place = Place("here", position, height=height)
-        options = PredictionOptions(diffraction=False)
+        options = PredictionOptions(diffraction=False)  # images only
         scan = predict_scan(room_of(BOX), place, board, headings, options)
         flat = predict_scan(room_of(BOX), replace(place, height=None), board, headings, options)
         exact = first_images(place, board, headings)
@@ -349,22 +360,41 @@ def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() ->
 
 
 def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray:
-    """Return the range at each heading by all image sources of the box room in three dimensions, (n,) m."""
-    ka = board.wavenumber(room_of(BOX).air) * board.aperture_radius
+    """Return the range at each heading by all image sources of the box room in three dimensions, (n,) m.
+
+    Images within one wavelength of path add up with their phases; the range is that of the loudest.
+    """
+    air = room_of(BOX).air
+    ka, x, y, z = board.wavenumber(air) * board.aperture_radius, *place.position, place.height or 0.0
     axes = np.column_stack((np.cos(headings), np.sin(headings)))
-    first = np.full(len(headings), np.inf)
-    x, y, z = *place.position, place.height or 0.0
+    images = []
     for i, j, k in itertools.product(range(-5, 6), range(-7, 8), range(-6, 7)):
         image = np.array([_image(i, x, 3.0) - x, _image(j, y, 2.0) - y, _image(k, z, 2.4) - z])
         length = float(np.hypot(np.hypot(*image[:2]), image[2]))
         if (i, j, k) == (0, 0, 0) or not board.blanked_range(Air()) <= length / 2 <= board.max_range:
             continue
         back = np.where(np.array([i, j, k]) % 2 == 0, -image, image)
-        level = _gain(i, j, k)
+        level = _gain(i, j, k) * np.ones(len(headings))
         for way in (image, back):
-            level = level * beam_gain(np.arccos(np.clip(axes @ way[:2] / length, -1, 1)), ka)
-        first = np.where(level >= 10 ** (board.threshold_db / 20), np.minimum(first, length / 2), first)
-    return np.where(np.isfinite(first), first, np.nan)
+            cosines = np.clip(axes @ way[:2] / length, -1, 1)
+            x_beam = ka * np.sqrt(1 - cosines**2)
+            level *= np.where(cosines > 0, lobes(x_beam) * cosines, 0.0)
+        images.append((length, level))
+    images.sort(key=itemgetter(0))
+    lengths, levels = np.array([length for length, _ in images]), np.array([level for _, level in images])
+    phasors = levels * np.exp(-1j * board.wavenumber(air) * lengths)[:, None]
+    first = np.full(len(headings), np.nan)
+    for row in reversed(range(len(lengths))):
+        group = slice(*np.searchsorted(lengths, (lengths[row] - 1e-9, lengths[row] + board.wavelength(air))))
+        heard = np.abs(phasors[group].sum(axis=0)) >= 10 ** (board.threshold_db / 20)
+        loudest = lengths[group][np.abs(levels[group]).argmax(axis=0)]
+        first = np.where(heard, loudest / 2, first)
+    return first
+
+
+def lobes(x: FloatArray) -> FloatArray:
+    """Return 2 J₁(x)/x with its sign, 1 at 0."""
+    return np.asarray(np.where(x > 1e-9, 2 * j1(x) / np.maximum(x, 1e-9), 1.0))
 
 
 def test_fake_scanner_uses_sections() -> None:
@@ -372,7 +402,7 @@ def test_fake_scanner_uses_sections() -> None:
     detected = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
         Ping(math.pi / 2, 0, 0, 0.06, False)
     )
-    assert detected.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.25), abs=1e-6)
+    assert detected.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.07), abs=1e-6)
 
 
 def test_furniture_is_numbered_before_floor_and_ceiling() -> None:

@@ -1,6 +1,8 @@
 """The edges of a room equal those of a search of all walls at all vertices, for any number of walls."""
 
 import math
+from fractions import Fraction
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -8,7 +10,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.edges import edges_on_walls, find_edges
-from sonarhw_sim.room.grid import lay_grid
 from sonarhw_sim.room.model import parse_room
 
 from sonarhw.readings import FloatArray
@@ -23,7 +24,7 @@ _wall = st.tuples(_coordinate, _coordinate, _coordinate, _coordinate).filter(lam
 def by_place(wedge: Wedge) -> Wedge:
     """Return a sort key in which openings that differ only by rounding are equal."""
     x, y, opening, name = wedge
-    return x, y, round(opening, 6), name
+    return round(x, 6), round(y, 6), round(opening, 6), name
 
 
 def names_of(walls: FloatArray) -> tuple[str, ...]:
@@ -43,10 +44,26 @@ def faces_at(vertex: tuple[float, float], walls: FloatArray) -> list[tuple[float
     return sorted(faces.items())
 
 
+def crossings(walls: FloatArray) -> set[tuple[float, float]]:
+    """Return where walls with whole coordinates cross, from exact fractions."""
+    found = set()
+    for one, other in combinations(walls.astype(int).tolist(), 2):
+        x, y, end_x, end_y = one
+        along, across = (end_x - x, end_y - y), (other[2] - other[0], other[3] - other[1])
+        area = along[0] * across[1] - along[1] * across[0]
+        if area:
+            there = other[0] - x, other[1] - y
+            at = Fraction(there[0] * across[1] - there[1] * across[0], area)
+            on = Fraction(there[0] * along[1] - there[1] * along[0], area)
+            if 0 < at < 1 and 0 < on < 1:
+                found.add((float(x + at * along[0]), float(y + at * along[1])))
+    return found
+
+
 def wedges(walls: FloatArray) -> list[Wedge]:
     """Return every wedge of air that diffracts, found without a grid."""
     found = []
-    for x, y in sorted({(x, y) for wall in walls.tolist() for x, y in (wall[:2], wall[2:])}):
+    for x, y in sorted({(x, y) for wall in walls.tolist() for x, y in (wall[:2], wall[2:])} | crossings(walls)):
         faces = faces_at((x, y), walls)
         for (start, one), (end, other) in zip(faces, faces[1:] + faces[:1], strict=True):
             opening = (end - start) % math.tau or math.tau
@@ -71,12 +88,13 @@ def found_wedges(walls: FloatArray) -> list[Wedge]:
 def test_edges_equal_those_of_a_search_without_grid(drawn: list[tuple[float, ...]]) -> None:
     walls = np.array(drawn)
     found, expected = found_wedges(walls), wedges(walls)
-    assert [(x, y, name) for x, y, _, name in found] == [(x, y, name) for x, y, _, name in expected]
+    assert [name for *_, name in found] == [name for *_, name in expected]
+    assert [at for *at, _, _ in found] == [pytest.approx(at, abs=1e-9) for *at, _, _ in expected]
     assert [opening for _, _, opening, _ in found] == pytest.approx(
         [opening for _, _, opening, _ in expected], abs=1e-6
     )
     edges = find_edges(walls, names_of(walls))
-    listing = edges_on_walls(edges, lay_grid(walls, NO_POSTS))
+    listing = edges_on_walls(edges, walls)
     for k in range(len(walls)):
         on = {
             row

@@ -21,7 +21,7 @@ directions = st.one_of(st.floats(0, math.tau), st.integers(0, 7).map(lambda k: k
 clutter = st.tuples(st.lists(walls, min_size=1, max_size=30), st.lists(posts, max_size=5))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(clutter, points, directions)
 def test_first_hit_is_the_nearest_of_all_surfaces(
     things: tuple[list[tuple[float, ...]], list[tuple[float, ...]]], start: tuple[float, float], direction: float
@@ -35,7 +35,7 @@ def test_first_hit_is_the_nearest_of_all_surfaces(
     assert (surface == -1) == math.isinf(nearest)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=70, deadline=None)
 @given(clutter, points, points)
 def test_leg_is_free_if_no_single_surface_blocks_it(
     things: tuple[list[tuple[float, ...]], list[tuple[float, ...]]],

@@ -1,5 +1,7 @@
 """A changed and saved room reads back the same, with its comments."""
 
+import errno
+import os
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,7 +13,7 @@ from sonarhw_sim.air import Air
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 from sonarhw_sim.room.room_writing import save_room, with_air, with_material, with_place
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, OutputError
 from tests.checkout import CHECKOUT
 
 ROOMS = sorted((CHECKOUT / "rooms").glob("*.toml"))
@@ -101,6 +103,23 @@ def test_a_saved_room_loads_and_existing_files_are_not_overwritten(tmp_path: Pat
     assert_same_rooms(load_room(file), room)
     save_room(with_air(room, Air(temperature_c=4.0)), file, overwrite=True)
     assert load_room(file).air.temperature_c == 4.0
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_room_that_cannot_be_saved_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    file = tmp_path / "mine.toml"
+    if there:
+        file.write_text("mine")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match=r"mine\.toml: No space left on device; delete other files"):
+        save_room(load_room(SIMPLE), file, overwrite=there)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"] * there
 
 
 def _quoted(name: str) -> str:

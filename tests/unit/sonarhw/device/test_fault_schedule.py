@@ -75,6 +75,12 @@ def test_an_invalid_schedule_is_refused_with_an_error_of_one_line(spec: str) -> 
     assert "\n" not in str(refused.value)
 
 
+def test_the_limits_themselves_are_valid() -> None:
+    assert read_faults("drop=0,flip=1,drift=-100000") == Faults(drop=0.0, flip=1.0, drift=-100_000.0)
+    assert read_faults("stall=0@0").events == (Event(FaultKind.STALL, 0.0, At(0.0)),)
+    assert read_faults("protocol=255.255").protocol == (255, 255)
+
+
 # the line
 
 
@@ -211,3 +217,15 @@ def test_random_bytes_are_never_taken_for_a_reading_or_a_scanner() -> None:
             joined.greet()
         assert joined.readings == []
         assert joined.driver.info is None
+
+
+def test_bytes_that_wait_in_a_stalled_line_arrive_once_also_after_several_stalls() -> None:
+    """The board has received as many frames as the host has sent."""
+    joined = joined_with("stall=0.4@1,stall=0.4@2,stall=0.4@3")
+    joined.ask(Hello(1, 1))
+    for moment in (1.1, 2.1, 3.1, 4.0):
+        while joined.now < moment:
+            joined.step()
+        statistics = joined.ask(AskStatistics()).answer
+    assert isinstance(statistics, Statistics)
+    assert statistics.frames == joined.driver.statistics.frames_sent

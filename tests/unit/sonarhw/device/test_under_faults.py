@@ -80,8 +80,9 @@ def assert_correct(readings: Sequence[Reading]) -> None:
         np.testing.assert_allclose(samples[arrived], np.linspace(0, 1, 3125)[arrived], atol=0.5 / 255 + 1e-12)
 
 
-@pytest.mark.parametrize("vanishes", [True, False], ids=["port vanishes", "port stays"])
-@pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
+@pytest.mark.parametrize(
+    ("trace", "vanishes"), [(True, True), (False, False)], ids=["traces, port vanishes", "echoes, port stays"]
+)
 @pytest.mark.parametrize("faults", RECOVERABLE, ids=lambda faults: faults or "none")
 def test_recoverable_faults_lose_and_repeat_no_reading(faults: str, trace: bool, vanishes: bool) -> None:
     plugged = Plugged(faulty(faults), vanishes)

@@ -19,6 +19,7 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Info,
+    Message,
     Outcome,
     ReadingMessage,
     Resend,
@@ -242,6 +243,13 @@ def test_a_lost_answer_is_recovered_after_the_command_has_finished() -> None:
     assert len(joined.scan(StartScan(0, 1_000_000, 2, 1, 1))) == 2
 
 
+def test_command_numbers_continue_at_0_after_65535() -> None:
+    joined = Joined(driver=Driver(first_sequence=65_534))
+    joined.greet()
+    assert len(joined.scan(StartScan(0, 5_000_000, 3, 1, 1))) == 3
+    assert joined.ask(Home()).sequence == 2
+
+
 def test_a_lost_started_loses_no_reading() -> None:
     joined = Joined()
     joined.greet()
@@ -261,6 +269,25 @@ def test_a_lost_reading_is_requested_at_the_next_heartbeat_before_the_next_readi
     joined.until(lambda: len(joined.readings) == 1)
     assert joined.readings[0].number == 0
     assert len(joined.echoes.pings) == 1
+
+
+@pytest.mark.parametrize("lost", [3, 2])
+def test_readings_lost_just_before_the_end_of_the_scan_are_requested(lost: int) -> None:
+    """Finished states how many readings the board has made."""
+    numbers: list[int] = []
+
+    def unwanted(message: Message) -> bool:
+        if isinstance(message, ReadingMessage):
+            numbers.append(message.number)
+        late = isinstance(message, ReadingMessage) and message.number >= lost and numbers.count(message.number) == 1
+        return late or isinstance(message, Heartbeat)
+
+    joined = Joined()
+    joined.greet()
+    joined.up = without(unwanted)
+    readings = joined.scan(StartScan(0, 5_000_000, 4, 1, 1))
+    assert sorted(one.number for one in readings) == [0, 1, 2, 3]
+    assert numbers.count(0) == 1
 
 
 def test_a_reading_of_the_previous_scan_is_left_out_of_the_next_one() -> None:

@@ -16,6 +16,7 @@ from sonarhw.link.serial_link import BOOTLOADER
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Configure, ConfigureTurntable, Heartbeat, Outcome, ReadingMessage, StartScan, Turn
+from tests.conftest import Count
 from tests.fixtures.joined import dropping, flipping, without
 from tests.fixtures.plain_echoes import echo_time
 from tests.fixtures.pulled_cables import CONNECTED, Bench
@@ -38,10 +39,10 @@ def check(readings: "list[Reading]", order: StartScan = ORDER) -> None:
         assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=2e-9)
 
 
-def test_two_hundred_random_unplugs_lose_no_reading_and_each_is_detected_within_a_second() -> None:
+def test_random_unplugs_lose_no_reading_and_each_is_detected_within_a_second(count: Count) -> None:
     chance = random.Random(1)
     unplugs = 0
-    while unplugs < 200:
+    while unplugs < count(50, 200):
         unplugs += scan_with_unplugs(Bench(seed=unplugs).connect(), chance)
 
 
@@ -255,6 +256,23 @@ def test_stopping_a_scan_while_the_link_is_lost_ends_it() -> None:
     bench.session.stop(scan, bench.now)
     assert scan.done
     assert scan.result is Outcome.STOPPED
+
+
+def test_the_session_is_moving_only_while_the_turntable_moves() -> None:
+    bench = Bench().connect()
+    configured = bench.session.start(configuring(TRACES), bench.now)
+    states = set()
+    while not configured.done:
+        states.add(bench.session.state)
+        bench.step()
+    assert states == {Connection.READY}
+    bench.run(homing())
+    turned = bench.session.start(turning(Turn(90_000_000)), bench.now)
+    while not turned.done:
+        states.add(bench.session.state)
+        bench.step()
+    assert states == {Connection.READY, Connection.MOVING}
+    assert bench.session.state is Connection.READY
 
 
 def test_turning_and_scanning_home_first() -> None:

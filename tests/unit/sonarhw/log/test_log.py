@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from sonarhw.errors import LogError, NotALog
+from sonarhw.errors import LogError, NotALog, SonarError
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
 from sonarhw.readings import Reading
@@ -93,9 +93,10 @@ def test_a_reading_that_does_not_fit_a_frame_leaves_no_file(tmp_path: Path) -> N
     assert not (tmp_path / "scan.mcap").exists()
 
 
-def test_a_range_without_a_speed_of_sound_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="speed of sound"):
-        write_scan(tmp_path / "scan.mcap", METADATA, [replace(example_reading(0), speed_of_sound=math.nan)])
+@pytest.mark.parametrize("speed", [math.nan, math.inf, 0.0, 0.9])
+def test_a_range_without_a_speed_of_sound_is_refused(tmp_path: Path, speed: float) -> None:
+    with pytest.raises(ValueError, match=f"a speed of sound of {speed} m/s; expected at least 1 m/s"):
+        write_scan(tmp_path / "scan.mcap", METADATA, [replace(example_reading(0), speed_of_sound=speed)])
     assert not (tmp_path / "scan.mcap").exists()
 
 
@@ -269,6 +270,16 @@ def test_a_copy_gives_the_same_data_as_its_original(tmp_path: Path) -> None:
     assert copy.scans[0].began == original.scans[0].began
     for got, wanted in zip(copy.readings, original.readings, strict=True):
         assert_readings_close(got, wanted)
+
+
+def test_a_copy_replaces_a_file_only_on_request(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap")
+    (tmp_path / "copy.mcap").write_text("mine")
+    with pytest.raises(SonarError, match="exists"):
+        copy_log(read_log(tmp_path / "scan.mcap"), tmp_path / "copy.mcap")
+    assert (tmp_path / "copy.mcap").read_text() == "mine"
+    copy_log(read_log(tmp_path / "scan.mcap"), tmp_path / "copy.mcap", overwrite=True)
+    assert len(read_log(tmp_path / "copy.mcap").readings) == len(read_log(tmp_path / "scan.mcap").readings)
 
 
 def test_every_frame_is_kept_with_the_bytes_of_the_wire(tmp_path: Path) -> None:

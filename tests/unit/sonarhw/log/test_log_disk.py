@@ -3,6 +3,7 @@
 import errno
 import os
 import queue
+from functools import partial
 from io import FileIO
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import pytest
 import sonarhw.disk_space
 import sonarhw.log.appended_file
 from sonarhw.disk_space import DiskSpaceMonitor, log_size
-from sonarhw.errors import LogError
-from sonarhw.log import LogWriter, read_log
+from sonarhw.errors import LogError, OutputError
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import LogWriter, copy_log, read_log
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
 from tests.hang_guard import HANG
 from tests.unit.sonarhw.log.test_log import reading_frame
@@ -141,13 +143,45 @@ def test_a_removed_drive_gives_an_error_with_the_number_of_kept_readings(
     log.close()
 
 
-def test_a_log_is_synchronised_to_disk_when_it_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drive = Drive(monkeypatch, tmp_path / "scan.mcap")
-    log = LogWriter(tmp_path / "scan.mcap", METADATA, live=False)
-    log.reading(example_reading(0))
-    drive.removed = True
-    with pytest.raises(LogError, match="Input/output error"):
-        log.close()
+# logs that are written as a whole
+
+
+@pytest.mark.parametrize("writer", ["write_scan", "copy_log"])
+@pytest.mark.parametrize("there", [False, True])
+def test_a_log_whose_sync_fails_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writer: str, there: bool
+) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    path, source = folder / "scan.mcap", tmp_path / "source.mcap"
+    readings = write_example(source, 3)
+    write = {
+        "write_scan": partial(write_scan, path, METADATA, readings),
+        "copy_log": partial(copy_log, read_log(source), path),
+    }[writer]
+    before = old_log(path) if there else b""
+
+    def fail(_: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(OutputError, match=r"scan\.mcap: Input/output error; choose another file"):
+        write(overwrite=there)
+    assert [one.read_bytes() for one in folder.iterdir()] == [before] * there
+
+
+def test_a_file_that_appears_while_a_log_is_written_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "scan.mcap"
+    fsync = os.fsync
+
+    def user_creates_a_file(descriptor: int) -> None:
+        fsync(descriptor)
+        path.write_text("mine")
+
+    monkeypatch.setattr(os, "fsync", user_creates_a_file)
+    with pytest.raises(OutputError, match="exists already"):
+        write_scan(path, METADATA, [example_reading(0)])
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("scan.mcap", "mine")]
 
 
 # replacing an old log

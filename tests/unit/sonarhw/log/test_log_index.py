@@ -87,7 +87,7 @@ CONVERSATIONS: dict[str, Callable[[], Conversation]] = {
 
 def record(path: Path, frames: Conversation) -> None:
     """Record the frames, and some readings, as a driver does."""
-    with LogWriter(path, METADATA, live=False) as log:
+    with LogWriter(path, METADATA) as log:
         for number, (received, wire) in enumerate(frames):
             log.frame(received, STARTED + 0.01 * number, wire)
             if received and frames[number + 1 : number + 2] != [] and number % 4 == 3:
@@ -162,7 +162,7 @@ def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path)
 
 def test_a_sweep_continued_after_a_reset_is_one_laser_scan(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
-    with LogWriter(path, METADATA, live=False) as log:
+    with LogWriter(path, METADATA) as log:
         for received, wire in continued():
             for reading in log.take(RecordedFrame(STARTED, received, wire)):
                 log.reading(reading)
@@ -264,7 +264,7 @@ def test_any_bit_error_in_a_closed_log_is_reported(tmp_path: Path) -> None:
 def test_ranges_are_kept_when_the_settings_are_lost(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     written = [example_reading(number) for number in range(4)]
-    with LogWriter(path, METADATA, live=False) as log:
+    with LogWriter(path, METADATA) as log:
         log.frame(True, STARTED, frame_of(Started(7, 4)))
         for reading in written:
             log.frame(True, STARTED + reading.time, frame_of(reading_message(reading, SOUND), time=reading.time + 0.06))

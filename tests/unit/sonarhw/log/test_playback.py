@@ -75,6 +75,7 @@ def test_a_change_of_speed_keeps_the_position(log: Log) -> None:
 def test_playback_stops_when_paused_and_at_the_end(log: Log) -> None:
     playback = playing(log)
     playback.advance(0.25)
+    assert playback.advance(0.0)
     playback.pause()
     assert not playback.advance(10.0)
     assert playback.position == pytest.approx(0.25)

@@ -5,7 +5,7 @@ import pytest
 
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.assembly import ReadingAssembler
-from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk
+from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk, TraceKind
 from sonarhw.wire.reading_messages import trace_chunks
 
 
@@ -156,3 +156,28 @@ def test_sixteen_bit_samples_keep_full_precision() -> None:
     (whole,) = assembler.feed(TraceChunk(0, 0, 5, 13_000, 0, levels.tobytes(), 1, 16))
     assert whole.trace is not None
     np.testing.assert_allclose(whole.trace.samples, levels / 65535, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"), [(TraceKind.ENVELOPE, [0.0, 0.2, 1.0]), (TraceKind.CARRIER, [-1.0, -0.6, 1.0])]
+)
+@pytest.mark.parametrize("more", [b"", b"\x07"], ids=["whole", "half a sample more"])
+def test_samples_of_sixteen_bits_are_shares_of_65535(kind: TraceKind, expected: list[float], more: bytes) -> None:
+    assembler = ReadingAssembler()
+    assembler.feed(Settings(1, 62_500, 2380, int(kind), 343_200))
+    assembler.feed(Started(2, 1))
+    samples = np.array([0, 13_107, 65_535], dtype="<u2").tobytes() + more
+    (done,) = [
+        out
+        for message in (reading(0), TraceChunk(0, 0, 3, 20_000, 0, samples, bits=16, kind=int(kind)))
+        for out in assembler.feed(message)
+    ]
+    assert done.trace is not None
+    assert done.trace.samples == pytest.approx(expected)
+    assert done.trace.rate == pytest.approx(50_000)
+
+
+def test_a_trace_is_cut_to_the_samples_that_its_messages_can_count() -> None:
+    sent = [*trace_chunks(1, Trace(np.zeros(66_000), 50_000.0, 0.0))]
+    assert {chunk.total for chunk in sent} == {65_535}
+    assert sum(len(chunk.samples) for chunk in sent) == 65_535

@@ -1,6 +1,8 @@
 """Properties of messages: packing is reversible, messages fit a frame, and no payload crashes the decoder."""
 
+import re
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -111,3 +113,24 @@ def test_one_echo_more_than_the_limit_does_not_fit_a_frame() -> None:
         return len(ReadingMessage(0, 0, 0, 0, 0, 0, (0,) * echoes).pack())
 
     assert size(MAX_ECHOES) <= MAX_PAYLOAD < size(MAX_ECHOES + 1)
+
+
+def documented_defaults() -> list[tuple[int, str, int]]:
+    """Return type of message, field and default of each field that version 1.0 does not have, as documented."""
+    found, kind = [], 0
+    for line in Path("firmware_protocol.md").read_text(encoding="utf-8").splitlines():
+        if heading := re.match(r"### \w+ · (0x\w\w) ", line):
+            kind = int(heading[1], 16)
+        if row := re.match(r"\| `(\w+)` \|.* · 1\.1, else (\d+) \|", line):
+            found.append((kind, row[1], int(row[2])))
+    return found
+
+
+def test_fields_that_an_older_peer_does_not_send_have_the_documented_defaults() -> None:
+    defaults = documented_defaults()
+    assert len(defaults) > 10
+    for kind, name, default in defaults:
+        least = BY_TYPE[kind](*(1 for item in fields(BY_TYPE[kind]) if item.default is MISSING))
+        if not any(isinstance(item.metadata["wire"], Text | Numbers | Samples) for item in fields(BY_TYPE[kind])):
+            assert getattr(unpack_message(kind, least.pack(minor=0)), name) == default
+        assert {item.name: item.default for item in fields(BY_TYPE[kind])}[name] == default

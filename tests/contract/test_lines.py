@@ -1,0 +1,114 @@
+"""Bytes and frames pass every kind of line unchanged and in order, and noise on the line harms nothing."""
+
+import itertools
+import random
+from collections.abc import Callable
+
+import pytest
+
+from sonarhw.link.serial_link import Link
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.limits import PROTOCOL_MAJOR
+from sonarhw.wire.messages import (
+    Accepted,
+    AskStatistics,
+    Heartbeat,
+    Hello,
+    Info,
+    LinkTested,
+    Resend,
+    Settings,
+    StartScan,
+    Statistics,
+    TestLink,
+    TraceChunk,
+)
+from tests.contract.talk import Talk
+
+DEGREE = 1_000_000  # µdeg
+TEN = StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=5, sweeps=2, pings=1)
+HELLO = encode_frame(Frame(Hello.TYPE, 4711, 0, Hello(PROTOCOL_MAJOR, 0).pack()))
+
+
+@pytest.mark.parametrize(
+    ("size", "data"),
+    [(480, bytes(range(64))), (1, b"\0"), (100, b"\xff\x00"), (0, b"x")],
+    ids=["all", "one", "two", "none"],
+)
+def test_a_line_test_returns_its_bytes(talk: Talk, size: int, data: bytes) -> None:
+    assert talk.ask(TestLink(size, data), LinkTested).data == (data * size)[:size]
+
+
+def test_traces_are_complete_and_belong_to_their_readings(talk: Talk) -> None:
+    if not talk.capabilities().fastest_trace:
+        assert talk.home(trace=1).trace == 0
+        return
+    settings = talk.home(listen=0.03, trace=1)
+    messages = talk.act(TEN)[1]
+    traces: dict[int, list[TraceChunk]] = {}
+    for message in messages:
+        if isinstance(message, TraceChunk):
+            traces.setdefault(message.number, []).append(message)
+    assert [*traces] == list(range(10))
+    for chunks in traces.values():
+        check_trace(chunks, settings)
+
+
+def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
+    """Assert that every sample is present once, at the stated rate, and not later than the end of listening."""
+    (total,), (period,) = {chunk.total for chunk in chunks}, {chunk.period_ns for chunk in chunks}
+    (start,), (size,) = {chunk.start_ns for chunk in chunks}, {chunk.bits // 8 for chunk in chunks}
+    samples = [at for chunk in chunks for at in range(chunk.offset, chunk.offset + len(chunk.samples) // size)]
+    assert samples == list(range(total))
+    assert all(len(chunk.samples) <= 256 for chunk in chunks)
+    assert period == pytest.approx(1e9 / settings.trace_rate, rel=1e-4)
+    assert start + (total - 1) * period <= settings.listen_us * 1000
+    assert settings.trace_bits == 8 * size
+
+
+def test_sequence_numbers_increase_and_timestamps_never_decrease(talk: Talk) -> None:
+    talk.home(trace=1)
+    talk.act(TEN)
+    talk.ask(Resend(0, 10), Accepted)
+    frames = [item.frame for item in talk.received]
+    assert all((b.sequence - a.sequence) % 0x10000 == 1 for a, b in itertools.pairwise(frames))
+    assert all(a.time_us <= b.time_us for a, b in itertools.pairwise(frames))
+    assert talk.rejected == []
+
+
+def overlong() -> bytes:
+    """Return a block longer than any frame."""
+    return b"\x55" * 5000
+
+
+def cut_off() -> bytes:
+    """Return the beginning of a frame."""
+    return HELLO[:9]
+
+
+def damaged() -> bytes:
+    """Return a frame with one wrong bit."""
+    wire = bytearray(HELLO)
+    wire[7] ^= 0x10
+    return bytes(wire)
+
+
+def noise() -> bytes:
+    """Return random bytes, as an unconnected input receives them."""
+    return random.Random(3).randbytes(10_000)
+
+
+@pytest.mark.parametrize("damage", [overlong, cut_off, damaged, noise], ids=lambda make: make.__name__)
+def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk, damage: Callable[[], bytes]) -> None:
+    since = len(talk.received)
+    talk.write(damage())
+    talk.ask(AskStatistics(), Statistics)
+    others = [message for message in talk.messages(since) if not isinstance(message, Heartbeat | Statistics)]
+    assert others == []
+
+
+def test_a_frame_cut_off_by_a_disconnect_does_not_damage_the_next_greeting(free_url: str) -> None:
+    with Link(free_url) as link:
+        link.write(cut_off())
+    with Link(free_url) as link:
+        assert isinstance(Talk(link).greet(), Info)

@@ -1,0 +1,110 @@
+"""`sonarhw.open_scanner` opens fake scanners, logs, ports and added schemes, and closes what it has started."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from sonarhw_compare.scanners.scanner_url import SCHEMES
+
+import sonarhw
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import FakeBoard
+from sonarhw.errors import InputError, LinkError, LinkLost
+from sonarhw.readings import sector
+from tests.fixtures.example_logs import write_example
+from tests.fixtures.plain_echoes import PlainEchoes
+
+FAKE = "fake:laboratory?place=bench&seed=1&pace=max"
+SHORT = sector(0, 90, 10)
+
+
+@pytest.fixture(autouse=True)
+def no_thread_remains() -> Iterator[None]:
+    before = set(threading.enumerate())
+    yield
+    assert set(threading.enumerate()) == before
+
+
+@contextmanager
+def plain_board() -> Iterator[str]:
+    with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
+        yield endpoint.url
+
+
+def test_a_fake_scanner_scans_its_room() -> None:
+    with sonarhw.open_scanner(FAKE) as scanner:
+        readings = list(scanner.scan())
+    assert len(readings) == 72
+    summary = sonarhw.compare(readings, "laboratory", "bench").summary()
+    assert summary.within_5cm is not None
+    assert summary.within_5cm > 0.8
+
+
+def test_close_ends_the_fake_without_a_block() -> None:
+    scanner = sonarhw.open_scanner(FAKE)
+    assert len(list(scanner.scan(SHORT))) == 9
+    scanner.close()
+    scanner.close()
+    with pytest.raises(LinkLost, match="was closed"):
+        scanner.home()
+
+
+def test_a_log_is_replayed(tmp_path: Path) -> None:
+    written = write_example(tmp_path / "scan.mcap", 9)
+    with sonarhw.open_scanner(str(tmp_path / "scan.mcap")) as scanner:
+        readings = list(scanner.scan(SHORT))
+    assert [one.range for one in readings] == [pytest.approx(one.range, abs=1e-6) for one in written]
+
+
+def test_other_urls_are_opened_by_pyserial() -> None:
+    with plain_board() as url, sonarhw.open_scanner(url) as scanner:
+        assert scanner.url == url
+        assert len(list(scanner.scan(SHORT))) == 9
+
+
+@pytest.mark.parametrize(
+    ("url", "error"),
+    [
+        ("fake:laboratory?place=nowhere", InputError),
+        ("fake:laboratory", InputError),
+        ("fake:", InputError),
+        ("no-such-file.mcap", InputError),
+        ("/dev/no-such-port", LinkError),
+    ],
+)
+def test_a_url_that_cannot_be_opened_raises_and_leaves_nothing(url: str, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        sonarhw.open_scanner(url)
+
+
+def test_a_scheme_can_be_added(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = []
+
+    @contextmanager
+    def serve_mine(url: str, warn: Callable[[str], None]) -> Iterator[Callable[[], str]]:
+        with plain_board() as there:
+            yield lambda: there
+        closed.append(url)
+
+    monkeypatch.setitem(SCHEMES, "mine", serve_mine)
+    with sonarhw.open_scanner("mine:anything") as scanner:
+        assert len(list(scanner.scan(SHORT))) == 9
+        assert closed == []
+    assert closed == ["mine:anything"]
+
+
+def test_doubts_about_the_room_are_python_warnings() -> None:
+    with pytest.warns(UserWarning, match=r"place '9,9' at 9, 9 m is outside room 'Laboratory'"):
+        sonarhw.open_scanner("fake:laboratory?place=9,9&pace=max").close()
+
+
+def test_readings_of_a_fake_scanner_are_called_fake_with_and_without_their_log(tmp_path: Path) -> None:
+    origin = sonarhw.LogMetadata("scan", 1.0)
+    with sonarhw.open_scanner(FAKE) as scanner, sonarhw.LogWriter(tmp_path / "scan.mcap", origin) as log:
+        scanner.record(log)
+        live = list(scanner.scan(SHORT))
+    recorded = sonarhw.read_log(tmp_path / "scan.mcap").readings
+    for readings in (live, recorded[:2]):
+        assert sonarhw.compare(readings, "laboratory", "bench").summary().origin == "fake"

@@ -1,0 +1,171 @@
+"""The shell and Python blocks of README and docs run as printed, and commands print what the page shows.
+
+A normal run leaves out the pages in LONG, whose blocks take minutes; with `--soak` every page runs.
+
+The blocks of a page run in order, in one folder that contains a copy of `rooms/`, `examples/` and
+`docs/how_to/study_example.toml`.
+Its Python blocks share their names. Commands that serve a scanner run until the end of the page. A line with one
+`sonarhw` command and no other shell syntax runs in this process, which is faster; the shell runs all others.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sonarhw_cli.app import run
+
+from tests.checkout import CHECKOUT
+from tests.hang_guard import HANG
+from tests.system.docs.page_blocks import PYTHON, SHELL, Block, Command, blocks_of
+
+ELSEWHERE = {"figures.md"}  # `sonarhw figures` writes it, and test_figures_command.py runs its commands
+PAGES = [
+    page
+    for page in [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
+    if page.name not in ELSEWHERE and blocks_of(page)
+]
+LONG = {"fit.md", "locate.md", "python.md", "study.md"}  # minutes; complete with --soak
+PLAIN = re.compile(r"sonarhw [\w ./:,=@+-]+")  # without quotes, patterns, pipes and redirections
+NOT_CODE = ("text", "toml", "c")
+SERVERS = ("sonarhw fake ", "sonarhw replay ")
+PORT = "127.0.0.1:4000"  # of the pages; another test may use it, so each page gets a free one
+
+
+class Reader:
+    """Does what a page says, in a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.names: dict[str, Any] = {"__name__": "__main__"}
+        self._servers: list[subprocess.Popen[str]] = []
+        self._folder = folder
+        self._environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self._port = f"127.0.0.1:{free.getsockname()[1]}"
+
+    def read(self, block: Block) -> None:
+        """Run a block, and check its output."""
+        for text in block.run_first:
+            self._run(block, Command(text, ""))
+        if block.info == PYTHON:
+            exec(compile("\n" * _line(block) + block.text, block.where, "exec"), self.names)
+        else:
+            for command in block.commands():
+                self._serve(block, command) if command.text.startswith(SERVERS) else self._run(block, command)
+
+    def _run(self, block: Block, command: Command) -> None:
+        text = self._own(command.text)
+        status, printed = _in_this_process(text) if PLAIN.fullmatch(text) else self._in_a_shell(text)
+        assert status == 0, f"{block.where}: {command.text}\n{printed}"
+        if command.printed:
+            assert printed == self._own(command.printed), f"{block.where}: {command.text}"
+
+    def _in_a_shell(self, text: str) -> tuple[int, str]:
+        done = subprocess.run(
+            ["bash", "-c", f"set -o pipefail; {text}"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=self._folder,
+            env=self._environment,
+        )
+        return done.returncode, done.stdout
+
+    def _serve(self, block: Block, command: Command) -> None:
+        words = self._own(command.text).removesuffix("&")
+        server = subprocess.Popen(
+            ["bash", "-c", f"exec {words}"],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=self._folder,
+            env=self._environment,
+        )
+        self._servers.append(server)
+        assert server.stdout is not None
+        url = server.stdout.readline()
+        assert url, f"{block.where}: {command.text}"
+        if command.printed:
+            assert url == self._own(command.printed), f"{block.where}: {command.text}"
+
+    def _own(self, text: str) -> str:
+        return text.replace(PORT, self._port)
+
+    def leave(self) -> None:
+        """Stop the servers."""
+        for server in self._servers:
+            with server:
+                with suppress(ProcessLookupError):
+                    server.send_signal(signal.SIGINT)
+                server.wait(timeout=HANG)
+
+
+def _in_this_process(text: str) -> tuple[int, str]:
+    printed = StringIO()
+    with redirect_stdout(printed), redirect_stderr(printed):
+        status = run(shlex.split(text)[1:])
+    return status, printed.getvalue()
+
+
+def _line(block: Block) -> int:
+    """Return the line of the page at which a block begins, for tracebacks."""
+    return int(block.where.rpartition(" ")[2])
+
+
+@pytest.fixture
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Reader]:
+    for folder in ("rooms", "examples"):
+        shutil.copytree(CHECKOUT / folder, tmp_path / folder)
+    (tmp_path / "docs" / "how_to").mkdir(parents=True)
+    shutil.copy(CHECKOUT / "docs" / "how_to" / "study_example.toml", tmp_path / "docs" / "how_to")
+    monkeypatch.chdir(tmp_path)
+    reader = Reader(tmp_path)
+    yield reader
+    reader.leave()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_blocks_of_a_page_run_as_printed(page: Path, reader: Reader, request: pytest.FixtureRequest) -> None:
+    if page.name in LONG and not request.config.getoption("--soak"):
+        pytest.skip("takes minutes; runs with --soak")
+    for block in blocks_of(page):
+        if block.not_run is None and block.info in (SHELL, PYTHON):
+            reader.read(block)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_block_is_code_or_text_and_is_left_out_only_with_a_reason(page: Path) -> None:
+    for block in blocks_of(page):
+        assert block.info in (SHELL, PYTHON, *NOT_CODE), f"{block.where}: unknown info string {block.info!r}"
+        if block.not_run is not None:
+            assert len(block.not_run.split()) > 2, f"{block.where}: give the reason"
+        elif block.info == SHELL:
+            assert block.commands()
+
+
+def test_pages_contain_no_block_in_another_form() -> None:
+    for page in PAGES:
+        fences = re.findall(r"^ *(```|~~~)", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        assert len(fences) == 2 * len(blocks_of(page)), page.name
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("$ sonarhw simulate nowhere\n", "unknown room"),
+        ("$ echo right\nwrong\n", "right"),
+    ],
+)
+def test_a_command_that_fails_or_prints_something_else_is_found(text: str, reason: str, reader: Reader) -> None:
+    with pytest.raises(AssertionError, match=reason):
+        reader.read(Block("page, line 1", SHELL, text, (), None))

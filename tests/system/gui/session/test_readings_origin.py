@@ -1,0 +1,41 @@
+"""The window names readings by their origin: only those of a scanner are called measured."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+from sonarhw_cli.app import run
+from sonarhw_gui.plots.reading_tip import reading_tip
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.shown.reading_cells import Column
+
+from sonarhw.log import read_log
+from tests.fixtures.window_scene import ROOM
+from tests.system.gui.conftest import ORDER, OpenWith
+from tests.system.gui.driving import until
+
+
+def legend_texts(window: MainWindow) -> set[str]:
+    return {label.text() for label in window.legend.findChildren(QLabel) if label.text()}
+
+
+def test_title_legend_table_and_tooltip_name_the_origin_of_a_log(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    simulated = tmp_path / "simulated.mcap"
+    assert run(["simulate", str(ROOM), "--place", "figure9", "--step", "30", "--out", str(simulated)]) == 0
+    window = open_with()
+    assert "measured: match" in legend_texts(window)
+    for path, origin, count in ((simulated, "simulated", 12), (recorded, "fake", ORDER.readings)):
+        window.session.show_log(read_log(path), path.name, path)
+        until(qtbot, lambda count=count: len(window.session.shown.readings) == count)
+        until(qtbot, lambda origin=origin: window.windowTitle().endswith(f" · {origin} readings"))
+        assert {f"{origin}: match", f"{origin} trace"} <= legend_texts(window)
+        assert "measured: match" not in legend_texts(window)
+        assert reading_tip(window.session.shown, 0).splitlines()[1].startswith(f"{origin} ")
+        window.views.table.show_state(window.session.shown)
+        header = window.views.table.model.headerData(Column.MEASURED, Qt.Orientation.Horizontal)
+        assert header == f"{origin} (m)"
+        window.views.side_by_side.show_state(window.session.shown)
+        assert window.views.side_by_side.title.text() == origin.capitalize()

@@ -1,0 +1,56 @@
+"""Poses that are found from several starts: each is reported once, and places get their probabilities."""
+
+import math
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit.search.pose_search import Scores
+from sonarhw_compare.locate.poses import Located, Pose, _different, _Top
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+
+ROOM = load_room("rooms/arena.toml")
+SCORES = Scores(
+    np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.0, 1.0]), np.array([[0.0, -1.0], [-2.0, -math.inf]]), 1.0
+)
+
+
+def top(x: float, y: float, degrees: float, score: float) -> _Top:
+    """Return a maximum of the likelihood; its objective is not used here."""
+    return _Top(score, np.array([x, y, math.radians(degrees), 0.0, 1.0]), None)  # type: ignore[arg-type]
+
+
+def test_maxima_less_than_3_centimetres_and_10_degrees_apart_are_one_pose() -> None:
+    best = top(1.0, 1.0, 359.0, 5.0)
+    others = [
+        top(1.0, 1.04, 359.0, 4.0),
+        top(1.04, 1.0, 359.0, 3.0),
+        top(1.0, 1.0, 345.0, 2.0),
+        top(1.0, 1.0, 10.0, 1.0),
+    ]
+    same = [top(1.02, 1.02, 359.0, 4.5), top(1.0, 1.0, 8.0, 3.5), top(1.0, 1.0, 350.0, 0.5)]
+    assert _different([*same, *reversed(others), best]) == [best, *others]
+
+
+def located(*poses: tuple[tuple[float, float], float]) -> Located:
+    """Return poses with these positions and probabilities."""
+    found = tuple(Pose(position, 0.0, 0.0, share, (0.01, 0.01, 0.01)) for position, share in poses)
+    return Located(ROOM, load_board("lego-nxt"), (), found, SCORES, 2.0, 1.0)
+
+
+def test_a_place_has_the_share_of_the_poses_within_ten_centimetres() -> None:
+    (one, (x, y)), (other, (a, b)) = [(name, place.position) for name, place in ROOM.places.items()][:2]
+    found = located(((x + 0.09, y), 0.5), ((x, y - 0.05), 0.1), ((a, b), 0.2), ((x + 0.11, y), 0.2))
+    shares = found.places()
+    assert shares[one] == pytest.approx(0.75)
+    assert shares[other] == pytest.approx(0.25)
+    assert set(shares) == set(ROOM.places)
+    assert found.place_near(found.poses[0]) == one
+    assert found.place_near(found.poses[3]) is None
+    assert set(located(((x + 0.5, y), 1.0)).places().values()) == {0.0}
+
+
+def test_the_log_posterior_of_the_lattice_sums_headings_and_counts_neighbours_as_one_reading() -> None:
+    first, second = located().lattice
+    expected = math.log(math.exp(-2.0 / 2)) - math.log(1 + math.exp(-1.0 / 2))
+    assert (first, second) == pytest.approx((0.0, expected))

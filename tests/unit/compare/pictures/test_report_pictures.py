@@ -1,0 +1,103 @@
+"""The data in the pictures of a report: each reading once, in its class, at its heading and range."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
+from sonarhw_compare.report import report_pictures
+from sonarhw_compare.report.report_pictures import CLASSES, plan_svg, ranges_svg
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.readings import Reading
+
+ROOM = load_room("rooms/simple.toml")
+PLACE = ROOM.places["figure9"]
+BOARD = load_board("paper")
+SPEED = 340.0
+# added to the predicted ranges, m; one reading is far outside the room, one is missing
+ADDED = (0.0, -0.1, 0.1, -0.3, 0.4, 30.0, None)
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Comparison:
+    """Return a comparison with readings of every class, the first ones where an echo is predicted."""
+    angles = np.radians(np.arange(0.0, 360.0, 10.0)) - 1.0  # some headings are negative
+    ranges = predict_scan(ROOM, PLACE, BOARD, angles).ranges
+    heard = np.flatnonzero(np.isfinite(ranges))
+    assert len(heard) == len(angles) > len(ADDED)
+    readings = []
+    for number, row in enumerate(heard):
+        added = ADDED[number] if number < len(ADDED) else 0.0
+        times = () if added is None else (2 * (float(ranges[row]) + added) / SPEED,)
+        readings.append(Reading(number, 0, 0, float(angles[row]), 0.1 * number, times, SPEED))
+    return compare_readings(readings, ROOM, PLACE, BOARD, heading=0.0)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Comparison], bytes], Comparison], Figure]:
+    """Return a function that returns the figure of a picture."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(report_pictures, "_saved", lambda figure, _: figures.append(figure) or b"")
+
+    def draw(picture: Callable[[Comparison], bytes], comparison: Comparison) -> Figure:
+        picture(comparison)
+        return figures.pop()
+
+    return draw
+
+
+def of_class(axes: Axes, kind: Kind) -> list[tuple[float, float]]:
+    """Return the points that are drawn for a class."""
+    lines = [line for line in axes.lines if str(line.get_label()).startswith(f"{kind.value} (")]
+    points = [pair for line in lines for pair in np.asarray(line.get_xydata()).tolist()]
+    assert not lines or lines[0].get_label() == f"{kind.value} ({len(points)})"
+    return [(float(x), float(y)) for x, y in points]
+
+
+def test_ranges_and_residuals_are_drawn_at_their_headings(
+    drawn: Callable[[Callable[[Comparison], bytes], Comparison], Figure], comparison: Comparison
+) -> None:
+    ranges, residuals = drawn(ranges_svg, comparison).axes
+    kinds = {row.kind for row in comparison.rows}
+    assert kinds == set(CLASSES) - {Kind.EXTRA}
+    for kind in CLASSES:
+        rows = [row for row in comparison.rows if row.kind is kind]
+        degrees = [math.degrees(row.heading) % 360 for row in rows]
+        at = [row.predicted if row.measured is None else row.measured for row in rows]
+        np.testing.assert_allclose(of_class(ranges, kind), list(zip(degrees, at, strict=True)))
+        both = [row for row in rows if row.measured is not None and row.predicted is not None]
+        # in mm, at most 250
+        expected = [
+            (math.degrees(row.heading) % 360, min(max(1000 * (row.measured - row.predicted), -250.0), 250.0))
+            for row in both
+        ]
+        np.testing.assert_allclose(of_class(residuals, kind), expected, atol=1e-9)
+
+
+def test_the_plan_has_the_points_in_the_room_and_counts_those_outside(
+    drawn: Callable[[Callable[[Comparison], bytes], Comparison], Figure], comparison: Comparison
+) -> None:
+    (axes,) = drawn(plan_svg, comparison).axes
+    x, y = PLACE.position
+    for kind in CLASSES:
+        expected = []
+        for row in (row for row in comparison.rows if row.kind is kind):
+            at = row.predicted if row.measured is None else row.measured
+            assert at is not None
+            expected.append((x + at * math.cos(row.heading), y + at * math.sin(row.heading)))
+        np.testing.assert_allclose(of_class(axes, kind), expected)
+    # the plan ends 30 % of the longer side of the room outside it
+    corners = ROOM.walls.reshape(-1, 2)
+    beyond = 0.3 * np.ptp(corners, axis=0).max()
+    low, high = corners.min(axis=0) - beyond, corners.max(axis=0) + beyond
+    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], np.transpose([low, high]))
+    drawn_points = np.vstack([of_class(axes, kind) for kind in CLASSES if of_class(axes, kind)])
+    outside = ((drawn_points < low) | (drawn_points > high)).any(axis=1).sum()
+    assert 0 < outside < len(drawn_points) == len(comparison.rows)
+    assert axes.get_title(loc="right") == f"{outside} of {len(comparison.rows)} are outside this plan"

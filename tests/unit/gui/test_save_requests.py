@@ -1,0 +1,29 @@
+"""Saving never writes through a link to a file of another kind."""
+
+from pathlib import Path
+
+import pytest
+from sonarhw_gui.store.save_requests import Picture, SaveRequest
+
+from sonarhw.errors import InputError, OutputError
+
+
+def test_a_link_to_a_log_is_not_replaced_by_a_picture(tmp_path: Path) -> None:
+    log, link = tmp_path / "scan.mcap", tmp_path / "plan.svg"
+    log.write_text("mine")
+    link.symlink_to(log)
+    with pytest.raises(InputError, match=r"plan\.svg: is a link to .*scan\.mcap"):
+        SaveRequest(Picture(None, "<svg/>"), link, overwrite=True).answer()
+    assert log.read_text() == "mine"
+
+
+def test_a_file_that_appears_while_the_picture_is_drawn_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "plan.svg"
+
+    class Slow(Picture):
+        def write(self, file: object, ending: str) -> None:
+            path.write_text("mine")
+
+    with pytest.raises(OutputError, match="exists already"):
+        SaveRequest(Slow(None), path, overwrite=False).answer()
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("plan.svg", "mine")]

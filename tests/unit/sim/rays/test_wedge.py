@@ -1,0 +1,154 @@
+"""Edges by the uniform theory: against the Fresnel integral, exact values, and its own symmetries."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import fresnel, modfresnelm
+from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.rays.wedge import by_wedge, fresnel_table, most_by_wedge, transition
+
+from sonarhw.readings import FloatArray
+from tests.fixtures.rooms_for_tests import room_of
+
+WAVELENGTH = 343.99 / 49_400
+DISTANCE = 1.0  # m, of walls
+HARD = np.ones(2)
+SEARCH = PathSearch(2.5, WAVELENGTH, faintest_diffraction=1e-6)
+
+
+def paths_to(walls: list[tuple[float, float, float, float]], reflectance: float = 1.0) -> Paths:
+    room = room_of(walls, reflectances=np.full(len(walls), reflectance))
+    return find_paths(room, (0.0, 0.0), SEARCH)
+
+
+def summed_db(paths: Paths) -> float:
+    """Return the level of the sum of all paths, relative to an endless wall."""
+    phasors = paths.gains * np.exp(1j * (paths.phases - math.tau / WAVELENGTH * paths.lengths))
+    return 20 * math.log10(abs(phasors.sum()))
+
+
+def wall_from(low: float, high: float) -> list[tuple[float, float, float, float]]:
+    return [(DISTANCE, low, DISTANCE, high)]
+
+
+def by_fresnel(low: float, high: float) -> float:
+    """Return the level (dB) by the Fresnel integral of a wall from `low` to `high` m of the foot."""
+    scale = 2 / math.sqrt(WAVELENGTH * DISTANCE)
+    (sine, cosine), (sine_low, cosine_low) = fresnel(high * scale), fresnel(low * scale)
+    return 20 * math.log10(abs(complex(cosine - cosine_low, sine_low - sine)) / math.sqrt(2))
+
+
+def wedge(
+    one: float, other: float, n: float, faces: FloatArray = HARD, legs: tuple[float, float] = (0.4, 0.7)
+) -> complex:
+    return by_wedge(one, other, n, faces, *legs, WAVELENGTH, fresnel_table())
+
+
+def test_transition_function_is_that_of_scipy() -> None:
+    x = np.concatenate((np.linspace(0, 70, 7001), np.geomspace(1e-12, 1e6, 500)))
+    exact = 2j * np.sqrt(x) * np.exp(1j * x) * modfresnelm(np.sqrt(x))[0]
+    found = [transition(float(value), fresnel_table()) for value in x]
+    assert np.abs(found - exact).max() < 1e-7
+
+
+@pytest.mark.parametrize(("beyond", "level"), [(-0.1, -20.6), (-0.03, -11.9), (0.003, -5.4), (0.051, 1.4)])
+def test_wall_that_ends_near_the_foot_of_the_perpendicular_fades(beyond: float, level: float) -> None:
+    assert by_fresnel(-1e3, beyond) == pytest.approx(level, abs=0.1)
+    assert summed_db(paths_to(wall_from(-9.0, beyond))) == pytest.approx(level, abs=1.0)
+
+
+@pytest.mark.parametrize("beyond", np.linspace(-0.08, 0.08, 17))
+def test_every_wall_end_agrees_with_the_fresnel_integral(beyond: float) -> None:
+    found, level = summed_db(paths_to(wall_from(-9.0, float(beyond)))), by_fresnel(-1e3, float(beyond))
+    assert found == pytest.approx(level, abs=0.8)
+    assert found <= level + 0.5
+
+
+@pytest.mark.parametrize(("width", "level"), [(0.01, -15.4), (0.02, -9.4), (0.04, -3.4), (0.101, 2.6), (0.2, 1.4)])
+def test_strip_is_as_loud_as_its_width_allows(width: float, level: float) -> None:
+    assert by_fresnel(-width / 2, width / 2) == pytest.approx(level, abs=0.1)
+    assert summed_db(paths_to(wall_from(-width / 2, width / 2))) == pytest.approx(level, abs=0.2)
+
+
+@pytest.mark.parametrize(("degrees", "level"), [(135.0, -32.4), (110.0, -27.6)])
+def test_corner_of_a_box_is_as_loud_as_in_the_wave_equation(degrees: float, level: float) -> None:
+    angle = math.radians(degrees)
+    assert 20 * math.log10(abs(wedge(angle, angle, 1.5, legs=(0.35, 0.35)))) == pytest.approx(level, abs=0.3)
+
+
+@pytest.mark.parametrize("n", [0.4, 0.7, 1.2, 1.5, 2.0])
+@pytest.mark.parametrize("faces", [(1.0, 1.0), (0.9, 0.3), (0.0, 0.5)])
+def test_amplitude_is_reciprocal_and_mirrored(n: float, faces: tuple[float, float]) -> None:
+    there, back = np.array(faces), np.array(faces[::-1])
+    for one, other in np.random.default_rng(0).uniform(0.05, n * math.pi - 0.05, (50, 2)):
+        amplitude = wedge(one, other, n, there)
+        assert wedge(other, one, n, there, (0.7, 0.4)) == pytest.approx(amplitude)
+        assert wedge(n * math.pi - one, n * math.pi - other, n, back) == pytest.approx(amplitude)
+
+
+@pytest.mark.parametrize("n", [0.4, 0.7, 1.0 - 1e-6, 1.2, 1.5, 2.0])
+def test_bound_is_never_too_low(n: float) -> None:
+    for one, other in np.random.default_rng(1).uniform(0.0, n * math.pi, (300, 2)):
+        assert abs(wedge(one, other, n)) <= most_by_wedge(one, other, n, 0.4, 0.7, WAVELENGTH) + 1e-9
+
+
+@pytest.mark.parametrize("n", [0.5, 1 / 3, 0.25, 1.0])
+def test_wedge_whose_angle_divides_180_degrees_does_not_diffract(n: float) -> None:
+    for one, other in np.random.default_rng(2).uniform(0.02, n * math.pi - 0.02, (50, 2)):
+        assert abs(wedge(one, other, n)) < 1e-9
+
+
+def test_edge_of_two_absorbers_is_silent_and_no_edge_is_louder_than_its_louder_face() -> None:
+    for one, other in np.random.default_rng(3).uniform(0.0, math.tau, (100, 2)):
+        assert wedge(one, other, 2.0, np.zeros(2)) == 0
+        assert abs(wedge(one, other, 2.0, np.array([0.001, 0.01]))) <= 0.01 + 1e-12
+    assert len(paths_to(wall_from(-9.0, -0.01), reflectance=0.0)) == 0
+
+
+def test_level_is_smooth_where_a_reflection_ends() -> None:
+    for reflectance in (1.0, 0.5):
+        beyond = np.arange(-0.002, 0.002, 1e-4)
+        levels = [summed_db(paths_to(wall_from(-9.0, float(end)), reflectance)) for end in beyond]
+        assert np.abs(np.diff(levels)).max() < 0.1
+        end_at_foot = summed_db(paths_to(wall_from(-9.0, 0.0), reflectance))
+        assert end_at_foot == pytest.approx(20 * math.log10(reflectance / 2), abs=0.5)
+
+
+def test_level_is_smooth_where_a_shadow_begins() -> None:
+    levels = []
+    for end in np.arange(-0.002, 0.002, 1e-4) + 3e-5:
+        room = room_of([(0.5, -9.0, 0.5, float(end))])
+        paths = find_paths(room, (0.0, 0.0), PathSearch(1.2, WAVELENGTH, faintest_diffraction=1e-6), (1.0, 0.0))
+        levels.append(summed_db(paths))
+    assert np.abs(np.diff(levels)).max() < 0.2
+    assert levels[20] == pytest.approx(20 * math.log10(0.5), abs=0.3)
+
+
+def test_inner_corner_is_smooth_through_90_degrees() -> None:
+    levels = []
+    for opening in np.radians(np.arange(89.6, 90.4, 0.05)):
+        walls = [(0.0, 0.0, 3.0, 0.0), (0.0, 0.0, 3.0 * math.cos(opening), 3.0 * math.sin(opening))]
+        at = 0.7 * math.cos(opening * 0.4), 0.7 * math.sin(opening * 0.4)
+        paths = find_paths(room_of(walls), at, SEARCH)
+        through = np.abs(paths.lengths - 1.4) < 0.005
+        levels.append(summed_db(paths.select(np.flatnonzero(through))))
+    assert np.abs(np.diff(levels)).max() < 0.3
+    assert levels[8] == pytest.approx(0.0, abs=0.1)
+
+
+def test_walls_that_cross_at_120_degrees_have_edges_at_their_crossing() -> None:
+    angle = math.radians(60)
+    crossing = [
+        (-1.0, 0.5, 1.0, 0.5),
+        (-math.cos(angle), 0.5 - math.sin(angle), math.cos(angle), 0.5 + math.sin(angle)),
+    ]
+    ends = [(0.0, 0.5, 1.0, 0.5), (0.0, 0.5, -math.cos(angle), 0.5 - math.sin(angle))]
+    for walls in (crossing, ends):
+        room = room_of(walls)
+        search = PathSearch(1.5, WAVELENGTH, faintest_diffraction=1e-6, edge_strength=EdgeStrength.PAPER)
+        paths = find_paths(room, (0.2, 0.1), search)
+        at_crossing = [paths.edges[k] for k in range(len(paths)) if paths.edges[k] >= 0 and paths.bounces[k] == 0]
+        points = [room.edges.points[edge].tolist() for edge in at_crossing]
+        assert points.count([0.0, 0.5]) == 1

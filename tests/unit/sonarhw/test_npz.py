@@ -1,0 +1,73 @@
+"""Arrays of a log in an .npz file, as NumPy reads them."""
+
+import math
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, cast
+
+import numpy as np
+
+from sonarhw.export.npz import write_npz
+from sonarhw.readings import Reading, Trace
+
+
+@dataclass(frozen=True)
+class Scan:
+    began: float
+    readings: tuple[Reading, ...]
+
+
+@dataclass(frozen=True)
+class TwoScans:
+    scans: tuple[Scan, ...]
+
+
+def reading(number: int, echoes: tuple[float, ...], warm: float | None, trace: Trace | None = None) -> Reading:
+    """Return a reading at 10° a number, 0.1 s after the one before it, in the second sweep."""
+    return Reading(number, 1, 2, math.radians(10 * number), 5.0 + 0.1 * number, echoes, 340.0, warm, trace=trace)
+
+
+def arrays(*scans: Scan) -> dict[str, Any]:
+    file = BytesIO()
+    write_npz(cast(Any, TwoScans(scans)), file)
+    file.seek(0)
+    return dict(np.load(file))
+
+
+def test_each_reading_has_one_row() -> None:
+    first = Scan(4.0, (reading(0, (0.01, 0.02), 21.5), reading(1, (), None)))
+    second = Scan(5.0, (reading(3, (0.03,), 20.0),))
+    found = arrays(first, second)
+    expected = {
+        "scan": [0, 0, 1],
+        "number": [0, 1, 3],
+        "sweep": [1, 1, 1],
+        "ping": [2, 2, 2],
+        "time_s": [1.0, 1.1, 0.3],
+        "heading_deg": [0.0, 10.0, 30.0],
+        "range_m": [1.7, math.nan, 5.1],
+        "echoes_s": [[0.01, 0.02], [math.nan, math.nan], [0.03, math.nan]],
+        "temperature_c": [21.5, math.nan, 20.0],
+        "speed_of_sound": [340.0, 340.0, 340.0],
+    }
+    assert set(found) == set(expected)
+    for name, column in expected.items():
+        np.testing.assert_allclose(found[name], column, rtol=1e-12)
+
+
+def test_traces_of_different_lengths_are_padded() -> None:
+    short = Trace(np.array([0.25, 0.5]), 50_000.0, 0.001)
+    long = Trace(np.array([0.0, 0.5, 1.0]), 40_000.0, 0.002)
+    found = arrays(Scan(5.0, (reading(0, (), None, short), reading(1, (), None), reading(2, (), None, long))))
+    nan = math.nan
+    np.testing.assert_array_equal(found["traces"], np.array([[0.25, 0.5, nan], [nan, nan, nan], [0, 0.5, 1]], "<f4"))
+    assert found["traces"].dtype == np.float32
+    np.testing.assert_array_equal(found["trace_rate_hz"], [50_000, nan, 40_000])
+    np.testing.assert_array_equal(found["trace_start_s"], [0.001, nan, 0.002])
+
+
+def test_a_log_without_readings_has_empty_columns() -> None:
+    found = arrays()
+    assert found["number"].shape == (0,)
+    assert found["echoes_s"].shape == (0, 0)
+    assert found["range_m"].dtype == np.float64
