@@ -1,36 +1,43 @@
-# make setup | demo | check | test | soak | firmware | board | docs | fresh
+# make setup | demo | check | test | soak | mutation | firmware | board | docs | fresh | lock | audit
 # Each target installs only what it needs, and only once. Another Python: make check PYTHON=python3.13 VENV=.venv313
 
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
+SEED ?= 1
+SAMPLE ?= 100
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# versions and hashes are locked; packages build with the locked setuptools
+INSTALL := $(BIN)/python -m pip install --quiet --no-build-isolation
+locked = $(INSTALL) --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1))
 # tests spend half their time waiting, so files run in parallel; the slowest, wheel and notebook, start first
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 # -noreset: otherwise the X server resets when its last window closes, and rejects connections meanwhile
 IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -noreset'
 # keyboard focus cannot be shared, so each process has its own X server
-TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
+THREE_SCREENS := --tx "3*popen//python=$(IN_XVFB) $(BIN)/python"
 
-.PHONY: setup tools demo check lint test soak firmware board docs fresh clean
+.PHONY: setup tools demo check lint test soak mutation firmware board docs fresh lock audit clean
 
-# the product alone; `tools` adds the development tools
+# the product with its window; `tools` adds the development tools
 setup: $(VENV)/installed
 
 tools: $(VENV)/tools
 
-$(VENV)/installed: pyproject.toml setup.py constraints.txt setup/debian_packages.sh
+$(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/base.txt requirements/gui.txt setup/debian_packages.sh
 	setup/debian_packages.sh demo
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable .
+	$(call locked,build)
+	$(call locked,base gui)
+	$(INSTALL) --no-deps --editable .
+	$(BIN)/python setup/compile_kernels.py
 	touch $@
 
-$(VENV)/tools: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+$(VENV)/tools: $(VENV)/installed requirements/study.txt requirements/dev.txt
+	$(call locked,base gui study dev)
 	touch $@
 
-# with a window if there is a display; otherwise writes the same results to demo-result/
+# with a window if there is a display; otherwise writes the same results to a new folder
 demo: setup
 	$(BIN)/sonarhw demo
 
@@ -55,8 +62,8 @@ lint: tools
 
 test: lint firmware
 	setup/debian_packages.sh test
-	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS)
-	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3 --cov
+	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(THREE_SCREENS)
+	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 4 --cov
 
 # long tests and benchmarks; takes some hours
 soak: tools firmware
@@ -67,15 +74,30 @@ soak: tools firmware
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
 	$(BIN)/python -m benchmarks.window --full
+	$(MAKE) --no-print-directory mutation
+
+# change the code in random places, and print the changes that no test detects; another sample: SEED=2
+mutation: tools
+	$(BIN)/python -m tests.mutation --sample $(SAMPLE) --seed $(SEED) --recorded build/mutation --least 0.85
 
 # the documentation site, in build/site; fails on a broken link
 docs: setup
-	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	$(call locked,base gui docs)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 # make demo and test on a new Debian 12; needs root and debootstrap. Other targets: FRESH="demo check"
 fresh:
 	setup/fresh_machine.sh $(FRESH)
+
+# lock versions and hashes after a change of pyproject.toml; all newest versions: make lock UPGRADE=--upgrade
+lock: setup
+	$(call locked,base audit)
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m requirements.lock $(UPGRADE)
+
+# known vulnerabilities and abandoned dependencies; checks what it can without network
+audit: setup
+	$(call locked,base audit)
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m requirements.audit
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info demo-result firmware/build

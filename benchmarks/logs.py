@@ -76,7 +76,7 @@ def memory() -> float:
 def write(path: Path, hours: float) -> list[str]:
     """Write the log; the time is that of the writer only."""
     spent, before = 0.0, 0.0
-    with LogWriter(path, LogMetadata("scan", STARTED), live=False) as log:
+    with path.open("wb") as file, LogWriter(file, LogMetadata("scan", STARTED)) as log:
         for number, (at, frames, reading) in enumerate(conversation(hours)):
             began = time.perf_counter()
             for wire in frames:

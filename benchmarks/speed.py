@@ -20,13 +20,12 @@ from sonarhw_sim.board.traces import received
 from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import follow_fan
 
+from benchmarks.cases.hundred_echoes import LISTEN, RATE, SPEED, hundred_echoes
 from benchmarks.cases.image_source_table import compare_with_image_sources
 from benchmarks.cases.numpy_fan import follow_with_numpy
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, scan
 from benchmarks.cases.table_rows import Row, at_least, at_most
-from benchmarks.traces import LISTEN, RATE, SPEED
-from benchmarks.traces import arrivals as hundred_echoes
 from tests.oracles.one_heading import range_at
 
 HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)

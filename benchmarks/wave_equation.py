@@ -1,19 +1,33 @@
 """Paths compared with the wave equation, arrival by arrival: `python -m benchmarks.wave_equation`.
 
 Uses the scenes of the tests, and some that rays cannot describe. Prints the level of each arrival by its path and by
-the wave equation, once with the paper's strength of edges and once with Keller's, and the largest differences. Levels
-are in dB relative to a flat wall at that length.
+the wave equation, with the paper's strength of edges, with Keller's and with the uniform theory, and the largest
+differences. Levels are in dB relative to a flat wall at that length.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from sonarhw_sim.choices import EdgeStrength
 
-from tests.oracles.wave_equation import FLAT_WALL, WAVELENGTH, Scene, arrival_near
-from tests.oracles.wave_scenes import DIFFRACTED, REFLECTED, Difference, abreast_of_an_end, differences, unexplained
+from tests.oracles.wave_equation import Scene
+from tests.oracles.wave_scenes import (
+    DIFFRACTED,
+    REFLECTED,
+    Difference,
+    abreast_of_an_end,
+    differences,
+    outer_corner,
+    strip,
+    unexplained,
+)
 
-SHARES = (-2, -1, -0.5, 0, 0.5, 1, 2)  # wavelengths
+ENDS = (-0.1, -0.06, -0.03, -0.012, -0.003, 0.003, 0.012, 0.03, 0.06, 0.1)  # m beyond the foot of the perpendicular
+STRIPS = (0.01, 0.02, 0.04, 0.07, 0.1, 0.2)  # m
+WEDGES = (210, 240, 270, 300, 330)  # degrees of air, seen along the line that halves them
+HELD_ABOVE = -40.0  # dB of the wave; fainter arrivals are printed, not held
+WITHIN, LOUDER = 1.5, 0.5  # dB
+Row = tuple[Difference, Difference, Difference]  # by the paper's factor, Keller's coefficient, the uniform theory
 
 
 def decibels(ratio: float) -> float:
@@ -21,47 +35,66 @@ def decibels(ratio: float) -> float:
     return 20 * math.log10(ratio)
 
 
-def show_arrivals(scenes: Iterable[Scene]) -> list[tuple[Difference, Difference]]:
-    """Print a row for each arrival; return each with the paper's strength and with Keller's."""
-    print(f"{'scene, path':52}{'m':>7}{'wave eq.':>9}{'paper':>8}{'Keller':>8}{'differ':>15}{'cycles':>8}")
+def show_arrivals(scenes: Iterable[Scene]) -> list[Row]:
+    """Print a row for each arrival; return each with the three strengths of edges."""
+    print(f"{'scene, path':52}{'m':>7}{'wave eq.':>9}{'paper':>8}{'Keller':>8}{'uniform':>8}{'cycles':>8}")
     rows = []
     for scene in scenes:
         print(f"{scene.name:52}{'sound without a path':>24}{decibels(unexplained(scene)):8.1f}", flush=True)
-        by_angle = {arrival.via: arrival for arrival in differences(scene, EdgeStrength.KELLER)}
-        for paper in differences(scene):
-            keller = by_angle[paper.via]
-            print(f"    {paper.via:48}{paper.predicted.length:7.3f}{decibels(paper.found.strength):9.2f}", end="")
-            print(f"{decibels(paper.predicted.strength):8.2f}{decibels(keller.predicted.strength):8.2f}", end="")
-            print(f"{paper.decibels:+8.2f}{keller.decibels:+7.2f}{paper.cycles:+8.2f}")
-            rows.append((paper, keller))
+        by_strength = [
+            {arrival.via: arrival for arrival in differences(scene, strength)}
+            for strength in (EdgeStrength.PAPER, EdgeStrength.KELLER)
+        ]
+        for uniform in differences(scene):
+            if any(uniform.via not in arrivals for arrivals in by_strength):
+                continue
+            row = by_strength[0][uniform.via], by_strength[1][uniform.via], uniform
+            print(f"    {uniform.via:48}{uniform.predicted.length:7.3f}{decibels(uniform.found.strength):9.2f}", end="")
+            print(
+                "".join(f"{decibels(arrival.predicted.strength):8.2f}" for arrival in row) + f"{uniform.cycles:+8.2f}"
+            )
+            rows.append(row)
     return rows
 
 
-def show_largest(rows: Sequence[tuple[Difference, Difference]]) -> None:
+def show_largest(rows: Sequence[Row]) -> None:
     """Print the largest differences over all arrivals."""
-    reflected = [paper for paper, _ in rows if not paper.diffracted]
-    diffracted = [row for row in rows if row[0].diffracted]
-    print(f"{len(rows)} arrivals; time error at most {max(abs(paper.cycles) for paper, _ in rows):.2f} cycles")
+    reflected = [uniform for *_, uniform in rows if not uniform.diffracted]
+    diffracted = [row for row in rows if row[2].diffracted]
+    print(f"{len(rows)} arrivals; time error at most {max(abs(row[2].cycles) for row in rows):.2f} cycles")
     print(f"{len(reflected)} reflected: within {max(abs(arrival.decibels) for arrival in reflected):.2f} dB")
-    for name, column in (("paper", 0), ("Keller", 1)):
+    for column, name in enumerate(("paper", "Keller", "uniform")):
         levels = [row[column].decibels for row in diffracted]
         print(f"{len(diffracted)} diffracted, by {name}: {min(levels):+.2f} to {max(levels):+.2f} dB")
 
 
-def show_shadow() -> None:
-    """Print what rays cannot describe: the level of a wall that ends opposite the sensor changes gradually."""
-    print("\nwall that ends so many wavelengths beyond the foot of the perpendicular: wave equation, loudest path, dB")
-    for share in SHARES:
-        scene = abreast_of_an_end(share * WAVELENGTH)
-        loudest = max(arrival.predicted.strength for arrival in differences(scene, EdgeStrength.KELLER))
-        found = arrival_near(scene, 2 * FLAT_WALL.walls[0][0])
-        print(f"{share:+6.1f}{decibels(found.strength):8.2f}{decibels(loudest):8.2f}")
+def show_held(name: str, scenes: Iterable[tuple[str, Scene]]) -> int:
+    """Print model and wave for the first arrival of each scene; return how many held cases differ too much."""
+    print(f"\n{name}, 0.24 m (corners: 0.29 m): wave equation, uniform theory, model minus wave, dB")
+    wrong = 0
+    for label, scene in scenes:
+        arrival = differences(scene)[0]
+        held, excess = decibels(arrival.found.strength) > HELD_ABOVE, -arrival.decibels
+        fails = held and not -WITHIN <= excess <= LOUDER
+        mark = "" if not held else "held, differs" if fails else "held"
+        print(f"{label:>10}{decibels(arrival.found.strength):8.2f}", end="")
+        print(f"{decibels(arrival.predicted.strength):8.2f}{excess:+8.2f}  {mark}", flush=True)
+        wrong += fails
+    return wrong
 
 
 def main() -> None:
     """Print the tables."""
     show_largest(show_arrivals(REFLECTED + DIFFRACTED))
-    show_shadow()
+    wrong = show_held("wall that ends beyond the foot of the perpendicular, mm", _labelled(ENDS, abreast_of_an_end))
+    wrong += show_held("strip, width in mm", _labelled(STRIPS, strip))
+    corners = [(f"{air}", outer_corner(air, air / 2)) for air in WEDGES]
+    wrong += show_held("outer corner, degrees of air", corners)
+    print(f"\nheld cases that differ by more than +{LOUDER:g} or -{WITHIN:g} dB: {wrong}")
+
+
+def _labelled(lengths: Sequence[float], scene: Callable[[float], Scene]) -> list[tuple[str, Scene]]:
+    return [(f"{1000 * length:+.0f}", scene(length)) for length in lengths]
 
 
 if __name__ == "__main__":

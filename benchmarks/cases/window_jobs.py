@@ -156,7 +156,7 @@ def scanned(scene: Scene, folder: Path) -> Log:
     assert scene.room is not None
     assert scene.place is not None
     path = folder / "turn.mcap"
-    with LogWriter(path, LogMetadata("scan", 0.0), live=False) as log:
+    with path.open("wb") as file, LogWriter(file, LogMetadata("scan", 0.0)) as log:
         for reading in synthetic_scan(scene.room, scene.place, scene.board, seed=1, readings=360):
             log.reading(reading)
     return read_log(path)

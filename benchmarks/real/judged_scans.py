@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import tempfile
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -68,8 +69,51 @@ class Figures:
     agreement: float  # detection of silent headings by predicted echoes: balanced accuracy
 
 
+LAYOUT = """\
+FOLDER contains scans.csv and one CSV file for each scan.
+
+scans.csv has the header scan,x_m,y_m,turn and a line for each scan:
+  scan        name; the readings are in NAME.csv
+  x_m, y_m    position of the sensor in rooms/arena.toml, m
+  turn        direction in which the turntable angles increase: cw or ccw
+
+NAME.csv has the header turret_deg,range_cm and a line for each reading:
+  turret_deg  turntable angle, degrees
+  range_cm    range, cm; 255: no echo
+
+The nine scans of the documents are not in this repository (docs/explanation/real_scans.md).
+"""
+_COLUMNS = {"scan", "x_m", "y_m", "turn"}
+
+
+def program_options(description: str, **flags: str) -> Namespace:
+    """Return the command-line options of a program on real scans: `folder`, and `flags` with their help."""
+    parser = ArgumentParser(description=description, epilog=LAYOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=DEFAULT_FOLDER, help=f"default: {DEFAULT_FOLDER}")
+    for name, meaning in flags.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=meaning)
+    return parser.parse_args()
+
+
+def _check_layout(folder: Path) -> None:
+    """End the program with one line if the folder has another layout."""
+    listing = folder / "scans.csv"
+    if not listing.is_file():
+        what = "no such file" if folder.is_dir() else f"no such folder: {folder}"
+        raise SystemExit(f"{listing}: {what}; --help describes the layout of the folder")
+    with open(listing, newline="") as lines:
+        table = csv.DictReader(lines)
+        missing = sorted(_COLUMNS.difference(table.fieldnames or ()))
+        if missing:
+            raise SystemExit(f"{listing}: no column {missing[0]}; --help describes the layout of the folder")
+        for row in table:
+            if not (folder / f"{row['scan']}.csv").is_file():
+                raise SystemExit(f"{folder / row['scan']}.csv: no such file, but scans.csv lists it")
+
+
 def load_scans(folder: Path) -> list[RealScan]:
-    """Return the scans of a folder, converted with `sonarhw import`."""
+    """Return the scans of a folder, converted with `sonarhw import`. Ends the program if the layout is another."""
+    _check_layout(folder)
     scans = []
     with open(folder / "scans.csv", newline="") as listing, tempfile.TemporaryDirectory() as scratch:
         for row in csv.DictReader(listing):

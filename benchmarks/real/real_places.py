@@ -7,9 +7,7 @@ prints which of its walls are found.
 """
 
 import math
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -20,7 +18,7 @@ from sonarhw_compare.map import map_scans
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
-from benchmarks.real.judged_scans import DEFAULT_FOLDER, RealScan, load_scans
+from benchmarks.real.judged_scans import RealScan, load_scans, program_options
 from sonarhw.readings import FloatArray
 
 ON_WALL = 0.05  # m
@@ -41,8 +39,12 @@ def true_place(scan: RealScan) -> str:
 
 def main() -> None:
     """Print a row for each scan, and the number of correct places."""
-    given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
-    scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
+    chosen = program_options(
+        "Locate real scans in their room.",
+        elsewhere="also print how well each scan fits other rooms and boards",
+        map="also print which walls a map of all scans contains",
+    )
+    scans = load_scans(chosen.folder)
     print("scan  place  found   most probable pose           probability   from the place")
     correct = at_best = 0
     for scan in scans:
@@ -58,9 +60,9 @@ def main() -> None:
             f"{heading_text(best.heading):>6} {best.probability:12.0%} {away * 100:12.0f} cm"
         )
     print(f"correct places: {correct} of {len(scans)}; best pose within 10 cm of the true position: {at_best}")
-    if "--elsewhere" in sys.argv:
+    if chosen.elsewhere:
         print_elsewhere(scans)
-    if "--map" in sys.argv:
+    if chosen.map:
         print_map(scans)
 
 

@@ -8,11 +8,9 @@ without a place or a recording, tests it there, and prints the results of every 
 """
 
 import math
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Comparison, Kind
@@ -23,7 +21,6 @@ from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import with_material
 
 from benchmarks.real.judged_scans import (
-    DEFAULT_FOLDER,
     MODELS,
     NEARBY,
     ON_THE_SPOT,
@@ -36,6 +33,7 @@ from benchmarks.real.judged_scans import (
     judge,
     judged_of,
     load_scans,
+    program_options,
     repeated,
 )
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
@@ -43,8 +41,12 @@ from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validati
 
 def main() -> None:
     """Print a row for each scan, the figures of all scans, those without the robot's own echoes, and held-out ones."""
-    given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
-    scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
+    chosen = program_options(
+        "Compare models on real scans.",
+        cross_validation="also tune the board without a place or a recording, and test it there (minutes)",
+        besides="also print other variants that were tried (minutes)",
+    )
+    scans = load_scans(chosen.folder)
     board = load_board("lego-nxt")
     for title, free in (("heading and offset found", ON_THE_SPOT), ("heading, offset, position found", NEARBY)):
         _print_models(f"{title} for each scan and model", scans, board, free)
@@ -62,11 +64,11 @@ def main() -> None:
     print(", ".join(f"{angle}°: {count}" for angle, count in sorted(counts.items())))
     centimetres = Counter(round(100 * (one.range or math.nan)) for one in own)
     print("and by range, cm:", ", ".join(f"{range_}: {count}" for range_, count in sorted(centimetres.items())))
-    if "--cross-validation" in sys.argv:
+    if chosen.cross_validation:
         trial = try_all(scans)
         print_cross_validation(trial)
         print_candidates(trial)
-    if "--besides" in sys.argv:
+    if chosen.besides:
         _print_besides(scans, board)
 
 

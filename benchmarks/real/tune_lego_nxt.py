@@ -12,7 +12,6 @@ noisy, so those of a candidate are averaged with its neighbours on the grid.
 import csv
 import hashlib
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -28,7 +27,6 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place
 
 from benchmarks.real.judged_scans import (
-    DEFAULT_FOLDER,
     NEARBY,
     ROOM,
     Figures,
@@ -38,6 +36,7 @@ from benchmarks.real.judged_scans import (
     figures_of,
     judged_of,
     load_scans,
+    program_options,
 )
 from sonarhw.readings import FloatArray
 
@@ -208,7 +207,7 @@ def fingerprint_of(folder: Path) -> str:
 
 def main() -> None:
     """Tune, write the profile, print the figures."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT_FOLDER
+    folder = program_options("Tune the board profile lego-nxt on real scans, and write it.").folder
     trial = try_all(load_scans(folder), progress=print)
     text = profile(trial, fingerprint_of(folder), date.today())
     PROFILE.write_text(text, encoding="utf-8")

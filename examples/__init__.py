@@ -1,0 +1,1 @@
+"""Files for the commands in README and docs."""

@@ -1,0 +1,56 @@
+"""Compile all kernels now rather than in the first commands that use them; `make setup` runs this program.
+
+A kernel is compiled by a call, because the call determines the types of its arguments. So this program predicts, fits,
+locates and maps a small scan. A terminal shows the progress.
+"""
+
+import numpy as np
+from sonarhw_cli.console.progress import CompilationProgress
+from sonarhw_compare import PlacedScan, locate_scan, map_scans
+from sonarhw_compare.fit.plain_fit import fit_scan
+from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_board, load_room, predict_scan, predict_with
+from sonarhw_sim.board.traces import RATE
+from sonarhw_sim.choices import DEFAULT_BOARD, Model
+from sonarhw_sim.compilation import watch_compilation
+from sonarhw_sim.room.model import with_material
+
+from sonarhw.readings import FloatArray, Reading
+
+# each uses kernels that others do not use
+OPTIONS = (
+    PredictionOptions(Unit.REFLECT),
+    PredictionOptions(Unit.BLOCK, receiver=Receiver.BOARD),
+    PredictionOptions(receiver=Receiver.BOARD, noise=0.01),
+)
+
+
+def compile_kernels() -> None:
+    """Call every kernel that the commands use."""
+    room, board = load_room("simple"), load_board(DEFAULT_BOARD)
+    place, headings = room.place("figure9"), np.radians(np.arange(0.0, 360.0, 30.0))
+    scan = predict_scan(room, place, board, headings)
+    for model in Model:
+        predict_with(model, room, place, board, headings)
+    for options in OPTIONS:
+        predict_scan(room, place, board, headings, options)
+    predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
+    scan.signal_at(0, 0.01).rf(RATE)
+    RoomEchoes(room, place, board).prepare()
+    readings = readings_of(headings, scan.ranges, room.air.speed_of_sound)
+    fit_scan(readings, room, place, board, frozenset({"heading", "offset"}))
+    locate_scan(readings, room, board)
+    map_scans([PlacedScan(readings, place)], board, room)
+
+
+def readings_of(headings: FloatArray, ranges: FloatArray, speed: float) -> list[Reading]:
+    """Return a reading for each heading (rad) and range (m, NaN for no echo) at a speed of sound, m/s."""
+    echoes: list[tuple[float, ...]] = [() if np.isnan(away) else (2 * away / speed,) for away in ranges.tolist()]
+    return [
+        Reading(number, 0, 0, angle, 0.1 * number, times, speed)
+        for number, (angle, times) in enumerate(zip(headings.tolist(), echoes, strict=True))
+    ]
+
+
+if __name__ == "__main__":
+    watch_compilation(CompilationProgress())
+    compile_kernels()
