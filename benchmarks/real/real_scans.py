@@ -76,6 +76,7 @@ def _print_besides(scans: Sequence[RealScan], board: Board) -> None:
     """Print variants that were tried in addition to tuning and not used."""
     own_receiver = PredictionOptions(receiver=Receiver.BOARD)
     tried: list[tuple[str, Board, Room, PredictionOptions | None]] = [("as it is", board, ROOM, None)]
+    tried += [("arrivals that coincide added", replace(board, sum_arrivals=True), ROOM, None)]
     tried += [("edges by Keller's factor", board, ROOM, PredictionOptions(edge_strength=EdgeStrength.KELLER))]
     tried += [(f"scatter {share}", board, with_material(ROOM, "board", 0.9, share), None) for share in (0.1, 0.3)]
     tried += [

@@ -191,6 +191,7 @@ threshold_db = {THRESHOLDS[t]:.1f}  # tuned: weakest detected echo, relative to 
 fixed_gain = true
 rounding = 0.01              # m
 receiver = "first-echo"
+sum_arrivals = false         # two transducers, centimetres apart: a path and its reverse differ in length
 own_burst_db = -40.0         # a second transducer receives; an assumption, low enough not to detect its own burst
 """
 
