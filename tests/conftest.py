@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 pytest_plugins = ["tests.fixtures.window_scene"]
 
@@ -24,8 +25,14 @@ NOT_MEASURED = (
 )
 
 
-def pytest_configure() -> None:
-    """Let the commands under test be interrupted, also if a shell started pytest with these signals ignored."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Repeat the same generated examples in every run but --soak, and let the commands under test be interrupted.
+
+    A shell may have started pytest with these signals ignored.
+    """
+    settings.register_profile("same", derandomize=True)
+    if not config.getoption("--soak"):
+        settings.load_profile("same")
     for number in (signal.SIGINT, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)

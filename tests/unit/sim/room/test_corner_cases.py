@@ -13,6 +13,7 @@ from sonarhw_sim.rays.kernel import _hash, fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, parse_room
 
+from sonarhw.errors import InputError
 from tests.conftest import Count
 from tests.fixtures.rooms_for_tests import polygon_room, room_of
 from tests.oracles.image_sources import specular_lengths
@@ -209,7 +210,13 @@ def test_scans_at_any_place_have_valid_ranges_or_none(
 ) -> None:
     board = load_board("polaroid-6500")
     headings = np.radians(np.arange(0, 360, 15.0))
-    scan = predict_scan(room_of(walls, posts), Place("here", position), board, headings)
+    try:
+        scan = predict_scan(room_of(walls, posts), Place("here", position), board, headings)
+    except InputError as refusal:
+        # between a wall and a post that nearly touch it, sound is reflected very often
+        if not str(refusal).startswith("too many paths"):
+            raise
+        return
     detected = scan.ranges[~np.isnan(scan.ranges)]
     assert (detected >= board.blanked_range(scan.room.air)).all()
     assert (detected <= board.max_range + 1e-6).all()
