@@ -19,6 +19,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, Room
 
+from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
@@ -111,8 +112,8 @@ def locate_scan(
     """Return the possible poses of a scan in a room.
 
     `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `tick` receives
-    the completed share, 0..1. Raises InputError if no reading has an echo, the board is a ring of sensors, or the
-    height is not between floor and ceiling.
+    the completed share, 0..1. Raises InputError if no reading has an echo, the board is a ring of sensors, the height
+    is not between floor and ceiling, or no position in the room has a path to an echo.
     """
     if height is not None:
         room.check_height(height)
@@ -122,6 +123,11 @@ def locate_scan(
     check_fit([scan], board, free, options)
     problem = make_problem([scan], room, board, free, options.prediction, options.all_echoes)
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
+    if not np.isfinite(scores.scores).any():
+        raise InputError(
+            f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
+            "near as those of the scan; check the room, the board and its blanking"
+        )
     redundancy = mean_run(*angles_and_ranges(readings))
     starts = _starts(scores, room)
     tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))

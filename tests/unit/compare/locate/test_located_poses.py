@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit.search.pose_search import Scores
-from sonarhw_compare.locate.poses import Located, Pose, _different, _Top
+from sonarhw_compare.locate.poses import Located, Pose, _different, _Top, locate_scan
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.model import load_room, parse_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import Reading
 
 ROOM = load_room("rooms/arena.toml")
 SCORES = Scores(
@@ -54,3 +57,14 @@ def test_the_log_posterior_of_the_lattice_sums_headings_and_counts_neighbours_as
     first, second = located().lattice
     expected = math.log(math.exp(-2.0 / 2)) - math.log(1 + math.exp(-1.0 / 2))
     assert (first, second) == pytest.approx((0.0, expected))
+
+
+def test_a_room_without_any_echo_is_refused() -> None:
+    room = parse_room(
+        'name = "box"\n[materials.hard]\nreflectance = 0.0\n[[walls]]\nname = "box"\nclosed = true\n'
+        'material = "hard"\npoints = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]]\n',
+        "box",
+    )
+    readings = [Reading(k, 0, 0, k * math.pi / 6, float(k), (0.003,), 343.0) for k in range(12)]
+    with pytest.raises(InputError, match="no position in this room"):
+        locate_scan(readings, room, load_board("polaroid-6500"))
