@@ -23,3 +23,14 @@ def test_early_imports_load_no_slow_package(modules: str, heavy: str) -> None:
     program = f"import sys, {modules}; print(sys.modules.keys() & {set(heavy.split())})"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_a_prediction_with_compiled_kernels_loads_no_linear_algebra() -> None:
+    program = (
+        "import sys; from sonarhw_cli.app import run; assert run(['simulate', 'laboratory', '--place', 'bench']) == 0; "
+        "print('scipy.linalg' in sys.modules)"
+    )
+    command = [sys.executable, "-c", program]
+    subprocess.run(command, capture_output=True, check=True)  # compiling missing kernels loads scipy.linalg
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
