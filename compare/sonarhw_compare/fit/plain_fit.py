@@ -23,6 +23,7 @@ OFFSETS = np.linspace(-0.06, 0.06, 25)  # m
 REACH = 0.03  # m, largest error of a measured position
 STEP = 0.01  # m, between positions
 PARAMETERS = ("heading", "offset", "position")
+_CLOSER = 0.5  # of the mean error, below which a fit wins over one with a few more matching readings
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,9 @@ def fit_scan(
     """Return the heading, offset and position at which most readings are within 5 cm of the model.
 
     Only those named in `free` change; the others stay at the place's heading and position, and at offset 0. Ties go to
-    the smaller mean error, then to the smaller offset, then to the nearer position. `tick` receives the share that is
-    done, 0..1. Raises InputError if `free` has an unknown name, no reading has an echo, or the board is a ring.
+    the smaller mean error, then to the smaller offset, then to the nearer position. If the number of readings is the
+    same within a standard error, a fit with less than half of the mean error is preferred. `tick` receives the share
+    that is done, 0..1. Raises InputError if `free` has an unknown name, no reading has an echo, or the board is a ring.
     """
     _check(readings, free)
     if board.ring is not None:
@@ -118,20 +120,39 @@ def best_agreement(
     """
     angles, measured = angles_and_ranges(readings)
     offsets = OFFSETS if "offset" in free else np.zeros(1)
-    best: tuple[tuple[float, float, float], Fit] | None = None
+    starts, places, counts, means = [], [], [], []
     for place, table in tables:
         start = 0.0 if "heading" in free else place.heading
         rows = np.round((start + angles) * (HEADINGS / math.tau)).astype(np.intp)
         turns = HEADINGS if "heading" in free else 1
-        counts, means = _agreement(table, rows, measured, offsets, turns, TOLERANCE)
-        order = np.lexsort((np.broadcast_to(np.abs(offsets), counts.shape).ravel(), means.ravel(), -counts.ravel()))
-        turn, offset = divmod(int(order[0]), len(offsets))
-        score = (-counts[turn, offset], means[turn, offset], abs(float(offsets[offset])))
-        if best is None or score < best[0]:
-            best = score, Fit(start + turn * math.tau / HEADINGS, float(offsets[offset]), place)
-    if best is None:
+        matching, errors = _agreement(table, rows, measured, offsets, turns, TOLERANCE)
+        starts.append(start)
+        places.append(place)
+        counts.append(matching)
+        means.append(errors)
+    if not places:
         raise ValueError("no places to choose from")
-    return best[1]
+    chosen, turn, offset = _chosen(np.array(counts), np.array(means), offsets, int(np.isfinite(measured).sum()))
+    return Fit(starts[chosen] + turn * math.tau / HEADINGS, float(offsets[offset]), places[chosen])
+
+
+def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: int) -> tuple[int, int, int]:
+    """Return place, turn and offset of the best fit; `counts` and `means` (m) are (places, turns, offsets).
+
+    Most matching readings win, then the smaller mean error. A fit with less than half of that error wins instead if its
+    count is the same within a standard error: a reading or two near the limit of 5 cm does not justify a wrong place.
+    """
+    apart = np.broadcast_to(np.abs(offsets), counts.shape).ravel()
+    best = int(np.lexsort((apart, means.ravel(), -counts.ravel()))[0])
+    most, mean = float(counts.flat[best]), float(means.flat[best])
+    alike = max(1.0, math.sqrt(most * (1 - most / echoes)))
+    closer = (counts >= most - alike) & (means < mean * _CLOSER)
+    if closer.any():
+        # each reading that does not match has an error of 5 cm or more
+        errors = np.where(closer, counts * means + (echoes - counts) * TOLERANCE, np.inf)
+        best = int(np.lexsort((apart, errors.ravel()))[0])
+    place, turn, offset = np.unravel_index(best, counts.shape)
+    return int(place), int(turn), int(offset)
 
 
 def _check(readings: Sequence[Reading], free: frozenset[str]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.fit.plain_fit import Fit, fit_scan
+from sonarhw_compare.fit.plain_fit import Fit, all_round, best_agreement, fit_scan
 from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -141,6 +141,23 @@ def test_fit_finds_a_position_nearby() -> None:
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert len(shares) > 20  # one call for each position
+
+
+@pytest.mark.parametrize(("more", "moved"), [(2, False), (12, True)])
+def test_fit_moves_only_for_clearly_more_readings(more: int, moved: bool) -> None:
+    # elsewhere, every prediction is 8 mm longer, so the readings that are 55 mm too long match
+    here = 1.0 + 0.3 * np.sin(3 * all_round())
+    elsewhere = replace(PLACE, position=(PLACE.position[0] + 0.01, PLACE.position[1]))
+    too_long = np.zeros(120)
+    too_long[np.arange(20) * 6] = 0.5
+    too_long[np.arange(more) * 6] = 0.055
+    readings = [
+        reading(k, float(angle), float(near) + extra)
+        for k, (angle, near, extra) in enumerate(zip(all_round()[::6], here[::6], too_long.tolist(), strict=True))
+    ]
+    silent = [reading(120 + k, float(angle), None) for k, angle in enumerate(all_round()[::6])]
+    fit = best_agreement([*readings, *silent], [(PLACE, here), (elsewhere, here + 0.008)], frozenset({"position"}))
+    assert fit.place == (elsewhere if moved else PLACE)
 
 
 def test_fit_changes_only_free_parameters() -> None:
