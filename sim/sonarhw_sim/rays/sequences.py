@@ -22,6 +22,9 @@ _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the 
 _ON_TARGET = 1e-12  # of the length
 _NEAR_TARGET = 1e-7  # m
 _MOST_SHOTS = 60
+# Close to the tangent of a post, at the angle e from it, the miss is a - b sqrt(e), so it changes at most by twice its
+# slope times e: a target for which the slope demands many times e is in the shadow of the post.
+_TOO_FAR = 16.0
 
 
 def solve_candidates(
@@ -124,19 +127,22 @@ def _refine(
 ) -> tuple[bool, float]:
     """Turn a ray until it meets path[-1] after `sequence`; return whether it does, and its divergence."""
     sign = -1.0 if sequence.shape[0] % 2 else 1.0  # every reflection swaps left and right
-    step = 0.0
+    step, beyond = 0.0, np.inf  # beyond: the last direction in which the ray missed a surface
     for _ in range(_MOST_SHOTS):
         reached, miss, width, length = _shoot(path, direction + step, sequence, walls, posts)
         if not reached:
             if step == 0.0:
                 return False, 1.0
             # turned too far: the ray misses a post or the end of the path
+            beyond = direction + step
             step /= 2.0
             continue
         direction, step = direction + step, sign * miss / width
         # where posts spread the tube so wide that rounding gives the same direction again, this is the best result
         if abs(miss) <= _ON_TARGET * length or direction + step == direction:
             return abs(miss) <= _NEAR_TARGET and _touches_lie_on_walls(path, sequence, walls), width / length
+        if step * (beyond - direction) > 0.0 and abs(step) > _TOO_FAR * abs(beyond - direction):
+            return False, 1.0
     return False, 1.0
 
 
