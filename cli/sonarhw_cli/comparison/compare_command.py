@@ -193,7 +193,7 @@ def summary_lines(summary: "Summary") -> list[str]:
         )
     heading = heading_text(math.radians(summary.heading_deg))
     lines.append(
-        f"sensor at {summary.x_m:.4f}, {summary.y_m:.4f} m, turntable step 0 at {heading}, "
+        f"sensor at {summary.x_m:z.4f}, {summary.y_m:z.4f} m, turntable step 0 at {heading}, "
         f"range offset {summary.offset_m * 1000:+z.0f} mm"
     )
     return lines

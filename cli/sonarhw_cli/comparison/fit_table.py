@@ -1,14 +1,14 @@
 """The result of a fit as a table for people or as JSON for programs, in degrees and metres, with its warnings."""
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
+
+from sonarhw_cli.console.number_format import deviation_text, estimate_text, with_unit
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, FitResult, Parameter
 
 _CORRELATED = 0.5  # weaker correlations are not printed
-_DIGITS = 6  # decimals of a value with a deviation near 0
 
 
 def fit_figures(result: "FitResult") -> dict[str, Any]:
@@ -54,15 +54,10 @@ def fit_lines(result: "FitResult") -> Iterator[str]:
 
 
 def _row(parameter: "Parameter", estimate: "Estimate") -> str:
-    shown = _scaled(parameter, estimate)
+    shown, unit = _scaled(parameter, estimate), parameter.quantity.unit
     deviation = shown["deviation"]
-    digits = min(_DIGITS, max(0, 1 - math.floor(math.log10(deviation)))) if deviation > 0 else _DIGITS
-    unit = parameter.quantity.unit
-    # a heading that rounds to 360 is printed as 0, with its interval around 0
-    turn = 360 if parameter.quantity.is_angle and round(shown["value"], digits) == 360 else 0
-    value, lower, upper = (f"{shown[key] - turn:z.{digits}f}" for key in ("value", "lower", "upper"))
-    error = f"{deviation:.{digits}f} {unit}".rstrip()
-    return f"{f'{value} {unit}'.rstrip():>12}  {error:>10}  {lower} to {upper}"
+    value, lower, upper = (estimate_text(shown[key], deviation) for key in ("value", "lower", "upper"))
+    return f"{with_unit(value, unit):>12}  {deviation_text(deviation, unit):>10}  {lower} to {upper}"
 
 
 def _agreement(result: "FitResult") -> str:

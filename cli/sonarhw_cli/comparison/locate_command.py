@@ -5,18 +5,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, open_in_room
+from sonarhw_cli.console.number_format import deviation_text, estimate_text
 from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Located, Pose
+    from sonarhw_sim.room.model import Place
 
 _FITS = 0.5  # share of explained echoes below which the scan does not fit the room
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
@@ -85,7 +87,9 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
     places = located.places(near)
     best = max(places, key=places.__getitem__, default=None)
     return {
-        "poses": [_figures_of(pose, located.place_near(pose, near)) for pose in located.poses],
+        "poses": [
+            _figures_of(pose, located.room.places.get(located.place_near(pose, near) or "")) for pose in located.poses
+        ],
         "place": best if best is not None and places[best] > 0 else None,
         "places": {name: round(share, 6) for name, share in places.items()},
         "readings_alike": round(located.redundancy, 3),
@@ -94,15 +98,16 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
     }
 
 
-def _figures_of(pose: "Pose", place: str | None) -> dict[str, float | str | None]:
+def _figures_of(pose: "Pose", place: "Place | None") -> dict[str, float | str | None]:
     dx, dy, turn = pose.deviations
+    around = 0.0 if place is None else place.heading
     return {
-        "x_m": round(pose.position[0], 6),
-        "y_m": round(pose.position[1], 6),
-        "heading_deg": in_degrees(pose.heading, 6),
-        "offset_m": round(pose.offset, 6),
+        "x_m": round(pose.position[0], 6) + 0.0,
+        "y_m": round(pose.position[1], 6) + 0.0,
+        "heading_deg": estimate_degrees(pose.heading, around, 6),
+        "offset_m": round(pose.offset, 6) + 0.0,
         "probability": round(pose.probability, 6),
-        "place": place,
+        "place": None if place is None else place.name,
         "x_deviation_m": round(dx, 6),
         "y_deviation_m": round(dy, 6),
         "heading_deviation_deg": round(math.degrees(turn), 6) if turn <= _ANY_HEADING else None,
@@ -116,14 +121,7 @@ def _signed(millimetres: int) -> str:
 def _heading(heading: float, deviation: float | None) -> str:
     if deviation is None:
         return "an unknown heading"
-    return f"{heading_text(math.radians(heading))} (± {_leading(deviation, 1)}°)"
-
-
-def _leading(deviation: float, digits: int) -> str:
-    """Format a deviation with `digits` decimals, or with as many as are needed to show that it is not zero."""
-    if deviation > 0:
-        digits = max(digits, -math.floor(math.log10(deviation)))
-    return f"{deviation:.{digits}f}"
+    return f"{estimate_text(heading, deviation)}° (± {deviation_text(deviation, '°')})"
 
 
 def _named(place: str | None) -> str:
@@ -132,10 +130,11 @@ def _named(place: str | None) -> str:
 
 def _print(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
-        along_x, along_y = (_leading(pose[key] * 1000, 0) for key in ("x_deviation_m", "y_deviation_m"))
+        spreads = [pose[key] for key in ("x_deviation_m", "y_deviation_m")]
+        x, y = (estimate_text(pose[key], spread) for key, spread in zip(("x_m", "y_m"), spreads, strict=True))
+        along_x, along_y = (deviation_text(spread * 1000, "") for spread in spreads)
         print_line(
-            f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
-            f"(± {along_x}, {along_y} mm), turntable step 0 at "
+            f"{pose['probability']:6.1%}  at {x}, {y} m (± {along_x}, {along_y} mm), turntable step 0 at "
             f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
             f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
         )

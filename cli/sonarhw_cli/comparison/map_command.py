@@ -161,7 +161,7 @@ def _figures(found: "RoomMap") -> dict[str, Any]:
 
 
 def _rounded(point: tuple[float, float]) -> list[float]:
-    return [round(point[0], 6), round(point[1], 6)]
+    return [round(at, 6) + 0.0 for at in point]
 
 
 def _print(found: "RoomMap", given: bool) -> None:

@@ -37,10 +37,8 @@ def found_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
 
 
 def _rounded(place: Place) -> Place:
-    x, y = (round(at, X.digits) for at in place.position)
-    return replace(
-        place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits) % 360)
-    )
+    x, y = (round(at, X.digits) + 0.0 for at in place.position)
+    return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits)))
 
 
 def found_board(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from sonarhw_compare.fit.values.fit_result import Estimate, FitResult, PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import PlaceQuantity
-from sonarhw_compare.headings import heading_text
+from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.matching.match import Summary
 
 _INSEPARABLE = 0.95  # smallest correlation that is reported
@@ -74,9 +74,9 @@ def _pose(result: FitResult, values: dict[str, float]) -> str:
     best = result.modes[0].values
     changed = [one for one in shown if result.modes[0].values is values or abs(values[one.name] - best[one.name]) > 0]
     return ", ".join(
-        f"{one.name} {heading_text(values[one.name])}"
+        f"{one.name} {estimate_degrees(values[one.name], best[one.name], 1):.1f}°"
         if one.quantity.is_angle
-        else f"{one.name} {values[one.name]:.3f}"
+        else f"{one.name} {values[one.name]:z.3f}"
         for one in changed or shown
     )
 

@@ -21,6 +21,7 @@ from sonarhw_compare.fit.search.ridges import underestimated
 from sonarhw_compare.fit.search.starting_poses import Candidate, is_same, starting_poses
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.headings import turned_near
 from sonarhw_compare.matching.regions import mean_run
 
 _PROMISING = 25.0  # largest deficit of the coarse log-likelihood, for independent readings, of another solution
@@ -170,6 +171,8 @@ def _result(problem: Problem, objective: Objective, solutions: list[Candidate], 
         middle, covariance = best.values, covariance_of(objective, best.values)
         reach = _NORMAL_INTERVAL * np.sqrt(np.diag(covariance))
         lower, upper = np.clip((middle - reach, middle + reach), *problem.bounds)
+    turns = _turns(problem, middle)
+    middle, lower, upper = middle + turns, lower + turns, upper + turns
     deviations = np.sqrt(np.diag(covariance))
     estimates = {
         parameter.name: _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
@@ -188,7 +191,7 @@ def _result(problem: Problem, objective: Objective, solutions: list[Candidate], 
         places=places,
         board=board,
         score=best.score,
-        samples=samples[:, :count],
+        samples=(samples + turns)[:, :count],
     )
     lone = problem.prediction.receiver is Receiver.BOARD
     return replace(
@@ -207,18 +210,24 @@ def _redundancies(problem: Problem) -> tuple[float, ...]:
     return tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
 
 
+def _turns(problem: Problem, values: FloatArray) -> FloatArray:
+    """Return the full turns, rad, that bring each heading near that of its scan's given place, (size,)."""
+    turns = np.zeros_like(values)
+    for row, parameter in enumerate(problem.parameters):
+        if parameter.quantity.is_angle:
+            turns[row] = turned_near(values[row], problem.places[parameter.scan or 0].heading) - values[row]
+    return turns
+
+
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:
-    # a heading is in [0°, 360°), and its interval around it is at most a full circle
+    # the interval of a heading is at most a full circle
     if parameter.quantity.is_angle:
-        by = value % math.tau - value
-        lower, upper = max(lower, value - math.pi) + by, min(upper, value + math.pi) + by
-        value, deviation = value + by, min(deviation, math.pi)
+        lower, upper = max(lower, value - math.pi), min(upper, value + math.pi)
+        deviation = min(deviation, math.pi)
     return Estimate(float(value), float(deviation), float(lower), float(upper))
 
 
 def _mode(problem: Problem, solution: Candidate, best: float) -> Mode:
-    values = {
-        parameter.name: float(value % math.tau if parameter.quantity.is_angle else value)
-        for parameter, value in zip(problem.parameters, solution.values, strict=False)
-    }
+    turned = solution.values + _turns(problem, solution.values)
+    values = {parameter.name: float(value) for parameter, value in zip(problem.parameters, turned, strict=False)}
     return Mode(values, solution.score - best)

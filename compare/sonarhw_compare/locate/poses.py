@@ -29,6 +29,7 @@ from sonarhw_compare.fit.search.refine import MOST_ITERATIONS, MOST_SEARCHES, co
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.headings import turned_near
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
 
@@ -48,7 +49,7 @@ class Pose:
     """One possible pose."""
 
     position: tuple[float, float]  # m
-    heading: float  # rad, of turntable step 0 in the room, 0..2π
+    heading: float  # rad, of turntable step 0 in the room, -π..π
     offset: float  # m, added to every measured range
     probability: float
     deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
@@ -244,4 +245,4 @@ def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
 def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:
     x, y, heading, offset = values[:4].tolist()
     dx, dy, turn = deviations.tolist()
-    return Pose((x, y), heading % math.tau, offset, probability, (dx, dy, turn))
+    return Pose((x, y), turned_near(heading), offset, probability, (dx, dy, turn))

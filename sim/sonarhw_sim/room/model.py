@@ -132,22 +132,28 @@ class Room:
         if isinstance(name, Place):
             return name
         if isinstance(name, tuple):
-            name = ",".join(f"{coordinate!r}" for coordinate in map(float, name))
+            x, y = map(float, name)
+            # the name appears in titles; millimetres are enough
+            return self._place_at(",".join(f"{round(at, 3) + 0.0:.9g}" for at in (x, y)), (x, y))
         if name is None:
             if len(self.places) == 1:
                 return next(iter(self.places.values()))
             raise InputError(f"room {self.name!r}: give a place; {self._known_places()}")
         if name in self.places:
             return self.places[name]
-        return self._place_at(name)
+        return self._place_at(name, self._position(name))
 
-    def _place_at(self, name: str) -> Place:
+    def _position(self, name: str) -> tuple[float, float]:
         try:
             x, y = map(float, name.split(","))
         except ValueError as error:
             raise InputError(
                 f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres"
             ) from error
+        return x, y
+
+    def _place_at(self, name: str, position: tuple[float, float]) -> Place:
+        x, y = position
         if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
             raise InputError(f"place {name!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
         for post in self.posts_at((x, y)):

@@ -52,6 +52,19 @@ def test_a_pose_is_found_in_the_whole_room(pose: FitResult) -> None:
     assert pose.agreement[0].within_5cm > 0.9
 
 
+def test_a_heading_around_zero_has_its_interval_around_it() -> None:
+    place = replace(TRUTH, heading=math.radians(-0.02))
+    scan = synthetic_scan(ARENA, place, BOARD, seed=1)
+    for given in (0.0, math.tau):
+        result = fitted(scan, "position", "heading", start=replace(NOWHERE, heading=given))
+        heading = result.estimates["heading"]
+        assert heading.lower < heading.value < heading.upper
+        assert heading.value == pytest.approx(given + place.heading, abs=math.radians(0.5))
+        assert result.places[0].heading == heading.value
+        assert result.modes[0].values["heading"] == pytest.approx(heading.value, abs=math.radians(0.5))
+        assert np.median(result.samples[:, 2]) == pytest.approx(heading.value)
+
+
 def test_a_room_that_explains_few_echoes_gives_a_warning(readings: list[Reading]) -> None:
     square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0))
@@ -313,5 +326,5 @@ def test_a_prior_of_a_heading_may_differ_by_a_whole_turn(readings: list[Reading]
     (heading,) = free_parameters(("heading",), [""], ARENA, BOARD)
     known = replace(heading, expected=TRUTH.heading - math.tau, deviation=1.0)
     result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, [known], options=FitOptions(samples=0))
-    # still reported in [0°, 360°)
+    # still reported near the heading of the given place
     assert result.estimates["heading"].value == pytest.approx(TRUTH.heading, abs=math.radians(0.3))

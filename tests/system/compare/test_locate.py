@@ -115,3 +115,11 @@ def test_an_undetermined_heading_has_no_deviation() -> None:
     figures = _figures_of(Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))), None)
     assert figures["heading_deviation_deg"] is None
     assert json.loads(json.dumps(figures))["heading_deg"] == pytest.approx(math.degrees(0.5), abs=1e-5)
+
+
+def test_a_located_pose_has_a_heading_near_that_of_its_place_and_no_negative_zero() -> None:
+    pose = Pose((-1e-9, -1e-9), math.radians(-0.1), -1e-9, 1.0, (0.01, 0.01, 0.01))
+    for heading, expected in ((0.0, -0.1), (math.radians(270), 359.9)):
+        figures = _figures_of(pose, Place("p", (0.0, 0.0), heading))
+        assert figures["heading_deg"] == pytest.approx(expected)
+        assert "-0.0," not in json.dumps(figures)

@@ -130,7 +130,7 @@ def test_a_log_that_names_no_board_gives_a_warning(readings: list[Reading], tmp_
 
 
 def test_a_place_outside_the_room_gives_a_warning(log: Path, room: Room) -> None:
-    outside = r"place '9.0,9.0' at 9, 9 m is outside room"
+    outside = r"place '9,9' at 9, 9 m is outside room"
     for call in (
         lambda: sonarhw.predict(room, (9.0, 9.0)),
         lambda: sonarhw.compare(log, place=(9.0, 9.0)),

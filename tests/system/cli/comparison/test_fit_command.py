@@ -43,7 +43,7 @@ def test_the_table_has_a_row_for_each_free_parameter(log: str, capsys: pytest.Ca
     assert run(["fit", log, "--place", "p3", "--free", "position,heading,offset", *QUICKLY]) == 0
     out = capsys.readouterr().out
     assert "95 % interval" in out
-    for name, unit in (("x", " m "), ("y", " m "), ("heading", " ° "), ("offset", " m ")):
+    for name, unit in (("x", " m "), ("y", " m "), ("heading", "° "), ("offset", " m ")):
         assert any(line.startswith(f"{name} ") and unit in line for line in out.splitlines())
     assert "errors of readings" in out
 

@@ -1,4 +1,4 @@
-"""A heading is the same number in every output, and never 360 degrees."""
+"""A heading is the same number in every output, and that of a reading is never 360 degrees."""
 
 import math
 import re
@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from sonarhw_cli.comparison.compare_command import summary_lines
 from sonarhw_cli.comparison.fit_table import fit_lines
+from sonarhw_cli.console.number_format import deviation_text, estimate_text
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
 from sonarhw_compare.fit.fit_warnings import warnings_of
-from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.headings import estimate_degrees, heading_text, in_degrees
 from sonarhw_compare.report.html_report import report_html, report_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
@@ -50,10 +51,21 @@ def test_report_sentence_and_summary_have_the_same_heading() -> None:
     assert "360.0" not in page
 
 
-def test_a_fitted_heading_that_rounds_to_360_is_0_in_the_table_with_its_interval_around_it() -> None:
-    table = list(fit_lines(heading_fit(359.998)))
-    assert table[1].split() == ["heading", "0.00", "°", "0.14", "°", "-0.30", "to", "0.30"]
+def test_an_estimated_heading_is_within_half_a_turn_of_the_known_one() -> None:
+    assert estimate_degrees(math.radians(359.9), decimals=1) == -0.1
+    assert estimate_degrees(math.radians(-0.01), math.tau, 1) == 360.0
+    assert estimate_degrees(math.radians(-85.0), math.radians(270)) == pytest.approx(275.0)
+    assert estimate_degrees(math.pi) == estimate_degrees(-math.pi) == 180.0
+    assert str(estimate_degrees(-1e-12)) == "0.0"
+
+
+def test_a_fit_has_two_significant_digits_of_its_deviation() -> None:
+    table = list(fit_lines(heading_fit(-0.002)))
+    assert table[1].split() == ["heading", "0.00°", "0.14°", "-0.30", "to", "0.30"]
     assert any("ranges +0.00% from" in line for line in table)
+    assert (estimate_text(-0.000004, 0.000996), deviation_text(0.000996, "m")) == ("0.0000", "1.0 mm")
+    assert (estimate_text(1.7196661, 0.000059), deviation_text(0.000059, "m")) == ("1.719666", "0.059 mm")
+    assert (estimate_text(21.4, 12.3), deviation_text(12.3, "°C")) == ("21", "12 °C")
 
 
 def test_solutions_that_print_alike_are_one() -> None:
@@ -68,7 +80,7 @@ def heading_fit(*degrees: float) -> FitResult:
     values = [math.radians(one) for one in degrees]
     return FitResult(
         parameters=free_parameters(("heading",), ("scan",), ROOM, PAPER),
-        estimates={"heading": Estimate(values[0], math.radians(0.14), math.radians(359.7), math.radians(360.3))},
+        estimates={"heading": Estimate(values[0], math.radians(0.14), math.radians(-0.3), math.radians(0.3))},
         correlations=np.eye(1),
         noise={"range_m": 0.001, "level_db": 1.0, "missed": 0.0, "lost": 0.0, "stray_per_m": 0.0, "stretch": 0.999999},
         warnings=(),

@@ -143,6 +143,17 @@ def test_place_by_name_by_numbers_or_alone() -> None:
     assert room.place("0.5,0.25").position == (0.5, 0.25)
 
 
+def test_a_place_at_two_numbers_is_named_in_millimetres_and_keeps_its_position() -> None:
+    room = parse_room(GOOD, "good.toml")
+    for position, name in (
+        ((0.294701487374397, 0.2505910713629), "0.295,0.251"),
+        ((1.0, -1e-12), "1,0"),
+        ((1234.5678, 0.5), "1234.568,0.5"),
+    ):
+        place = room.place(position)
+        assert (place.name, place.position) == (name, position)
+
+
 @pytest.mark.parametrize("place", ["there", "1,2,3", "nan,1", "5.2,5.0"])
 def test_wrong_place_is_rejected(place: str) -> None:
     with pytest.raises(InputError):
