@@ -1,12 +1,12 @@
 """`sonarhw fit`: fit place, heading, board and room to one or several logs, with credible intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.fit.values.quantities import QUANTITIES, BoardQuantity, words_of
+from sonarhw_compare.fit.values.quantities import QUANTITIES, BoardQuantity, PlaceQuantity, words_of
 from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
@@ -29,6 +29,9 @@ from sonarhw_cli.console.room_input import open_room
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult
     from sonarhw_compare.fit.fit_setting import FitSetting
+    from sonarhw_compare.fit.values.parameters import Parameter
+    from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.room.model import Place, Room
 
 
 def fit(
@@ -104,6 +107,34 @@ class FittedLogs:
     setting: "FitSetting"
     result: "FitResult"
 
+    def constrained(self) -> "dict[Parameter, float]":
+        """Return the fitted values, without those that the scans hardly constrain and that have a former value."""
+        from sonarhw_compare.fit.fit_warnings import is_unconstrained
+
+        estimates = self.result.estimates
+        return {
+            one: estimates[one.name].value
+            for one in self.result.parameters
+            if self.before(one) is None or not is_unconstrained(one, estimates[one.name])
+        }
+
+    def before(self, parameter: "Parameter") -> float | None:
+        """Return the value before the fit; None for the pose of a scan whose place is unknown."""
+        from sonarhw_compare.fit.values.parameters import present_value
+
+        place = self.setting.scans[parameter.scan or 0].place
+        if isinstance(parameter.quantity, PlaceQuantity) and not place.name:
+            return None
+        return present_value(parameter, place, self.setting.room, self.setting.board)
+
+    def places(self, values: "Mapping[Parameter, float]") -> "tuple[Place, ...]":
+        """Return the place of each scan with these values."""
+        from sonarhw_compare.fit.values.parameters import applied
+
+        given = [scan.place for scan in self.setting.scans]
+        poses = {one: value for one, value in values.items() if isinstance(one.quantity, PlaceQuantity)}
+        return applied(poses, self.setting.room, given, self.setting.board)[1]
+
 
 def fit_logs(
     log_files: Sequence[Path],
@@ -169,26 +200,52 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
 def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None, force: bool) -> None:
     """Write the fitted room and the fitted board profile to the given files.
 
-    A place of the room keeps its name. A place that is not in the room, or that several logs have, gets the name of its
-    log.
+    Values that the scans hardly constrain stay as they were.
     """
-    from sonarhw_compare.fit.findings import found_board, found_room
-
-    values = {one: fitted.result.estimates[one.name].value for one in fitted.result.parameters}
     texts = []
     if out is not None:
-        names = [scan.place.name for scan in fitted.setting.scans]
-        own = {name for name in fitted.setting.room.places if names.count(name) == 1}
-        places = [
-            replace(place, name=scan.place.name if scan.place.name in own else scan.name)
-            for place, scan in zip(fitted.result.places, fitted.setting.scans, strict=True)
-        ]
-        texts.append((out, "--out", found_room(fitted.setting.room, values, places).text))
+        texts.append((out, "--out", _fitted_room(fitted).text))
     if board_out is not None:
-        deviations = {one: fitted.result.estimates[one.name].deviation for one in values}
-        logs = [scan.name for scan in fitted.setting.scans]
-        profile = found_board(fitted.setting.board, values, board_out.stem, deviations, logs)
-        texts.append((board_out, "--board-out", profile.text))
+        texts.append((board_out, "--board-out", _fitted_board(fitted, board_out.stem).text))
     for file, option, text in texts:
         with atomic_file(file, option, overwrite=force) as written:
             written.write(text.encode())
+
+
+def _fitted_room(fitted: FittedLogs) -> "Room":
+    """Return the fitted room with a list of its fitted values.
+
+    A place of the room keeps its name. A place that is not in the room, or that several logs have, gets the name of its
+    log.
+    """
+    from sonarhw_compare.fit.findings import finding, found_room, kept, with_listed_findings
+
+    setting, values = fitted.setting, fitted.constrained()
+    names = [scan.place.name for scan in setting.scans]
+    own = {name for name in setting.room.places if names.count(name) == 1}
+    places = [
+        replace(place, name=scan.place.name if scan.place.name in own else scan.name)
+        for place, scan in zip(fitted.places(values), setting.scans, strict=True)
+    ]
+    lines = []
+    for one in fitted.result.parameters:
+        if isinstance(one.quantity, BoardQuantity):
+            continue
+        estimate, before = fitted.result.estimates[one.name], fitted.before(one)
+        lines.append(
+            finding(one, estimate.value, estimate.deviation, before) if one in values else kept(one, before or 0.0)
+        )
+    found = found_room(setting.room, values, places)
+    return with_listed_findings(found, setting.room.name, lines, [scan.name for scan in setting.scans])
+
+
+def _fitted_board(fitted: FittedLogs, name: str) -> "Board":
+    from sonarhw_compare.fit.findings import found_board
+
+    values, estimates = fitted.constrained(), fitted.result.estimates
+    deviations = {one: estimates[one.name].deviation for one in values}
+    logs = [scan.name for scan in fitted.setting.scans]
+    unconstrained = [
+        one.name for one in fitted.result.parameters if one not in values and isinstance(one.quantity, BoardQuantity)
+    ]
+    return found_board(fitted.setting.board, values, name, deviations, logs, unconstrained)

@@ -1,6 +1,7 @@
 """Room files and board profiles with fitted values.
 
-Comments, layout and all values that were not free stay unchanged. A profile marks its fitted values.
+Comments, layout and all values that were not free stay unchanged. A profile marks its fitted values, a room file lists
+them at its top.
 """
 
 import math
@@ -10,11 +11,12 @@ from typing import Any
 
 import tomlkit
 from sonarhw_sim.board.profile import Board, parse_board
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.model import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_place
 
+from sonarhw.harmless_text import harmless
 from sonarhw_compare.fit.values.parameters import Parameter, values_by_part
-from sonarhw_compare.fit.values.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, X
+from sonarhw_compare.fit.values.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X
 
 Values = Mapping[Parameter, float]
 
@@ -41,12 +43,55 @@ def _rounded(place: Place) -> Place:
     return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits)))
 
 
+def with_listed_findings(room: Room, before: str, findings: Sequence[str], logs: Sequence[str] = ()) -> Room:
+    """Return the room with a header that lists the `findings`, as lines of `finding`; `before` is the old room's name.
+
+    A header, and not comments beside the values, because a wall's shift changes several points, and tables within one
+    line cannot contain comments.
+    """
+    header = [
+        f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with room {before!r}:",
+        *(f"#   {harmless(one)}" for one in findings),
+    ]
+    return parse_room("\n".join([*header, room.text]), f"room {room.name!r}")
+
+
+def finding(parameter: Parameter, value: float, deviation: float, before: float | None) -> str:
+    """Return a fitted value with its deviation and the former value, if known, in one line."""
+    quantity = parameter.quantity
+    shown = f"{parameter.name} {_written(quantity, value)} ± {_written(quantity, deviation)}{_unit(quantity)}"
+    return shown if before is None else f"{shown}; before: {_written(quantity, before)}"
+
+
+def kept(parameter: Parameter, value: float) -> str:
+    """Return one line about a value that was free, and is not constrained by the scans."""
+    return f"{parameter.name} {_written(parameter.quantity, value)}: kept, the scans hardly constrain it"
+
+
+def _written(quantity: Quantity, value: float) -> str:
+    return f"{value * quantity.per_unit:z.{quantity.digits}f}"
+
+
+def _unit(quantity: Quantity) -> str:
+    return quantity.unit if quantity.is_angle or not quantity.unit else f" {quantity.unit}"
+
+
+def _on(logs: Sequence[str]) -> str:
+    return f" on {', '.join(logs)}" if logs else ""
+
+
 def found_board(
-    board: Board, values: Values, name: str, deviations: Values | None = None, logs: Sequence[str] = ()
+    board: Board,
+    values: Values,
+    name: str,
+    deviations: Values | None = None,
+    logs: Sequence[str] = (),
+    unconstrained: Sequence[str] = (),
 ) -> Board:
     """Return the board with these values and another name. Raises InputError if a value is not allowed.
 
-    The text marks each fitted value, with ± its standard deviation if given, and names the `logs`. Comments of the old
+    The text marks each fitted value, with ± its standard deviation if given, and names the `logs` and the
+    `unconstrained` quantities, whose values are kept. Comments of the old
     profile are quoted under its name, because they describe the old values only.
     """
     profile: Any = tomlkit.parse(board.text)
@@ -61,7 +106,7 @@ def found_board(
                 table, key, quantity.read(board), quantity.read(quantity.put(board, value)), deviation, quantity.digits
             )
             found.append(quantity.name)
-    text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs)
+    text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs, unconstrained)
     return parse_board(text, f"profile {name!r}")
 
 
@@ -74,12 +119,16 @@ def _set(table: Any, key: str, before: float, value: float, deviation: float | N
     table[key].trivia.comment_ws = "  "
 
 
-def _with_provenance(text: str, before: str, found: Sequence[str], logs: Sequence[str]) -> str:
+def _with_provenance(
+    text: str, before: str, found: Sequence[str], logs: Sequence[str], unconstrained: Sequence[str]
+) -> str:
     """Return the text below a header with the fitted values; its old header is quoted as that of profile `before`."""
     lines = text.splitlines()
     behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))
-    by = f" on {', '.join(logs)}" if logs else ""
-    header = [f"# Fitted by `sonarhw fit`{by}, beginning with profile {before!r}: {', '.join(found)}."]
+    fitted = ", ".join(found) or "no value"
+    header = [f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with profile {before!r}: {fitted}."]
+    if unconstrained:
+        header.append(f"# Kept, the scans hardly constrain it: {', '.join(unconstrained)}.")
     if behind:
         header.append(f"# Header of profile {before!r}, for its own values only:")
         header += [f"#   {line.removeprefix('#').removeprefix(' ')}".rstrip() for line in lines[:behind]]

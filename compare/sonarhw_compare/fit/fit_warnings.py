@@ -81,16 +81,25 @@ def _pose(result: FitResult, values: dict[str, float]) -> str:
     )
 
 
-def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
-    lower, upper = (-math.pi, math.pi) if parameter.quantity.is_angle else (parameter.lower, parameter.upper)
-    width = upper - lower
-    known = width / math.sqrt(12)
+def is_unconstrained(parameter: Parameter, estimate: Estimate) -> bool:
+    """Report whether an estimate is about as uncertain as its prior."""
+    lower, upper = _bounds(parameter)
+    known = (upper - lower) / math.sqrt(12)
     if parameter.deviation is not None:
         known = min(known, parameter.deviation)
-    if estimate.deviation > _SAYS_NOTHING * known:
+    return estimate.deviation > _SAYS_NOTHING * known
+
+
+def _bounds(parameter: Parameter) -> tuple[float, float]:
+    return (-math.pi, math.pi) if parameter.quantity.is_angle else (parameter.lower, parameter.upper)
+
+
+def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
+    lower, upper = _bounds(parameter)
+    if is_unconstrained(parameter, estimate):
         return [f"the scan hardly constrains {parameter.name}: ± is as wide as the prior"]
     if not parameter.quantity.is_angle:
         for bound in (lower, upper):
-            if abs(estimate.value - bound) < _AT_BOUND * width:
+            if abs(estimate.value - bound) < _AT_BOUND * (upper - lower):
                 return [f"{parameter.name} is at its bound, {bound:g}"]
     return []

@@ -89,11 +89,12 @@ def start_of(parameter: Parameter, places: Sequence[Place], room: Room, board: B
     """Return the mean of the prior, or else the present value in room, place or board, clipped to the bounds."""
     value = parameter.expected
     if value is None:
-        value = _present(parameter, places[parameter.scan or 0], room, board)
+        value = present_value(parameter, places[parameter.scan or 0], room, board)
     return min(max(value, parameter.lower), parameter.upper)
 
 
-def _present(parameter: Parameter, place: Place, room: Room, board: Board) -> float:
+def present_value(parameter: Parameter, place: Place, room: Room, board: Board) -> float:
+    """Return the value of a parameter in place, room or board."""
     match parameter.quantity:
         case PlaceQuantity() as quantity:
             return quantity.value(place)

@@ -140,7 +140,11 @@ def test_fitted_room_and_board_are_written_and_comments_kept(log: str, tmp_path:
     free = ["--free", "position,heading,offset,threshold,reflectance,wall:north"]
     files = ["--out", str(found), "--board-out", str(board)]
     assert run(["fit", log, "--room", str(room), "--place", "p3", *free, *files, "--samples", "0"]) == 0
-    assert found.read_text(encoding="utf-8").startswith("# as measured in spring\n")
+    header, _, rest = found.read_text(encoding="utf-8").partition("# as measured in spring\n")
+    assert header.startswith("# Fitted by `sonarhw fit` on p3, beginning with room 'Arena':\n#   x 1.3")
+    for line in (r"x 1\.3\d+ ± 0\.\d{5} m; before: 1\.36000", r"heading -?0\.\d{3} ± \d\.\d{3}°; before: 0\.000"):
+        assert re.search(f"^#   {line}$", header, re.M)
+    assert "points" in rest
     written, before = load_room(found), load_room(room)
     assert written.places["p3"].position == pytest.approx((1.38, 0.54), abs=0.003)
     assert before.places["p3"].position == (1.36, 0.55)
@@ -155,6 +159,32 @@ def test_fitted_room_and_board_are_written_and_comments_kept(log: str, tmp_path:
     assert profile.threshold_db == pytest.approx(load_board("polaroid-6500").threshold_db, abs=3)
     # other commands accept both files
     assert run(["simulate", str(found), "--place", "p3", "--board", str(board), "--out", str(tmp_path / "a.csv")]) == 0
+
+
+def test_values_that_a_scan_hardly_constrains_stay_as_they_were_in_the_files(tmp_path: Path) -> None:
+    # no path of the nearest 0.6 m touches the wall of carpet
+    arena = Path("rooms/arena.toml").read_text(encoding="utf-8")
+    carpet = '[[walls]]\nname = "far"\nmaterial = "carpet"\npoints = [[-1.0, 0.0], [-1.0, 1.68]]\n'
+    room, board, scan, found, mine = (
+        str(tmp_path / name) for name in ("room.toml", "near.toml", "scan.mcap", "found.toml", "mine.toml")
+    )
+    Path(room).write_text(arena + carpet + "\n[materials.carpet]\nreflectance = 0.7\n", encoding="utf-8")
+    profile = load_board("polaroid-6500").text
+    Path(board).write_text(profile.replace("max_range = 10.7", "max_range = 0.9"), encoding="utf-8")
+    here = ["--room", room, "--place", "p3", "--board", board]
+    assert run(["simulate", room, *here[2:], "--step", "6", "--out", scan]) == 0
+    free = ["--free", "offset,reflectance", "--out", found, "--board-out", mine]
+    assert run(["fit", scan, *here, *free, "--samples", "0"]) == 0
+    text = Path(found).read_text(encoding="utf-8")
+    assert "#   reflectance:carpet 0.7000: kept, the scans hardly constrain it\n" in text
+    assert "[materials.carpet]\nreflectance = 0.7\n" in text
+    assert "fitted ±" in Path(mine).read_text(encoding="utf-8")
+
+
+def test_a_profile_names_the_values_that_it_keeps() -> None:
+    text = found_board(load_board("lego-nxt"), {Parameter(OFFSET): 0.01}, "mine", unconstrained=["threshold"]).text
+    assert "# Kept, the scans hardly constrain it: threshold.\n" in text
+    assert "threshold_db = -17.5  # tuned" in text
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sonarhw_compare.fit.findings import found_room
+from sonarhw_compare.fit.findings import found_room, with_listed_findings
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, load_room, parse_room
@@ -30,6 +30,12 @@ def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
         assert room.places["found"].position == pytest.approx((0.7123456, 0.1), abs=1e-4)
         assert math.degrees(room.places["found"].heading) % 360 == pytest.approx(270.0)
         assert set(room.places) == {*ROOM.places, "found"}
+
+
+def test_listed_findings_stay_in_comments() -> None:
+    found = with_listed_findings(ROOM, ROOM.name, ["reflectance:a\nname = 'other' 0.9"], ["scan"])
+    assert found.name == ROOM.name
+    assert found.text.splitlines()[1] == r"#   reflectance:a\nname = 'other' 0.9"
 
 
 def test_without_a_fitted_position_the_room_keeps_its_places() -> None:
