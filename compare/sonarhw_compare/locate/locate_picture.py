@@ -12,7 +12,7 @@ from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.overlay_picture import draw_room
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
-from sonarhw_compare.pictures.shown_figure import new_figure
+from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _DEEPEST = 12.0  # of the logarithm, lower end of the shading
 _MOST_POSES = 5
@@ -42,7 +42,7 @@ def draw_located(located: Located) -> Figure:
     axes.use_sticky_edges = False
     axes.margins(_MARGIN)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08))
-    return figure
+    return laid_out(figure)
 
 
 def _shade(axes: Axes, figure: Figure, located: Located) -> None:

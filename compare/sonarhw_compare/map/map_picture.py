@@ -1,17 +1,17 @@
-"""Picture of a map as a matplotlib figure: all readings beside those without several reflections."""
+"""Picture of a map as a matplotlib figure: all echoes beside those without several reflections."""
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Circle, Patch
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.map.arcs import Arc, direction
 from sonarhw_compare.map.room_map import Layer, RoomMap
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
-from sonarhw_compare.pictures.shown_figure import new_figure
+from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _ARC_STEPS = 20
 _MARGIN = 0.08  # around the features, of their longer side
@@ -19,33 +19,44 @@ _SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 
 def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
-    """Return a figure of two plans with grid, arcs, walls and points; `room` is drawn dotted over both."""
-    figure = new_figure(14, 7.5, 110)
-    for axes, layer, title in zip(figure.subplots(1, 2), (found.plain, found.direct), _titles(found), strict=True):
+    """Return a figure of the plan with grid, arcs, walls and points; `room` is drawn dashed over it.
+
+    A second plan leaves out the echoes by several reflections, where that is determined.
+    """
+    direct = f"all echoes, interpreted as direct: {found.echoes}"
+    if found.followed_room is None:
+        layers = [(found.plain, f"{direct}\nnot determined which came by several reflections")]
+    else:
+        without = f"without {found.rejected} echoes by several reflections; {found.undetermined} not determined"
+        layers = [(found.plain, direct), (found.direct, without)]
+    figure = new_figure(7 * len(layers), 7.5, 110)
+    plans = figure.subplots(1, len(layers), squeeze=False, sharex=True, sharey=True)[0]
+    sensors = np.array([scan.place.position for scan in found.scans])
+    for axes, (layer, title) in zip(plans, layers, strict=True):
         _draw_layer(axes, layer)
         if room is not None:
-            for x0, y0, x1, y1 in room.walls:
-                axes.plot((x0, x1), (y0, y1), ":", color=WALL, lw=1.2)
-        sensors = np.array([scan.place.position for scan in found.scans])
+            _draw_outline(axes, room)
         axes.plot(*sensors.T, "^", color="black", ms=7, ls="none", label="sensor")
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
-        _zoom(axes, [*_marks(layer), sensors, *([] if room is None else [room.walls.reshape(-1, 2)])])
-    handles, _ = figure.axes[0].get_legend_handles_labels()
+    outline = [] if room is None else [room.walls.reshape(-1, 2)]
+    _zoom(plans[0], [*(mark for layer, _ in layers for mark in _marks(layer)), sensors, *outline])
+    named = {label: mark for axes in plans for mark, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     shades = [
         Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
         for share, name in ((0.0, "empty"), (0.5, "unknown"), (1.0, "occupied"))
     ]
-    figure.legend(handles=[*handles, *shades], loc="outside lower center", ncols=9)
-    return figure
+    figure.legend(handles=[*named.values(), *shades], loc="outside lower center", ncols=5 * len(layers))
+    return laid_out(figure)
 
 
-def _titles(found: RoomMap) -> tuple[str, str]:
-    if found.followed_room is None:
-        left = "the same: not determined which echoes came by several reflections"
-    else:
-        left = f"without {found.rejected} echoes by several reflections; {found.undetermined} not determined"
-    return f"all echoes, interpreted as direct: {found.echoes}", left
+def _draw_outline(axes: Axes, room: Room) -> None:
+    """Draw walls and posts of a room, dashed."""
+    for x0, y0, x1, y1 in room.walls:
+        axes.plot((x0, x1), (y0, y1), "--", color=WALL, lw=1.2)
+    for x, y, radius in room.posts:
+        axes.add_patch(Circle((x, y), radius, fill=False, ls="--", color=WALL, lw=1.2))
+    axes.plot([], [], "--", color=WALL, lw=1.2, label="room file")
 
 
 def _draw_layer(axes: Axes, layer: Layer) -> None:
@@ -54,17 +65,18 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
     features = layer.features
     for arc in features.arcs:
         axes.plot(*_outline(arc), "-", color=MEASURED, lw=1, alpha=0.7)
-    axes.plot([], [], "-", color=MEASURED, lw=1, label="region of constant depth")
-    # features that fewer than three places agree on are dashed and hollow: they may be chance
+    if features.arcs:
+        axes.plot([], [], "-", color=MEASURED, lw=1, label="region of constant depth")
+    # features that fewer than three places agree on are dotted and hollow: they may be chance
     line, fill, edge, maybe = (
         ("-", PREDICTED, "white", "") if features.confirmed else (":", "none", PREDICTED, "possible ")
     )
     for wall in features.walls:
-        axes.plot(*np.transpose((wall.start, wall.end)), line, color=PREDICTED, lw=3)
-    axes.plot([], [], line, color=PREDICTED, lw=3, label=f"{maybe}wall")
+        axes.plot(*np.transpose((wall.start, wall.end)), line, color=PREDICTED, lw=3, label=f"{maybe}wall")
     for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
-        at = np.array([point.position for point in features.points if point.is_corner == is_corner]).reshape(-1, 2)
-        axes.plot(*at.T, mark, mfc=fill, mec=edge, ms=9, ls="none", label=f"{maybe}{name}")
+        at = [point.position for point in features.points if point.is_corner == is_corner]
+        if at:
+            axes.plot(*np.transpose(at), mark, mfc=fill, mec=edge, ms=9, ls="none", label=f"{maybe}{name}")
 
 
 def _marks(layer: Layer) -> list[FloatArray]:

@@ -14,7 +14,7 @@ from sonarhw.readings import Origin
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
-from sonarhw_compare.pictures.shown_figure import new_figure
+from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 
 def draw_plan(
@@ -42,8 +42,9 @@ def draw_plan(
     axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
     axes.set_aspect("equal")
     axes.grid(alpha=0.25)
-    axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
-    return figure
+    # of the figure: the layout reserves too little space for a legend of axes of equal scale
+    figure.legend(loc="outside right upper")
+    return laid_out(figure)
 
 
 def draw_room(axes: Axes, room: Room) -> None:

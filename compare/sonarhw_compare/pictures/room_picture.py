@@ -11,7 +11,7 @@ from sonarhw_sim.room.model import Room
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.overlay_picture import draw_room
 from sonarhw_compare.pictures.picture_text import picture_text
-from sonarhw_compare.pictures.shown_figure import new_figure
+from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _MOST_MARKS = 50  # more would hide the room
 
@@ -32,7 +32,7 @@ def draw_checked_room(room: Room, findings: Sequence[Finding] = ()) -> Figure:
     axes.grid(alpha=0.25)
     if any(finding.at for finding in findings):
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize="small")
-    return figure
+    return laid_out(figure)
 
 
 def _mark(axes: Axes, number: int, finding: Finding) -> None:

@@ -20,3 +20,13 @@ def new_figure(width: float, height: float, dpi: int) -> Figure:
     figure = ShownFigure(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def laid_out(figure: Figure) -> Figure:
+    """Return the figure after a first layout.
+
+    The layout reserves space for the tick labels that axes of equal scale have before they are resized. In a second
+    layout, at drawing, these are the final ones.
+    """
+    figure.draw_without_rendering()
+    return figure

@@ -1,6 +1,7 @@
 """The data in the picture of a map: arcs, walls, corners and edges at their positions."""
 
 import math
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -38,7 +39,8 @@ def line(axes: Axes, label: str) -> list[list[float]]:
 
 
 def test_features_are_drawn_at_their_positions() -> None:
-    figure = draw_map(found(3), room_of([[0.0, -1.0, 1.0, -1.0]]))
+    figure = draw_map(found(3), room_of([[0.0, -1.0, 1.0, -1.0]], [(0.5, -0.5, 0.25)]))
+    assert len(figure.axes) == 2
     for axes in figure.axes:
         assert line(axes, "corner") == [[1.5, 2.0]]
         assert line(axes, "edge") == [[-0.5, 1.0]]
@@ -46,6 +48,8 @@ def test_features_are_drawn_at_their_positions() -> None:
         drawn = [np.asarray(one.get_xydata()).tolist() for one in axes.lines]
         assert [[0.0, 2.0], [1.0, 2.0]] in drawn
         assert [[0.0, -1.0], [1.0, -1.0]] in drawn
+        (post,) = axes.patches
+        assert (post.center, post.radius) == ((0.5, -0.5), 0.25)
         (arc,) = (np.array(points) for points in drawn if len(points) > 3 and abs(points[0][0] - 0.85) < 0.1)
         np.testing.assert_allclose(np.hypot(arc[:, 0] - 0.5, arc[:, 1]), 2.0)
         bearings = np.degrees(np.arctan2(arc[:, 1], arc[:, 0] - 0.5))
@@ -59,3 +63,17 @@ def test_features_of_two_places_are_called_possible() -> None:
     left, _ = draw_map(found(2)).axes
     assert line(left, "possible corner") == [[1.5, 2.0]]
     assert "corner" not in [one.get_label() for one in left.lines]
+
+
+def test_echoes_that_are_not_determined_make_one_plan() -> None:
+    figure = draw_map(replace(found(3), followed_room=None))
+    assert len(figure.axes) == 1
+
+
+def test_the_legend_names_what_is_drawn() -> None:
+    whole = found(3)
+    bare = replace(whole.plain, features=Features((), (), ()))
+    for layer, expected in ((whole.plain, {"region of constant depth", "wall", "corner", "edge"}), (bare, set())):
+        (legend,) = draw_map(replace(whole, plain=layer, direct=layer)).legends
+        named = {text.get_text() for text in legend.get_texts()}
+        assert named == expected | {"sensor", "empty", "unknown", "occupied"}
