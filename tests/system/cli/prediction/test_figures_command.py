@@ -68,3 +68,15 @@ def test_a_folder_that_cannot_be_created_gives_an_error_of_one_line(
     message = capsys.readouterr().err
     assert "cannot be created" in message
     assert message.count("\n") == 1
+
+
+def test_ctrl_c_as_soon_as_the_folder_exists_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make = Path.mkdir
+
+    def interrupted(folder: Path, mode: int = 0o777, parents: bool = False, exist_ok: bool = False) -> None:
+        make(folder, mode, parents, exist_ok)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    assert run(["figures", str(tmp_path / "paper" / "figures")]) == 130
+    assert list(tmp_path.iterdir()) == []
