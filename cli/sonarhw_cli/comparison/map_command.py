@@ -70,6 +70,14 @@ def map_logs(
             f"scans from {counted(found.places, 'place')} only: walls, corners and edges are confirmed by "
             f"{CONFIRMING} places; until then they are possible, or missing"
         )
+    if found.followed_room is not None and found.undetermined > found.echoes / 2:
+        warn(
+            f"{found.undetermined} of {found.echoes} echoes have no path in the room in which sound is "
+            "followed: walls may be false or missing; give the room with --room, or more scans"
+            if room is None
+            else f"{found.undetermined} of {found.echoes} echoes have no path in this room; check the room, "
+            "the board and the places of the scans"
+        )
     if out is not None:
         from sonarhw_compare.map.map_picture import draw_map
 
@@ -143,6 +151,7 @@ def _figures(found: "RoomMap") -> dict[str, Any]:
                         "end_m": _rounded(wall.end),
                         "normal_deg": in_degrees(wall.normal, 3),
                         "regions": len(wall.arcs),
+                        "confirmed": layer.features.confirmed and not wall.possible,
                     }
                     for wall in layer.features.walls
                 ],
@@ -172,8 +181,10 @@ def _print(found: "RoomMap", given: bool) -> None:
         features = layer.features
         corners = sum(point.is_corner for point in features.points)
         maybe = "" if features.confirmed else "possible "
+        possible = sum(wall.possible for wall in features.walls) if features.confirmed else 0
         counts = (
-            counted(len(features.walls), f"{maybe}wall"),
+            counted(len(features.walls) - possible, f"{maybe}wall"),
+            *([counted(possible, "possible wall")] if possible else []),
             counted(corners, f"{maybe}corner"),
             counted(len(features.points) - corners, f"{maybe}edge"),
         )

@@ -34,6 +34,7 @@ class Wall:
     end: tuple[float, float]
     normal: float  # rad, direction from the sensors to the wall
     arcs: tuple[int, ...]
+    possible: bool = False  # a scan contradicts it, although three places agree on it
 
 
 @dataclass(frozen=True)

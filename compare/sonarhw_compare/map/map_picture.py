@@ -72,7 +72,8 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
         ("-", PREDICTED, "white", "") if features.confirmed else (":", "none", PREDICTED, "possible ")
     )
     for wall in features.walls:
-        axes.plot(*np.transpose((wall.start, wall.end)), line, color=PREDICTED, lw=3, label=f"{maybe}wall")
+        style, name = (":", "possible wall") if wall.possible else (line, f"{maybe}wall")
+        axes.plot(*np.transpose((wall.start, wall.end)), style, color=PREDICTED, lw=3, label=name)
     for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
         at = [point.position for point in features.points if point.is_corner == is_corner]
         if at:

@@ -66,8 +66,8 @@ def _reflection_points(paths: Paths) -> NDArray[np.intp]:
 
 
 def room_of(features: Features) -> Room | None:
-    """Return a room of the found walls that sound can reach, extended until they meet; None without walls."""
-    walls = reachable_walls(features)
+    """Return a room of the confirmed walls that sound can reach, extended until they meet; None without walls."""
+    walls = tuple(wall for wall in reachable_walls(features) if not wall.possible)
     if not walls:
         return None
     lines = [_longer(wall, walls) for wall in walls]

@@ -13,6 +13,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.map.arcs import arcs_of
 from sonarhw_compare.map.certainty import BoolArray, CertaintyGrid, certainty_grid
+from sonarhw_compare.map.contradiction import with_possible_walls
 from sonarhw_compare.map.features import Features, count_places, find_features
 from sonarhw_compare.map.rejection import judged_readings, room_of
 
@@ -101,4 +102,5 @@ def map_scans(
 
 
 def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:
-    return Layer(kept, certainty_grid(scans, board, kept), find_features(arcs_of(scans, board, kept)))
+    features = find_features(arcs_of(scans, board, kept))
+    return Layer(kept, certainty_grid(scans, board, kept), with_possible_walls(features, scans, board, kept))

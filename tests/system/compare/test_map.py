@@ -12,8 +12,9 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.map.certainty import certainty_grid
+from sonarhw_compare.map.contradiction import with_possible_walls
 from sonarhw_compare.map.features import find_features
-from sonarhw_compare.map.rejection import reachable_walls
+from sonarhw_compare.map.rejection import reachable_walls, room_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -128,6 +129,30 @@ def test_a_wall_behind_a_wall_is_an_image() -> None:
     features = find_features(arcs)
     assert sorted(round(wall.start[1], 3) for wall in features.walls) == [1.0, 2.0]
     assert [round(wall.start[1], 3) for wall in reachable_walls(features)] == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("x", "behind", "possible"),
+    [(0.45, 1.0, True), (0.45, 0.05, False), (0.45, -0.4, False), (1.5, 1.0, False)],
+    ids=["seen through", "at the wall", "before the wall", "beside the wall"],
+)
+def test_a_wall_through_which_a_scan_detects_echoes_is_possible_only(x: float, behind: float, possible: bool) -> None:
+    centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]
+    features = find_features([arc(centre, (centre[0], 1.0)) for centre in centres])
+    looking_up = PlacedScan([reading(k, 84.0 + 3 * k, 0.8 + behind) for k in range(5)], Place("", (x, 0.2)))
+    marked = with_possible_walls(features, [looking_up], BOARD, [np.ones(5, dtype=np.bool_)])
+    assert [wall.possible for wall in marked.walls] == [possible]
+    assert (room_of(marked) is None) == possible
+
+
+def test_a_map_without_paths_for_most_echoes_gives_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scan = str(tmp_path / "scan.mcap")
+    assert run(["simulate", "arena", "--place", "p3", "--step", "6", "--out", scan]) == 0
+    for room, place, warned in (("arena", "p3", False), ("corridor", "5.0,0.4", True)):
+        assert run(["map", scan, "--room", room, "--place", place]) == 0
+        assert ("of 60 echoes have no path in this room" in capsys.readouterr().err) == warned
 
 
 def test_scans_without_an_echo_are_rejected() -> None:
