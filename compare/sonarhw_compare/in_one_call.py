@@ -24,6 +24,7 @@ from sonarhw_compare.fit.plain_fit import Fit, fit_scan
 from sonarhw_compare.fit.values.fit_result import FitOptions, FitResult, Progress
 from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput, ScanInput, given_scan
 from sonarhw_compare.locate.poses import Located, locate_scan
+from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, compare_readings
 from sonarhw_compare.report.html_report import report_html, report_of
 
@@ -45,7 +46,7 @@ def compare(
     log, and for readings the only place of the room and the default board. `fit` names quantities to fit first, such as
     "heading,offset,position"; the position within 3 cm. The default `receiver` is that of the board profile.
     `progress` receives the completed share of the fit, 0..1. Raises InputError. Emits a Python warning if a log is
-    damaged or names no board, or if the place is outside the room.
+    damaged or names no board, if the place is outside the room, or if few echoes are explained.
     """
     given = given_scan(scan)
     known, profile = given.room(room), given.board(board)
@@ -53,7 +54,9 @@ def compare(
     _warn_of_doubts([given] if board is None else [], known, [here])
     options = PredictionOptions(receiver=receiver or profile.receiver)
     free = frozenset(_words(fit))
-    return fitted_comparison(given, known, here, profile, free, model=model, options=options, tick=progress)[0]
+    comparison = fitted_comparison(given, known, here, profile, free, model=model, options=options, tick=progress)[0]
+    _warn_of_few_explained(given, comparison)
+    return comparison
 
 
 def fitted_comparison(
@@ -112,6 +115,7 @@ def write_report(
     free = frozenset(_words(fit))
     found = fit_scan(given.readings, known, here, profile, free, options=options) if free else None
     report = report_of(Path(given.where).name, given.readings, known, here, profile, options, log=given.log, fit=found)
+    _warn_of_few_explained(given, report.comparison)
     page = report_html(report).encode()
     with atomic_file(path, overwrite=overwrite) as file:
         file.write(page)
@@ -167,9 +171,15 @@ def locate(
 
 
 def _warn_of_doubts(without_board: Iterable[GivenScan], room: Room, places: Iterable[Place]) -> None:
-    """Emit what the commands print as warnings: logs that name no board, and places outside the room."""
+    """Emit what the commands print as warnings: logs that name no board, places outside the room or in an object."""
     boards = (doubt for scan in without_board for doubt in scan.board_doubts)
     for doubt in (*boards, *(doubt for place in places for doubt in place_doubts(room, place))):
+        warnings.warn(doubt, stacklevel=3)
+
+
+def _warn_of_few_explained(scan: GivenScan, comparison: Comparison) -> None:
+    summary = comparison.summary()
+    for doubt in few_explained(scan.where, summary.within_5cm, summary.n_echo):
         warnings.warn(doubt, stacklevel=3)
 
 

@@ -30,13 +30,12 @@ from sonarhw_cli.console.options import (
 )
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit.plain_fit import Fit
     from sonarhw_compare.matching.match import Comparison, Summary
     from sonarhw_compare.matching.regions import Region
-
-    from sonarhw.readings import Origin
 
 
 def compare(
@@ -69,6 +68,8 @@ def compare(
         print_json(_figures(comparison, found, explained))
     else:
         _print(comparison, found)
+    for doubt in () if found is None else found.doubts:
+        warn(doubt)
 
 
 def compare_log(
@@ -91,7 +92,7 @@ def compare_log(
     here = scan.place(room, place)
     print_place(room, here)
     with progress_of_share() if fit else nullcontext(lambda _share, _doing: None) as show:
-        return fitted_comparison(
+        comparison, found = fitted_comparison(
             scan,
             room,
             here,
@@ -101,6 +102,17 @@ def compare_log(
             options=PredictionOptions(receiver=chosen_receiver(receiver, chosen)),
             tick=lambda share: show(share, "fitting"),
         )
+    warn_of_few_explained(log_file, comparison)
+    return comparison, found
+
+
+def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
+    """Warn if the prediction explains few echoes, as with a wrong room or place."""
+    from sonarhw_compare.matching.few_explained import few_explained
+
+    summary = comparison.summary()
+    for doubt in few_explained(str(log_file), summary.within_5cm, summary.n_echo):
+        warn(doubt)
 
 
 def save_comparison(comparison: "Comparison", out: BinaryIO, suffix: str = ".png") -> None:
@@ -143,7 +155,7 @@ def _more_lines(comparison: "Comparison") -> list[str]:
         lines.append(f"of all {echoes.echoes} echoes, including later ones, {echoes.explained:.1%} are predicted")
     if echoes.bias_m is not None and echoes.spread_m is not None:
         lines.append(
-            f"{comparison.origin} minus predicted echo: {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm (median; "
+            f"scan minus predicted echo: {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm (median; "
             f"spread {echoes.spread_m * 1000:.1f} mm)"
         )
     return [*lines, *region_lines(comparison)]
@@ -155,17 +167,16 @@ def region_lines(comparison: "Comparison") -> list[str]:
     from sonarhw_compare.matching.region_match import compare_regions
 
     found = compare_regions(comparison)
-    lines = [f"regions of constant depth: {region_counts(found, comparison.origin)}"]
+    lines = [f"regions of constant depth: {region_counts(found)}"]
     for measured, predicted in found.by_bearing():
         path = "" if predicted is None else path_suffix(comparison, predicted)
-        lines.append(f"  {_pair(comparison.origin, measured, predicted)}{path}")
+        lines.append(f"  {_pair(measured, predicted)}{path}")
     return lines
 
 
-def _pair(origin: "Origin", measured: "Region | None", predicted: "Region | None") -> str:
-    both = ((origin.value, measured), ("predicted", predicted))
-    found = [f"{scan} {_depth(region)}" for scan, region in both if region is not None]
-    return ", ".join(found + [f"not {scan}" for scan, region in both if region is None])
+def _pair(measured: "Region | None", predicted: "Region | None") -> str:
+    in_scan = "not in the scan" if measured is None else f"scan {_depth(measured)}"
+    return f"{in_scan}, {'not predicted' if predicted is None else f'predicted {_depth(predicted)}'}"
 
 
 def _depth(region: "Region") -> str:

@@ -25,6 +25,7 @@ from sonarhw_cli.console.options import (
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult
@@ -98,6 +99,8 @@ def fit(
     else:
         for line in fit_lines(result):
             print_line(line)
+    for warning in result.warnings:
+        warn(warning)
 
 
 @dataclass(frozen=True)
@@ -236,7 +239,7 @@ def _fitted_room(fitted: FittedLogs) -> "Room":
             finding(one, estimate.value, estimate.deviation, before) if one in values else kept(one, before or 0.0)
         )
     found = found_room(setting.room, values, places)
-    return with_listed_findings(found, setting.room.name, lines, [scan.name for scan in setting.scans])
+    return with_listed_findings(found, setting.room.name, lines, _log_names(fitted))
 
 
 def _fitted_board(fitted: FittedLogs, name: str) -> "Board":
@@ -244,8 +247,11 @@ def _fitted_board(fitted: FittedLogs, name: str) -> "Board":
 
     values, estimates = fitted.constrained(), fitted.result.estimates
     deviations = {one: estimates[one.name].deviation for one in values}
-    logs = [scan.name for scan in fitted.setting.scans]
     unconstrained = [
         one.name for one in fitted.result.parameters if one not in values and isinstance(one.quantity, BoardQuantity)
     ]
-    return found_board(fitted.setting.board, values, name, deviations, logs, unconstrained)
+    return found_board(fitted.setting.board, values, name, deviations, _log_names(fitted), unconstrained)
+
+
+def _log_names(fitted: FittedLogs) -> list[str]:
+    return [Path(scan.file).name for scan in fitted.setting.scans]

@@ -36,7 +36,7 @@ def fit_figures(result: "FitResult") -> dict[str, Any]:
 
 
 def fit_lines(result: "FitResult") -> Iterator[str]:
-    """Yield the table, the agreement, the noise, strong correlations and the warnings of a fit."""
+    """Yield the table, the agreement, the noise and strong correlations of a fit."""
     width = max(len(parameter.name) for parameter in result.parameters)
     yield f"{'':{width}}  {'value':>12}  {'±':>10}  95 % interval"
     for parameter in result.parameters:
@@ -49,8 +49,6 @@ def fit_lines(result: "FitResult") -> Iterator[str]:
         for j in range(i):
             if abs(result.correlations[i, j]) >= _CORRELATED:
                 yield f"{names[j]} and {name} are correlated: {result.correlations[i, j]:+.2f}"
-    for warning in result.warnings:
-        yield f"warning: {warning}"
 
 
 def _row(parameter: "Parameter", estimate: "Estimate") -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.headings import estimate_degrees
+from sonarhw_compare.matching.few_explained import explains_few, few_explained
 from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 from sonarhw_sim.choices import Receiver
 
@@ -15,12 +16,12 @@ from sonarhw_cli.console.number_format import deviation_text, estimate_text
 from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Located, Pose
     from sonarhw_sim.room.model import Place
 
-_FITS = 0.5  # share of explained echoes below which the scan does not fit the room
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
 _RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
@@ -56,6 +57,9 @@ def locate(
         print_json(figures)
     else:
         _print(figures)
+    echoes = sum(reading.range is not None for reading in located.readings)
+    for doubt in few_explained(str(log_file), located.explained, echoes, located=True):
+        warn(doubt)
 
 
 def locate_log(
@@ -94,7 +98,7 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
         "places": {name: round(share, 6) for name, share in places.items()},
         "readings_alike": round(located.redundancy, 3),
         "explained": round(located.explained, 6),
-        "fits_room": located.explained >= _FITS,
+        "fits_room": not explains_few(located.explained),
     }
 
 
@@ -139,8 +143,6 @@ def _print(figures: dict[str, Any]) -> None:
             f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
         )
     print_line(f"{figures['explained']:.0%} of the echoes are within 5 cm of an echo predicted for the first pose")
-    if not figures["fits_room"]:
-        print_line("warning: this scan does not fit this room; check the room, the board and the scan")
     probabilities = [pose["probability"] for pose in figures["poses"]]
     if len(probabilities) > 1 and probabilities[1] > _RIVAL * probabilities[0]:
         print_line("the scan cannot distinguish these poses: the room looks nearly the same from them")

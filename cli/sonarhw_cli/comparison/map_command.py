@@ -104,7 +104,7 @@ def _placed(
         place = _pose(poses[k]) if poses else _place(scan, room, places[k] if places else None)
         if room is not None or not poses:
             print_place(scan.room(room), place)
-        scans.append(PlacedScan(scan.readings, place, Path(scan.where).stem))
+        scans.append(PlacedScan(scan.readings, place, Path(scan.where).stem, scan.where))
     return scans
 
 

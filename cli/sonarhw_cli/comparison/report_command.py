@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.choices import Receiver
 
+from sonarhw_cli.comparison.compare_command import warn_of_few_explained
 from sonarhw_cli.comparison.plain_fit_option import FitOption, plain_fit
 from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.options import (
@@ -63,4 +64,6 @@ def report_on(
     print_place(room, here)
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     found = plain_fit(scan.readings, room, here, chosen, fit, options)
-    return report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found)
+    made = report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found)
+    warn_of_few_explained(log_file, made.comparison)
+    return made

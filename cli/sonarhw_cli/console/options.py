@@ -136,14 +136,14 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
 
 
 def chosen_place(room: "Room", wanted: str | None) -> "Place":
-    """Return the place of a room that --place names, with a warning if it is outside. Raises InputError."""
+    """Return the place of a room that --place names, with a warning if no scanner can be there. Raises InputError."""
     place = room.place(wanted)
     print_place(room, place)
     return place
 
 
 def print_place(room: "Room", place: "Place") -> None:
-    """Print the place with --verbose, and a warning if it is outside the room."""
+    """Print the place with --verbose, and a warning if it is outside the room or inside an object."""
     from sonarhw_sim.room.doubts import place_doubts
 
     print_detail(f"place {place.name!r} at {place.position[0]:g}, {place.position[1]:g} m in room {room.name!r}")

@@ -1,18 +1,17 @@
 """Text about regions of constant depth: their counts, and the path of a predicted region."""
 
-from sonarhw.readings import Origin
 from sonarhw_compare.explain.sentences import describe_path
 from sonarhw_compare.matching.match import Comparison
 from sonarhw_compare.matching.region_match import RegionMatch
 from sonarhw_compare.matching.regions import Region
 
 
-def region_counts(found: RegionMatch, origin: Origin = Origin.MEASURED) -> str:
-    """Return the counts: `7 in both, 1 more part of these, 0 only measured, 2 only predicted`."""
+def region_counts(found: RegionMatch) -> str:
+    """Return the counts: `7 in both, 1 more part of these, 0 only in the scan, 2 only predicted`."""
     count = len(found.parts)
     parts = f", {count} more part{'s' if count > 1 else ''} of these" if count else ""
     return (
-        f"{len(found.pairs)} in both{parts}, {len(found.only_measured)} only {origin}, "
+        f"{len(found.pairs)} in both{parts}, {len(found.only_measured)} only in the scan, "
         f"{len(found.only_predicted)} only predicted"
     )
 

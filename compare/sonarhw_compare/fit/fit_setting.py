@@ -48,7 +48,9 @@ def fit_setting(
     parameters = free_parameters(words, names, room, board)
     fixed = [name for name in ("x", "y") if all(parameter.quantity.name != name for parameter in parameters)]
     placed = tuple(
-        PlacedScan(scan.readings, room.place(places[k]) if places else _recorded(scan, room, fixed), names[k])
+        PlacedScan(
+            scan.readings, room.place(places[k]) if places else _recorded(scan, room, fixed), names[k], scan.where
+        )
         for k, scan in enumerate(scans)
     )
     if places:

@@ -7,6 +7,7 @@ from sonarhw_compare.fit.values.fit_result import Estimate, FitResult, PlacedSca
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import PlaceQuantity
 from sonarhw_compare.headings import estimate_degrees
+from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Summary
 
 _INSEPARABLE = 0.95  # smallest correlation that is reported
@@ -16,7 +17,6 @@ _ALONE = (
     "the model of the board's own receiver treats each echo alone; only 80 % of its 95 % intervals contain the truth"
 )
 _MANY_STRAYS = 0.3  # per metre
-_FEW = 0.6  # of the echoes; real scans have more within 5 cm in the right room
 
 
 def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = (), lone: bool = False) -> tuple[str, ...]:
@@ -50,10 +50,9 @@ def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = (), lon
 def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[str, ...]:
     """Return one line for each scan that the result explains badly."""
     return tuple(
-        f"{scan.name or 'this scan'}: only {one.within_5cm:.0%} of {one.n_echo} echoes are within 5 cm of "
-        "the prediction; check the room and the board"
+        line
         for scan, one in zip(scans, agreement, strict=True)
-        if one.within_5cm is not None and one.within_5cm < _FEW
+        for line in few_explained(scan.title or "this scan", one.within_5cm, one.n_echo)
     )
 
 

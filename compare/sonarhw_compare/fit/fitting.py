@@ -92,7 +92,7 @@ def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Paramete
         raise InputError("nothing to fit: no scan was given")
     for scan in scans:
         if all(reading.range is None for reading in scan.readings):
-            raise InputError(f"nothing to fit: no reading of {scan.name or 'this scan'} has an echo")
+            raise InputError(f"nothing to fit: no reading of {scan.title or 'this scan'} has an echo")
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors and has no turntable to fit")
     if options.prediction.unit is not Unit.PASS:

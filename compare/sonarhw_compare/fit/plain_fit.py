@@ -57,11 +57,17 @@ class Fit:
         return "; ".join(grids[name] for name in self.free)
 
     def lines(self) -> list[str]:
-        """Return lines of text: how the grid was searched, what lies at its edge, and what `sonarhw fit` adds."""
-        lines = [f"fitted on a grid for the most readings within 5 cm: {self.search}"]
-        if self.at_edge:
-            lines.append(f"warning: {' and '.join(self.at_edge)} at the edge of the grid; a better fit may lie beyond")
-        return [*lines, "`sonarhw fit` searches between these steps and farther, and adds credible intervals"]
+        """Return lines of text: how the grid was searched, and what `sonarhw fit` adds."""
+        return [
+            f"fitted on a grid for the most readings within 5 cm: {self.search}",
+            "`sonarhw fit` searches between these steps and farther, and adds credible intervals",
+        ]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A warning if a value is at the edge of its search."""
+        edge = " and ".join(self.at_edge)
+        return (f"{edge} at the edge of the grid; a better fit may lie beyond",) if edge else ()
 
 
 def fit_scan(

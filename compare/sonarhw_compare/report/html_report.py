@@ -21,6 +21,7 @@ from sonarhw.readings import Origin, Reading
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit.plain_fit import Fit
 from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
 from sonarhw_compare.report.report_pictures import bscan_png, plan_svg, ranges_svg
 from sonarhw_compare.report.report_regions import millimetres, regions_table
@@ -109,6 +110,8 @@ def _body(report: Report) -> Iterator[str]:
     when = f", {made} {_date(log.metadata.started)}" if log and log.metadata.started else ""
     yield f"<p>{_escaped(report.name)}{when}</p>"
     yield f'<p class="lead">{escape(_lead(summary))}</p>'
+    for doubt in few_explained(report.name, summary.within_5cm, summary.n_echo):
+        yield f"<p><strong>Warning:</strong> {_escaped(doubt)}.</p>"
     yield "<h2>The scan in the room</h2>"
     both = f"{comparison.origin} and predicted"
     yield _picture("svg+xml", plan_svg(comparison), f"Plan of the room with {both} points")
@@ -194,9 +197,8 @@ def _settings(report: Report) -> Iterator[str]:
 def _fit(report: Report) -> Facts:
     if report.fit is None:
         return ()
-    edge = " and ".join(report.fit.at_edge)
     facts = [("grid", report.fit.search), ("chosen", "the values with the most readings within 5 cm")]
-    return [*facts, ("warning", f"{edge} at the edge of the grid; a better fit may lie beyond")] if edge else facts
+    return [*facts, *(("warning", doubt) for doubt in report.fit.doubts)]
 
 
 def _air_of_ranges(report: Report) -> Facts:
@@ -262,7 +264,7 @@ def _readings(report: Report) -> Iterator[str]:
     if report.left_out:
         yield f"<p>The newest {len(comparison.rows)}; {report.left_out} older ones are left out.</p>"
     yield '<table class="readings"><thead><tr>'
-    names = ("no.", "heading (°)", f"{comparison.origin} (m)", "predicted (m)", "residual (mm)", "class", "explanation")
+    names = ("no.", "heading (°)", "scan (m)", "predicted (m)", "residual (mm)", "class", "explanation")
     yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
     for row in comparison.rows:
         cells = (

@@ -10,7 +10,7 @@ from sonarhw_compare.matching.match import Comparison
 from sonarhw_compare.matching.region_match import RegionMatch, compare_regions
 from sonarhw_compare.matching.regions import LEAST_WIDTH, Region
 
-_HEAD = ("{} at (°)", "{} (m)", "predicted at (°)", "predicted (m)", "difference (mm)", "found")
+_HEAD = ("scan at (°)", "scan (m)", "predicted at (°)", "predicted (m)", "difference (mm)", "found")
 
 
 def regions_table(comparison: Comparison) -> Iterator[str]:
@@ -18,12 +18,10 @@ def regions_table(comparison: Comparison) -> Iterator[str]:
     found = compare_regions(comparison)
     width = f"{math.degrees(LEAST_WIDTH):.0f}°"
     yield f"<p>Neighbouring headings with the same range over {width} or more: one echo, over the whole beam.</p>"
-    yield f"<p>{region_counts(found, comparison.origin)}.</p>"
+    yield f"<p>{region_counts(found)}.</p>"
     rows = list(_rows(comparison, found))
     if rows:
-        yield '<table class="regions"><thead><tr>' + "".join(
-            f"<th>{name.format(comparison.origin)}</th>" for name in _HEAD
-        )
+        yield '<table class="regions"><thead><tr>' + "".join(f"<th>{name}</th>" for name in _HEAD)
         yield "</tr></thead><tbody>"
         for cells in rows:
             yield "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
@@ -34,7 +32,7 @@ def _rows(comparison: Comparison, found: RegionMatch) -> Iterator[tuple[str, ...
     for measured, predicted in found.by_bearing():
         difference = "" if measured is None or predicted is None else millimetres(measured.range - predicted.range)
         if predicted is None:
-            where = f"only {comparison.origin}"
+            where = "only in the scan"
         else:
             where = f"{'only predicted' if measured is None else 'in both'}{path_suffix(comparison, predicted)}"
         yield *_depth(measured), *_depth(predicted), difference, where

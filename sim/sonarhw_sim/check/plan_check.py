@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.check.finding import Finding, Point
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.objects import object_around, object_name
 from sonarhw_sim.room.outside import wall_distances
 from sonarhw_sim.room.room_file import MEETING
 
@@ -19,7 +20,6 @@ _NEAR_SHARE = 0.02  # of the extent of a small room
 _SHORT = 1e-3  # m, of a wall, and of the overlap of two walls
 _IN_WALL = 5e-3  # m from a wall; no transducer fits there
 _BEAD = 0.03  # m; a smaller post may round the edge of a wall
-_NARROW = 1.2  # m; a closed chain of walls this narrow inside another is an object, not a room
 _MOST_DISTANCES = 10**8  # in one test; above, only some walls are tested
 
 
@@ -149,26 +149,10 @@ def _places(room: Room) -> Iterator[Finding]:
         if distances[nearest] < _IN_WALL:
             found = f"is {_millimetres(distances[nearest])} from wall {room.names[nearest]!r}, at {at}"
             yield Finding("place in wall", where, found, "move it away from the wall", (place.position,))
-        chain = _object_round(room, place)
+        chain = object_around(room, place)
         if chain is not None:
-            found = f"is inside the object of walls {room.names[chain[0]]!r} to {room.names[chain[-1]]!r}, at {at}"
+            found = f"is inside {object_name(room, chain)}, at {at}"
             yield Finding("place in object", where, found, "move it out; expected [x, y] in metres", (place.position,))
-
-
-def _object_round(room: Room, place: Place) -> list[int] | None:
-    """Return the walls of the object that contains a place, if any.
-
-    An object is a closed chain of walls inside another one, and too narrow to be a room.
-    """
-    around = room.enclosures.chains_around(np.array(place.position))
-    if not around or len(around) % 2:
-        return None
-    smallest = min(around, key=lambda chain: float(np.ptp(chain.reshape(-1, 2), axis=0).min()))
-    walls = [k for k, wall in enumerate(room.walls) if (smallest == wall).all(axis=1).any()]
-    lowest, highest = room.heights[walls].min(), room.heights[walls].max()
-    beside = place.height is not None and not lowest < place.height < highest
-    narrow = float(np.ptp(smallest.reshape(-1, 2), axis=0).min()) < _NARROW
-    return walls if narrow and not beside else None
 
 
 def _same_heights(room: Room, first: int, second: int) -> bool:

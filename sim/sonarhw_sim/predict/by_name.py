@@ -31,7 +31,7 @@ def predict(
     Room and board are objects, names or files. The place is a name, its x and y in m, or an object; by default the only
     place of the room. `headings` (n,) are rad in the room, by default a whole turn in steps of 5 degrees, or those of
     the sensors of a ring. The default options have the receiver of the board profile. Raises InputError.
-    Emits a Python warning if the place is outside the room.
+    Emits a Python warning if the place is outside the room or inside an object.
     """
     room = room if isinstance(room, Room) else load_room(room)
     profile = board if isinstance(board, Board) else load_board(board)

@@ -2,6 +2,7 @@
 
 from sonarhw_sim.room.facets import facets_of
 from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.objects import object_around, object_name
 
 
 def room_doubts(room: Room) -> tuple[str, ...]:
@@ -18,8 +19,10 @@ def room_doubts(room: Room) -> tuple[str, ...]:
 
 
 def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
-    """Return a warning if a place is outside the room."""
-    if not (room.is_outside(place.position) or room.is_far_from(place.position)):
-        return ()
+    """Return a warning if a place is outside the room, or inside an object such as a box."""
     x, y = place.position
-    return (f"place {place.name!r} at {x:g}, {y:g} m is outside room {room.name!r}",)
+    where = f"place {place.name!r} at {x:g}, {y:g} m is"
+    if room.is_outside(place.position) or room.is_far_from(place.position):
+        return (f"{where} outside room {room.name!r}",)
+    walls = object_around(room, place)
+    return () if walls is None else (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)

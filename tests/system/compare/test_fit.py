@@ -68,7 +68,7 @@ def test_a_heading_around_zero_has_its_interval_around_it() -> None:
 def test_a_room_that_explains_few_echoes_gives_a_warning(readings: list[Reading]) -> None:
     square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0))
-    assert "check the room and the board" in result.warnings[0]
+    assert "check the room, the place and the board" in result.warnings[0]
 
 
 def test_noise_of_readings_is_fitted(pose: FitResult) -> None:

@@ -121,7 +121,7 @@ def test_measured_regions_are_listed_beside_predicted_ones(report: Report, text:
         assert row[2:4] == [span(pair["predicted"]), metres(pair["predicted"])]
         assert float(row[4]) == round(pair["farther_m"] * 1000)
         assert row[5].startswith("in both: ")
-    alone = [row for row in listed if row[5] == "only simulated"]
+    alone = [row for row in listed if row[5] == "only in the scan"]
     assert [row[:2] for row in alone] == [[span(one), metres(one)] for one in found["only_measured"]]
     assert all(row[2:5] == ["", "", ""] for row in alone)
     assert len(listed) == sum(map(len, found.values()))
@@ -143,7 +143,7 @@ def test_a_scan_without_regions_has_no_table_of_regions(report: Report, log: Pat
     scene = (prediction.room, prediction.place, prediction.board, PredictionOptions())
     short = report_of("x", read_log(log).readings[:1], *scene)
     listed = "".join(regions_table(short.comparison))
-    assert "0 in both, 0 only simulated, 0 only predicted" in listed
+    assert "0 in both, 0 only in the scan, 0 only predicted" in listed
     assert "<table" not in listed
 
 

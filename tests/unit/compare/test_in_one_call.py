@@ -14,6 +14,7 @@ from sonarhw.export.encoded_log import write_scan
 from tests.checkout import CHECKOUT
 
 ARENA = CHECKOUT / "rooms" / "arena.toml"
+FEW = r"(scan|imported)\.mcap: only \d+% of \d+ echoes are within 5 cm of the prediction; check the room, the place"
 METADATA = sonarhw.LogMetadata("scan", 1.0, "arena.toml", ARENA.read_text(encoding="utf-8"), "p3", "lego-nxt")
 
 
@@ -77,8 +78,10 @@ def test_compare_takes_room_place_and_board_from_the_log(log: Path, readings: li
 
 
 def test_compare_prefers_what_is_given_and_fits_first(log: Path) -> None:
-    assert sonarhw.compare(log, place=(1.0, 1.0)).prediction.place.position == (1.0, 1.0)
-    assert sonarhw.compare(log, board="paper").prediction.board.name == "paper"
+    with pytest.warns(UserWarning, match=FEW):
+        assert sonarhw.compare(log, place=(1.0, 1.0)).prediction.place.position == (1.0, 1.0)
+    with pytest.warns(UserWarning, match=FEW):
+        assert sonarhw.compare(log, board="paper").prediction.board.name == "paper"
     fitted = sonarhw.compare(log, fit="offset")
     assert fitted.offset == pytest.approx(-0.007, abs=0.003)
     assert sonarhw.compare(log, fit=["offset"]).offset == fitted.offset
@@ -122,22 +125,24 @@ def test_a_log_that_names_no_board_gives_a_warning(readings: list[Reading], tmp_
     path = tmp_path / "imported.mcap"
     write_scan(path, replace(METADATA, board=""), readings)
     assumed = r"imported\.mcap: names no board, polaroid-6500 is assumed; give the right one$"
-    for call in (sonarhw.compare, lambda log: sonarhw.fit(log, free="offset", samples=0)):
-        with pytest.warns(UserWarning, match=assumed) as warned:
-            call(path)
-        assert [one.filename for one in warned] == [__file__]
+    with pytest.warns(UserWarning, match=assumed) as warned:
+        sonarhw.fit(path, free="offset", samples=0)
+    assert [one.filename for one in warned] == [__file__]
+    # with the wrong board, few echoes are explained
+    with pytest.warns(UserWarning, match=FEW), pytest.warns(UserWarning, match=assumed) as warned:
+        sonarhw.compare(path)
+    assert [one.filename for one in warned] == [__file__, __file__]
     assert sonarhw.compare(path, board="lego-nxt").summary().within_5cm == 1.0
 
 
 def test_a_place_outside_the_room_gives_a_warning(log: Path, room: Room) -> None:
     outside = r"place '9,9' at 9, 9 m is outside room"
-    for call in (
-        lambda: sonarhw.predict(room, (9.0, 9.0)),
-        lambda: sonarhw.compare(log, place=(9.0, 9.0)),
-    ):
-        with pytest.warns(UserWarning, match=outside) as warned:
-            call()
-        assert [one.filename for one in warned] == [__file__]
+    with pytest.warns(UserWarning, match=outside) as warned:
+        sonarhw.predict(room, (9.0, 9.0))
+    assert [one.filename for one in warned] == [__file__]
+    with pytest.warns(UserWarning, match=FEW), pytest.warns(UserWarning, match=outside) as warned:
+        sonarhw.compare(log, place=(9.0, 9.0))
+    assert [one.filename for one in warned] == [__file__, __file__]
 
 
 def test_a_log_is_accepted_by_name(log: Path) -> None:

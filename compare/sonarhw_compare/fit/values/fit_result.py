@@ -20,7 +20,13 @@ class PlacedScan:
 
     readings: Sequence[Reading]
     place: Place
-    name: str = ""
+    name: str = ""  # in the names of its parameters, and of its place in a fitted room
+    file: str = ""  # its log
+
+    @property
+    def title(self) -> str:
+        """The log of the scan, or else its name, for messages."""
+        return self.file or self.name
 
 
 @dataclass(frozen=True)

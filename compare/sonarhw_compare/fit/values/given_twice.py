@@ -17,7 +17,7 @@ def check_given_once(scans: Sequence[PlacedScan]) -> None:
     for one, other in combinations(scans, 2):
         alike = (_same(here, there) for here, there in zip(one.readings, other.readings, strict=False))
         if one.readings and other.readings and all(alike):
-            names = f"{one.name or 'one scan'} and {other.name or 'another'}"
+            names = f"{one.title or 'one scan'} and {other.title or 'another'}"
             raise InputError(f"{names} contain the same readings; give each log once")
 
 

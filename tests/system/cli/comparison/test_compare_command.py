@@ -100,7 +100,9 @@ def test_fit_states_its_grid_what_fit_adds_and_a_value_at_the_edge(
     assert "`sonarhw fit` searches between these steps and farther, and adds credible intervals" in printed
     assert "edge of the grid" not in printed
     assert run([*far, "--fit", "position,heading"]) == 0
-    assert "warning: position at the edge of the grid; a better fit may lie beyond" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "sonarhw: warning: position at the edge of the grid; a better fit may lie beyond\n" in printed.err
+    assert "warning" not in printed.out
     assert run([*far, "--fit", "position", "--json"]) == 0
     fitted = json.loads(capsys.readouterr().out)["fit"]
     assert fitted == {"free": ["position"], "search": "position within 3 cm in steps of 1 cm", "at_edge": ["position"]}
@@ -127,3 +129,23 @@ def test_report_fits_like_compare_and_shows_the_temperature_of_the_ranges(
     assert "<td>temperature for this speed</td><td>31.0 °C</td>" in text
     assert run(["report", scan, "--fit", "colour", "--out", str(page), "--force"]) == 2
     assert "fit colour: unknown" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong", [["--place", "1.6,1.2"], ["--room", "rooms/laboratory.toml", "--place", "bench"]])
+def test_a_wrong_room_or_place_gives_a_warning(
+    wrong: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scan, page = str(tmp_path / "scan.mcap"), tmp_path / "scan.html"
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--out", scan]) == 0
+    capsys.readouterr()
+    assert run(["compare", scan]) == 0
+    assert capsys.readouterr().err == ""
+    warning = f"sonarhw: warning: {scan}: only "
+    assert run(["compare", scan, *wrong]) == 0
+    printed = capsys.readouterr()
+    assert printed.err.startswith(warning)
+    assert "check the room, the place and the board; `sonarhw locate` finds an unknown place" in printed.err
+    assert "warning" not in printed.out
+    assert run(["report", scan, *wrong, "--out", str(page)]) == 0
+    assert capsys.readouterr().err.startswith(warning)
+    assert "<strong>Warning:</strong> scan.mcap: only " in page.read_text()

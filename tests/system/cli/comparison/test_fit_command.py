@@ -152,7 +152,7 @@ def test_fitted_room_and_board_are_written_and_comments_kept(log: str, tmp_path:
     assert np.abs(written.walls - before.walls).max() < 0.005
     profile = load_board(str(board))
     first, *_ = profile.text.splitlines()
-    assert first == "# Fitted by `sonarhw fit` on p3, beginning with profile 'polaroid-6500': offset, threshold."
+    assert first == "# Fitted by `sonarhw fit` on p3.mcap, beginning with profile 'polaroid-6500': offset, threshold."
     assert re.search(r"^threshold_db = \S+  # fitted ± \d\.\d\d; before: -40 \(", profile.text, re.M)
     assert profile.name == "mine"
     assert profile.range_offset == pytest.approx(0, abs=0.002)
@@ -214,7 +214,7 @@ def test_the_same_recording_in_two_files_is_refused(
     assert printed.out == ""
     *warnings, refused = printed.err.splitlines()
     assert len(warnings) == (how == "torn")
-    assert refused == f"sonarhw: p3 and {how} contain the same readings; give each log once"
+    assert refused == f"sonarhw: {log} and {others[how]} contain the same readings; give each log once"
 
 
 def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -> None:

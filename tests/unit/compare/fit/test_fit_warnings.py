@@ -7,14 +7,21 @@ from sonarhw_compare.fit.fit_warnings import unexplained
 from sonarhw_compare.matching.match import Summary
 from sonarhw_sim.room.model import Place
 
+ADVICE = (
+    "of 10 echoes are within 5 cm of the prediction; check the room, the place and the board; "
+    "`sonarhw locate` finds an unknown place"
+)
 SUMMARY = Summary(10, 10, 9, 0.9, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_scan_of_which_few_echoes_match_is_named() -> None:
-    scans = [PlacedScan([], Place("", (0.0, 0.0)), name) for name in ("good", "bad", "silent", "")]
+    scans = [
+        PlacedScan([], Place("", (0.0, 0.0)), name, f"{name}.mcap" if name else "")
+        for name in ("good", "bad", "silent", "")
+    ]
     shares = (0.61, 0.59, None, 0.0)
     lines = unexplained(scans, [replace(SUMMARY, within_5cm=share) for share in shares])
     assert lines == (
-        "bad: only 59% of 10 echoes are within 5 cm of the prediction; check the room and the board",
-        "this scan: only 0% of 10 echoes are within 5 cm of the prediction; check the room and the board",
+        f"bad.mcap: only 59% {ADVICE}",
+        f"this scan: only 0% {ADVICE}",
     )

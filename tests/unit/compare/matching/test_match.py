@@ -190,6 +190,7 @@ def test_the_plain_fit_states_its_grid_and_a_value_at_its_edge() -> None:
     assert len(fit.lines()) == 2
     edge = Fit(0.0, -0.06, PLACE, ("offset", "position"), 0.03)
     assert edge.at_edge == ("offset", "position")
-    assert "offset and position at the edge of the grid" in edge.lines()[1]
+    assert fit.doubts == ()
+    assert edge.doubts == ("offset and position at the edge of the grid; a better fit may lie beyond",)
     assert Fit(0.0, 0.06, PLACE, ("heading",), 0.03).at_edge == ()
     assert Fit(0.0, 0.055, PLACE, ("offset", "position"), 0.024).at_edge == ()
