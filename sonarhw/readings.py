@@ -130,9 +130,10 @@ def headings_between(start: float, stop: float, step: float) -> int:
 
 
 def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:
-    """Return the order of one sweep from `start_deg` in steps of `step_deg`; `stop_deg` is excluded.
+    """Return the order of one sweep from `start_deg` in steps of `step_deg`; `stop_deg` is excluded. All are degrees.
 
-    0 to 360 by 5 is 72 headings. Raises ValueError if there is no such heading.
+    0 to 360 by 5 is 72 headings. Angles of readings and of all other functions are in radians. Raises ValueError if
+    there is no such heading.
     """
     headings = headings_between(start_deg, stop_deg, step_deg)
     return ScanOrder(math.radians(start_deg), math.radians(step_deg), headings, pings=pings)

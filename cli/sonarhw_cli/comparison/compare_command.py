@@ -28,7 +28,7 @@ from sonarhw_cli.console.options import (
     chosen_receiver,
     print_place,
 )
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.warning_line import warn
 
@@ -62,7 +62,7 @@ def compare(
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
     if plot is not None:
-        with atomic_file(plot, overwrite=force) as file:
+        with written_file(plot, overwrite=force) as file:
             save_comparison(comparison, file, suffix)
     if as_json:
         print_json(_figures(comparison, found, explained))

@@ -22,7 +22,7 @@ from sonarhw_cli.console.options import (
     chosen_receiver,
     print_place,
 )
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
@@ -211,7 +211,7 @@ def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None, f
     if board_out is not None:
         texts.append((board_out, "--board-out", _fitted_board(fitted, board_out.stem).text))
     for file, option, text in texts:
-        with atomic_file(file, option, overwrite=force) as written:
+        with written_file(file, option, overwrite=force) as written:
             written.write(text.encode())
 
 

@@ -14,7 +14,7 @@ from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.number_format import deviation_text, estimate_text
 from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.warning_line import warn
 
@@ -50,7 +50,7 @@ def locate(
     if out is not None:
         from sonarhw_compare.locate.locate_picture import draw_located
 
-        with atomic_file(out, overwrite=force) as file:
+        with written_file(out, overwrite=force) as file:
             write_picture(draw_located(located), file, suffix)
     figures = _figures(located, near)
     if as_json:

@@ -15,7 +15,7 @@ from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFiles, open_scan
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force, checked_out, print_place
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
@@ -81,7 +81,7 @@ def map_logs(
     if out is not None:
         from sonarhw_compare.map.map_picture import draw_map
 
-        with atomic_file(out, overwrite=force) as file:
+        with written_file(out, overwrite=force) as file:
             write_picture(draw_map(found, room), file, suffix)
     if as_json:
         print_json(_figures(found))

@@ -19,7 +19,7 @@ from sonarhw_cli.console.options import (
     chosen_receiver,
     print_place,
 )
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 
 if TYPE_CHECKING:
     from sonarhw_compare.report.html_report import Report
@@ -40,7 +40,7 @@ def report(
 
     checked_out(out, (".html",), force, log_file, room_name, board)
     page = report_html(report_on(log_file, room_name, place, board, receiver, fit))
-    with atomic_file(out, overwrite=force) as file:
+    with written_file(out, overwrite=force) as file:
         file.write(page.encode())
 
 

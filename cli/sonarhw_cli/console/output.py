@@ -11,9 +11,24 @@ from io import StringIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-from sonarhw.atomic_file import atomic_file as atomic_file
+from sonarhw.atomic_file import atomic_file, is_special
 from sonarhw.errors import InputError, OutputError
+from sonarhw_cli.console.lines import print_note
 from sonarhw_cli.console.options import STDOUT
+
+
+@contextmanager
+def written_file(path: Path, what: str = "file", *, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """Yield the file `path`, kept only if the block succeeds, and print its name then. Raises OutputError."""
+    with atomic_file(path, what, overwrite=overwrite) as file:
+        yield file
+    print_written(path)
+
+
+def print_written(path: Path) -> None:
+    """Print that a file is written, on standard error; nothing for a device or a pipe, and with --quiet."""
+    if not is_special(path):
+        print_note(f"{path}: written")
 
 
 @contextmanager
@@ -28,7 +43,7 @@ def text_output(out: str, overwrite: bool) -> Iterator[TextIO]:
         return
     text = StringIO(newline="")
     yield text
-    with atomic_file(Path(out), overwrite=overwrite) as file:
+    with written_file(Path(out), overwrite=overwrite) as file:
         file.write(text.getvalue().encode())
 
 
@@ -36,7 +51,7 @@ def text_output(out: str, overwrite: bool) -> Iterator[TextIO]:
 def binary_output(out: str, overwrite: bool) -> Iterator[BinaryIO]:
     """Yield standard output for `-`, else the file `out`, kept only if the block succeeds. Raises OutputError."""
     if out != STDOUT:
-        with atomic_file(Path(out), overwrite=overwrite) as file:
+        with written_file(Path(out), overwrite=overwrite) as file:
             yield file
         return
     with _flushed(standard_output()) as text:

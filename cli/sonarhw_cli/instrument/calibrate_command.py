@@ -19,7 +19,7 @@ from sonarhw_cli.console.options import (
     checked_out,
     order_in_degrees,
 )
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
@@ -69,7 +69,7 @@ def calibrate_scanner(
     found = calibrate(readings, distance, math.radians(direction), arcs=_arcs(profile, distance, step))
     name = out.stem.encode(errors="replace").decode()
     text = _with_calibration(profile.text, name, found)
-    with atomic_file(out, overwrite=force) as file:
+    with written_file(out, overwrite=force) as file:
         file.write(text.encode())
     print_line(_result_line(found, distance))
 

@@ -12,7 +12,7 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.completions import complete_board
-from sonarhw_cli.console.lines import print_line
+from sonarhw_cli.console.lines import print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import LOG, Force, PlaceName, RoomToStore, checked_out, chosen_place
 from sonarhw_cli.console.room_input import open_room
@@ -82,7 +82,7 @@ def import_csv(
     readings = read_foreign_scan(file, columns, Meaning(scale, sign, heading_zero, no_echo))
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
-    print_line(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
+    print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
     _warn_of_far_ranges(readings, scale)
     if no_echo is None and (likely := likely_no_echo(file, columns)):
         warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")

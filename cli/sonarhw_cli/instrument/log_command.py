@@ -12,7 +12,7 @@ from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, load_log, open_log
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import LOG, STDOUT, AsJson, Force, checked_out
-from sonarhw_cli.console.output import binary_output
+from sonarhw_cli.console.output import binary_output, print_written
 
 if TYPE_CHECKING:
     from sonarhw.log import Log, RecordedScan
@@ -50,6 +50,7 @@ def log_export(
         from sonarhw.log import copy_log
 
         copy_log(recorded, Path(out), overwrite=force)
+        print_written(Path(out))
         return
     chosen = FORMATS[0] if kind == STDOUT else export_format(kind)
     with binary_output(out, force) as file:

@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
+from sonarhw.atomic_file import atomic_file
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import ForceFiles, refuse_existing_in
-from sonarhw_cli.console.output import atomic_file, made_folder
+from sonarhw_cli.console.output import made_folder
 from sonarhw_cli.console.progress import progress
 
 

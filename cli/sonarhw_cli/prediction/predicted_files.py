@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.options import LOG
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import print_written, written_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -110,7 +110,7 @@ def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out
     named = dict(zip(HEADER.split(","), columns, strict=True))
     if traces is not None:
         named |= {"trace_rate_hz": np.array(traces.rate)}
-    with atomic_file(out, overwrite=force) as file, zipfile.ZipFile(file, "w") as archive:
+    with written_file(out, overwrite=force) as file, zipfile.ZipFile(file, "w") as archive:
         for name, column in named.items():
             write_array(archive, name, column.shape, column.dtype, [column])
         if traces is not None:
@@ -148,7 +148,7 @@ def write_predicted_picture(scan: "PredictedScan", out: Path, suffix: str, force
     from sonarhw_compare.pictures.picture_file import write_picture
 
     figure = draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}")
-    with atomic_file(out, overwrite=force) as file:
+    with written_file(out, overwrite=force) as file:
         write_picture(figure, file, suffix)
 
 
@@ -187,6 +187,7 @@ def write_predicted_log(
         board_text=scan.board.text,
     )
     write_scan(out, metadata, readings, overwrite=force)
+    print_written(out)
 
 
 def _echo_times(scan: "PredictedScan", index: int) -> tuple[float, ...]:

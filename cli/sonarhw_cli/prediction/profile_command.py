@@ -2,7 +2,7 @@
 
 import typer
 
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.options import Profile
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
@@ -23,7 +23,7 @@ def list_profiles() -> None:
 def new(file: NewFile) -> None:
     """Write an annotated board profile to start from. An existing file is never overwritten."""
     write_template("sonarhw_sim.board", file)
-    print_line(f"{file}: edit it, then run: sonarhw profile check {file}")
+    print_note(f"{file}: edit it, then run: sonarhw profile check {file}")
 
 
 @app.command("schema")

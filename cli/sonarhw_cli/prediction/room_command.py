@@ -8,10 +8,10 @@ import typer
 from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 from sonarhw_sim.choices import DEFAULT_BOARD
 
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import BoardName, Force, RoomName, checked_out
-from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.console.output import written_file
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def list_rooms() -> None:
 def new(file: NewFile) -> None:
     """Write an annotated room file to start from. An existing file is never overwritten."""
     write_template("sonarhw_sim.room", file)
-    print_line(f"{file}: edit it, then run: sonarhw room check {file}")
+    print_note(f"{file}: edit it, then run: sonarhw room check {file}")
 
 
 @app.command("schema")
@@ -110,5 +110,5 @@ def _print(where: str, room: "Room", findings: "list[Finding]") -> None:
 def _draw(room: "Room", findings: "list[Finding]", plot: Path, kind: str, force: bool) -> None:
     from sonarhw_compare.pictures.room_picture import draw_checked_room
 
-    with atomic_file(plot, overwrite=force) as file:
+    with written_file(plot, overwrite=force) as file:
         write_picture(draw_checked_room(room, findings), file, kind)
