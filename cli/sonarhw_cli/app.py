@@ -6,6 +6,7 @@ Each subcommand has its own file and imports heavy modules inside its function, 
 import errno
 import logging
 import os
+import re
 import sys
 from typing import Annotated
 
@@ -20,6 +21,7 @@ from sonarhw_cli.comparison import map_command
 from sonarhw_cli.comparison import report_command as report
 from sonarhw_cli.comparison import study_command as study
 from sonarhw_cli.console.lines import choose_verbosity, print_detail, print_error, print_help, print_line
+from sonarhw_cli.console.option_names import with_options
 from sonarhw_cli.console.output import ClosedOutput
 from sonarhw_cli.console.progress import CompilationProgress
 from sonarhw_cli.instrument import bench_commands as bench
@@ -125,11 +127,12 @@ def run(arguments: list[str] | None = None) -> int:
 
 def _status(arguments: list[str] | None) -> int:
     command = typer.main.get_command(app)
+    given = sys.argv[1:] if arguments is None else arguments
     if "_SONARHW_COMPLETE" in os.environ:  # set by the script that --install-completion writes
         command.main(prog_name="sonarhw")
     try:
         # command.main() is not used: it gives Ctrl-C and a closed pipe other exit statuses
-        with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
+        with command.make_context("sonarhw", list(given)) as context:
             status = command.invoke(context)
         sys.stdout.flush()
         return status or ExitStatus.DONE
@@ -137,9 +140,11 @@ def _status(arguments: list[str] | None) -> int:
         return exit_wanted.exit_code
     except SonarError as error:
         print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
-        return _report(str(error), error.exit_status)
+        return _report(_with_position_hint(with_options(str(error)), given), error.exit_status)
     except typer.TyperException as error:
-        return _refuse(_with_help(_reworded(error.format_message()), error), error.exit_code)
+        return _refuse(
+            _with_position_hint(_with_help(_reworded(error.format_message()), error), given), error.exit_code
+        )
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except BrokenPipeError:
@@ -159,9 +164,30 @@ def _reworded(message: str) -> str:
 def _with_help(message: str, error: typer.TyperException) -> str:
     """Return the message with the command that lists arguments and options, if one is missing or unknown."""
     context = getattr(error, "ctx", None)
+    if context is not None and (group := _group_with_command(message, context.command)):
+        return f"{message.partition('.')[0]}; did you mean `{context.command_path} {group}`?"
     if context is None or message.endswith("?") or not message.startswith(("Missing ", "No such ", "Got unexpected ")):
         return message
     return f"{message.rstrip('.')}; see `{context.command_path} --help`"
+
+
+def _group_with_command(message: str, root: object) -> str:
+    """Return `log export` for the message that `export` is unknown; empty if no group has such a command."""
+    unknown = re.match(r"No such command '([^']*)'", message)
+    groups: dict[str, object] = getattr(root, "commands", {})
+    found = (
+        f"{name} {unknown[1]}"
+        for name, group in groups.items()
+        if unknown and unknown[1] in getattr(group, "commands", {})
+    )
+    return next(found, "")
+
+
+def _with_position_hint(message: str, arguments: list[str]) -> str:
+    """Return the message with how to write X,Y if an argument ends with a comma."""
+    extra = message.startswith(("Got unexpected extra argument", "--place: expected one for each"))
+    split = extra and any(one.endswith(",") for one in arguments)
+    return f"{message}; write X,Y without a space" if split else message
 
 
 def _refuse(message: str, status: int) -> int:

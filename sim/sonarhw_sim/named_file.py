@@ -51,5 +51,7 @@ class Shipped:
     def _unknown(self, name: str) -> str:
         names = self.names()
         found = next((file for file in (name, f"{name}{SUFFIX}") if os.path.isfile(file)), None)
+        if found:
+            read_text(Path(found), self.document)  # raises an error for a log, which must not be suggested
         hint = f"; did you mean the file ./{found}?" if found else did_you_mean(name, names)
         return f"unknown {self.what} {quoted(name)}{hint or ';'} known: {', '.join(names)}, or a file NAME{SUFFIX}"

@@ -1,5 +1,7 @@
 """Reading TOML files and checking them against a model; an error is one line that names the file and the key."""
 
+import codecs
+import operator
 import os
 import re
 import stat
@@ -17,8 +19,12 @@ from sonarhw_sim.near_miss import near_miss
 MOST_BYTES = 16 * 2**20  # of a file; a room of 100 000 walls has about 10 MB
 MOST_DOTS = 100  # in one key; tomllib takes quadratic time for them
 _MOST_QUOTED = 80  # characters
+_MOST_IN_OTHER_UNIT = 1e9
+_LOG_MAGIC = b"\x89MCAP0\r\n"
+_OTHER_UNITS = {"Hz": (1000, "kHz"), "m": (0.001, "mm"), "s": (0.001, "ms")}  # that people write by mistake
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)[ \t]*+\.[ \t]*+"""
 _DOTTED = re.compile(rf"(?<![\w-])(?:{_PART}){{{MOST_DOTS}}}")  # possessive, so that the search is linear
+_WITHIN = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt}
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -117,6 +123,9 @@ def read_text(path: Path, what: str) -> str:
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
+        if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            kind = "a log" if content.startswith(_LOG_MAGIC) else "not a text file"
+            raise InputError(f"{path}: is {kind}; expected a {what}, whose name ends in .toml") from error
         line = content.count(b"\n", 0, error.start) + 1
         byte = f"byte 0x{content[error.start]:02x} in line {line}"
         raise InputError(
@@ -189,7 +198,8 @@ def _reason(error: Mapping[str, Any], model: type[TomlModel]) -> str:
     message = message.replace("String should have", "expected a text of").replace("a valid boolean", "true or false")
     if kind == "value_error" and isinstance(got, dict | tuple):  # a check of several keys, which names them
         return message
-    return f"{message}{_limit_unit(error, model)}, got {'a table' if isinstance(got, dict) else quoted(got)}"
+    shown = "a table" if isinstance(got, dict) else quoted(got)
+    return f"{message}{_limit_unit(error, model)}, got {shown}{_other_unit(error, model)}"
 
 
 # what people write for a key, where it is spelt too differently for a near miss
@@ -221,12 +231,35 @@ def _suggestion(location: Sequence[int | str], model: type[TomlModel]) -> str:
 
 def _limit_unit(error: Mapping[str, Any], model: type[TomlModel]) -> str:
     """Return the unit of a key whose number is beyond a limit, with a space before it."""
-    if not error["type"].startswith(("less_than", "greater_than")):
-        return ""
-    *table, key = [part for part in error["loc"] if isinstance(part, str)]
-    field = _fields_at(table, model).get(key)
+    field = _limited_field(error, model)
     extra = field.json_schema_extra if field else None
     return f" {extra['unit']}" if isinstance(extra, dict) else ""
+
+
+def _limited_field(error: Mapping[str, Any], model: type[TomlModel]) -> FieldInfo | None:
+    """Return the key whose number is beyond a limit; None for another error."""
+    if not error["type"].startswith(("less_than", "greater_than")):
+        return None
+    *table, key = [part for part in error["loc"] if isinstance(part, str)]
+    return _fields_at(table, model).get(key)
+
+
+def _other_unit(error: Mapping[str, Any], model: type[TomlModel]) -> str:
+    """Return the value to write if a number beyond a limit is within the limits in a unit such as mm."""
+    field = _limited_field(error, model)
+    factor, unit = _OTHER_UNITS.get(_limit_unit(error, model).strip(), (0, ""))
+    # a larger number is no mistake of the unit, and may not fit into a float
+    if field is None or not factor or not abs(error["input"]) < _MOST_IN_OTHER_UNIT:
+        return ""
+    limits = [{name: getattr(one, name, None) for name in _WITHIN} for one in field.metadata]
+    value = float(f"{error['input'] * factor:.12g}")
+    within = all(
+        _WITHIN[name](value, limit)
+        for one in [error["ctx"], *limits]
+        for name, limit in one.items()
+        if limit is not None
+    )
+    return f"; if this is in {unit}, write {value!r}" if within else ""
 
 
 def _fields_at(location: Sequence[int | str], model: type[TomlModel]) -> dict[str, FieldInfo]:

@@ -122,6 +122,8 @@ def _pose(text: str) -> "Place":
 
 def _place(scan: "GivenScan", room: "Room | None", wanted: str | None) -> "Place":
     """Return the place of --place, else the recorded place. Raises InputError if there is neither."""
+    if room is None and (scan.log is None or not scan.log.metadata.room_text):
+        raise InputError(f"{scan.where}: contains no room; give --pose X,Y,DEG, or --room and --place")
     known = scan.room(room)
     own = scan.log is not None and scan.log.metadata.room_text == known.text
     recorded = scan.recorded_place(known)

@@ -96,7 +96,7 @@ def scan(
     )
     checked_out(out, (LOG,), force, url, room, board)
     _check(request)
-    metadata, air = _room(room, place)
+    metadata, air = _room(room, place, out)
     with connect(url, reconnect) as scanner:
         _record(scanner, request, metadata, air)
 
@@ -128,7 +128,7 @@ def _check_order(order: "ScanOrder") -> None:
         )
 
 
-def _room(room_name: str | None, place: str | None) -> "tuple[LogMetadata, Air]":
+def _room(room_name: str | None, place: str | None, out: Path) -> "tuple[LogMetadata, Air]":
     """Return the metadata of the log, with the room, and the air in the room."""
     from sonarhw_sim.air import Air
     from sonarhw_sim.named_file import file_name
@@ -140,6 +140,12 @@ def _room(room_name: str | None, place: str | None) -> "tuple[LogMetadata, Air]"
             raise InputError("--place needs --room: it is a place of a room file")
         return LogMetadata(made_by="scan", started=time.time()), Air()
     room = open_room(room_name)
+    if place is None and len(room.places) != 1:
+        raise InputError(
+            f"--room {room_name}: give --place NAME or --place X,Y in metres; its places: "
+            f"{', '.join(room.places) or 'none'}; from an unknown place, scan without --room, "
+            f"then run `sonarhw locate {out} --room {room_name}`"
+        )
     here = chosen_place(room, place)
     metadata = LogMetadata(
         made_by="scan", started=time.time(), room_file=file_name(room_name), room_text=room.text, place=here.name

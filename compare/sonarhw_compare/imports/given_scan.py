@@ -55,7 +55,14 @@ class GivenScan:
 
     def place(self, room: Room, given: PlaceInput | None = None) -> Place:
         """Return the given place, else the recorded one, else the only one. Raises InputError if there is none."""
-        return room.place(self.recorded_place(room) if given is None else given)
+        wanted = self.recorded_place(room) if given is None else given
+        if wanted is None and len(room.places) != 1:
+            places = ", ".join(room.places) or "none"
+            raise InputError(
+                f"{self.where}: contains no place in room {room.name!r}; give a place, or X,Y in metres; its places: "
+                f"{places}; `sonarhw locate` finds an unknown place"
+            )
+        return room.place(wanted)
 
     def recorded_place(self, room: Room) -> str | None:
         """Return the place in the log, if the room has it or it is X,Y; else None."""

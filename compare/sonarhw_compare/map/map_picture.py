@@ -23,6 +23,8 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
 
     A second plan leaves out the echoes by several reflections, where that is determined.
     """
+    if not isinstance(found, RoomMap):
+        raise TypeError(f"draw_map: expected the RoomMap that map_scans returns, got {type(found).__name__}")
     direct = f"all echoes, interpreted as direct: {found.echoes}"
     if found.followed_room is None:
         layers = [(found.plain, f"{direct}\nnot determined which came by several reflections")]

@@ -132,13 +132,15 @@ class Room:
         if isinstance(name, Place):
             return name
         if isinstance(name, tuple):
+            if len(name) != 2:
+                raise InputError(f"place {name!r}: expected two numbers, x and y in metres")
             x, y = map(float, name)
             # the name appears in titles; millimetres are enough
             return self._place_at(",".join(f"{round(at, 3) + 0.0:.9g}" for at in (x, y)), (x, y))
         if name is None:
             if len(self.places) == 1:
                 return next(iter(self.places.values()))
-            raise InputError(f"room {self.name!r}: give a place; {self._known_places()}")
+            raise InputError(f"room {self.name!r}: give a place, or X,Y in metres; {self._known_places()}")
         if name in self.places:
             return self.places[name]
         return self._place_at(name, self._position(name))
@@ -147,8 +149,9 @@ class Room:
         try:
             x, y = map(float, name.split(","))
         except ValueError as error:
+            hint = " without a space" if name.endswith(",") else ""
             raise InputError(
-                f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres"
+                f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}"
             ) from error
         return x, y
 

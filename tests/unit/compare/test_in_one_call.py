@@ -168,3 +168,22 @@ def test_a_report_of_readings_and_one_of_their_log_show_the_same(
 def test_jupyter_gets_a_figure_as_a_picture_before_pyplot_is_used() -> None:
     figure = sonarhw.draw_plan(sonarhw.predict("simple", "figure9"))
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
+
+
+def test_a_wrong_argument_states_what_is_expected(log: Path) -> None:
+    with pytest.raises(InputError, match=r"place \(0.5, 0.5, 0.5\): expected two numbers, x and y in metres"):
+        sonarhw.compare(log, place=(0.5, 0.5, 0.5))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="draw_map: expected the RoomMap that map_scans returns, got Log"):
+        sonarhw.draw_map(sonarhw.read_log(log))  # type: ignore[arg-type]
+
+
+def test_a_scan_of_an_unknown_place_names_locate(readings: list[Reading]) -> None:
+    with pytest.raises(InputError, match=r"give a place, or X,Y in metres; its places: p0, .*`sonarhw locate` finds"):
+        sonarhw.compare(readings, "arena")
+
+
+def test_a_comparison_in_the_wrong_place_gives_a_warning(log: Path, tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=FEW) as warned:
+        sonarhw.write_report(log, tmp_path / "wrong.html", place="p0")
+    assert [one.filename for one in warned] == [__file__]
+    assert "<strong>Warning:</strong> scan.mcap: only " in (tmp_path / "wrong.html").read_text(encoding="utf-8")

@@ -19,6 +19,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "laboratory.toml").write_text(OWN_ROOM)
     (tmp_path / "laboratory").write_text(OWN_ROOM)
     (tmp_path / "bare").write_text(OWN_ROOM)
+    (tmp_path / "scan.mcap").write_bytes(b"\x89MCAP0\r\n\x01\x00\x00")
+    (tmp_path / "picture").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
     (tmp_path / "paper.toml").write_text(OWN_BOARD)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -63,6 +65,16 @@ def test_an_unknown_name_lists_the_shipped_ones_and_a_near_miss(folder: Path, na
     assert message in str(refusal.value)
     assert len(str(refusal.value)) < 400
     assert "laboratory" in str(refusal.value) or "/" in name
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("scan.mcap", "a log"), ("./scan.mcap", "a log"), ("picture", "not a text file")]
+)
+def test_a_log_or_a_picture_is_not_suggested(folder: Path, name: str, kind: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        load_room(name)
+    file = name.removeprefix("./")
+    assert str(refusal.value) == f"{file}: is {kind}; expected a room file, whose name ends in .toml"
 
 
 def test_an_unknown_board_lists_the_shipped_ones_and_a_near_miss() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.near_miss import did_you_mean
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
@@ -64,7 +65,9 @@ def quantities_of(word: str) -> tuple[Quantity, ...]:
     """Return the quantities of a word such as `position` or `wall:east`. Raises InputError for unknown words."""
     head = word.strip().partition(":")[0]
     if head not in WORDS:
-        raise InputError(f"free {word}: unknown quantity; expected some of {', '.join(WORDS)}")
+        raise InputError(
+            f"free {word}: unknown quantity{did_you_mean(head, WORDS) or ';'} expected some of {', '.join(WORDS)}"
+        )
     return WORDS[head]
 
 

@@ -84,6 +84,7 @@ def test_logs_of_different_rooms_or_boards_are_refused(
         other = tmp_path / f"{name}.mcap"
         command = ["simulate", f"rooms/{room}.toml", "--place", "0.5,0.3", "--board", board, "--step", "20"]
         assert run([*command, "--out", str(other)]) == 0
+        capsys.readouterr()
         assert run(["fit", log, str(other)]) == 2
         printed = capsys.readouterr().err
         assert "different" in printed

@@ -61,7 +61,7 @@ def test_a_frequent_range_gives_a_warning_unless_no_echo_is_given(
     assert imported(tmp_path, text, "--scale", "0.01")[0].range == pytest.approx(float(value) / 100, abs=2e-7)
     assert f"5 ranges are {value}; if this means no echo, add --no-echo {value}" in capsys.readouterr().err
     assert imported(tmp_path, text, "--scale", "0.01", "--force", "--no-echo", value)[0].range is None
-    assert capsys.readouterr().err == ""
+    assert "warning" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "-1"])
@@ -88,7 +88,7 @@ def test_ranges_that_look_like_centimetres_give_a_warning(
 ) -> None:
     imported(tmp_path, text, *options)
     err = capsys.readouterr().err
-    assert bool(err) == bool(warned)
+    assert ("warning" in err) == bool(warned)
     assert warned in err
 
 
@@ -110,7 +110,7 @@ def test_times_are_relative_to_the_first_reading(tmp_path: Path) -> None:
 
 def test_a_single_reading_is_counted_in_the_singular(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     imported(tmp_path, "deg,cm\n0,1\n")
-    assert capsys.readouterr().out == f"{tmp_path / 'out.mcap'}: 1 reading, 1 with an echo\n"
+    assert capsys.readouterr() == ("", f"1 reading, 1 with an echo, in {tmp_path / 'out.mcap'}\n")
 
 
 def test_pings_at_one_heading_are_counted(tmp_path: Path) -> None:

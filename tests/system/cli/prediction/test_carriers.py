@@ -119,5 +119,6 @@ def test_ring_is_not_fitted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     board, log = profile(tmp_path, "[ring]\nsensors = 4\nradius = 0.05\n"), str(tmp_path / "scan.mcap")
     simulated(capsys, "--place", "0.4,0.3", "--board", "paper", "--step", "90")
     assert run(["simulate", ROOM, "--place", "0.4,0.3", "--board", board, "--out", log]) == 0
+    capsys.readouterr()
     message = refused(capsys, "compare", log, "--place", "0.4,0.3", "--board", board, "--fit", "heading")
     assert "has no turntable to fit" in message

@@ -73,7 +73,9 @@ def test_gain_steps_of_the_6500_follow_its_clock() -> None:
         ("rise_cycles = 1e9", "rise_cycles: expected less than or equal to 100"),
         ("blanking_inhibit = 0.003", "blanking_inhibit: expected 0.00238 s .* got 0.003"),
         ("rearm = 0.0", "rearm: expected greater than 0"),
-        ("range_offset = -5.0", "range_offset: expected greater than or equal to -1 m, got -5"),
+        ("range_offset = -5.0", "range_offset: expected greater than or equal to -1 m, got -5.*in mm, write -0.005$"),
+        ("range_offset = -5000.0", "range_offset: expected greater than or equal to -1 m, got -5000.0$"),
+        ("gain_steps = [2.38]", "gain_steps.*1 s, got 2.38; if this is in ms, write 0.00238$"),
         ("rounding = 100.0", "rounding: expected less than or equal to 1 m, got 100"),
         (
             "gain_steps = [0.002]\nfixed_gain = true",
@@ -91,6 +93,27 @@ def test_wrong_receiver_is_rejected_in_one_line(wrong: str, message: str) -> Non
         parse_board(PROFILE + wrong, "mine.toml")
     assert re.search(f"^mine.toml: {message}", str(caught.value))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        (
+            "frequency",
+            "49.412",
+            "expected greater than or equal to 1000 Hz, got 49.412; if this is in kHz, write 49412.0",
+        ),
+        ("frequency", "0.5", "expected greater than or equal to 1000 Hz, got 0.5"),
+        ("aperture_radius", "19.2", "expected less than or equal to 1 m, got 19.2; if this is in mm, write 0.0192"),
+        ("blanking", "2.38", "expected less than or equal to 1 s, got 2.38; if this is in ms, write 0.00238"),
+        ("blanking", "-2.38", "expected greater than or equal to 0 s, got -2.38"),
+    ],
+)
+def test_a_number_beyond_its_limits_gets_a_guess_of_its_unit(key: str, value: str, message: str) -> None:
+    text = re.sub(rf"^{key} = .*$", f"{key} = {value}", PROFILE, flags=re.MULTILINE)
+    with pytest.raises(InputError) as caught:
+        parse_board(text, "mine.toml")
+    assert str(caught.value) == f"mine.toml: {key}: {message}"
 
 
 def test_max_range_below_the_end_of_blanking_is_rejected() -> None:
