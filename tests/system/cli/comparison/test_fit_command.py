@@ -115,7 +115,7 @@ def test_wrong_options_are_refused_before_a_log_is_read(capsys: pytest.CaptureFi
         (["--free", "wind"], "free wind: unknown quantity; expected some of x, y"),
         (["--free", ""], "nothing is free"),
         (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
-        (["--prior", "wind=1..2"], "wind is not free; free it too, or use one of x, y, heading"),
+        (["--prior", "wind=1..2"], "wind is not free; add it to --free, or use one of x, y, heading"),
         (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
         (["--prior", "x=9+-1"], "a value from"),
         (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation of at least 1e-06\n"),
@@ -142,7 +142,7 @@ def test_fitted_room_and_board_are_written_and_comments_kept(log: str, tmp_path:
     files = ["--out", str(found), "--board-out", str(board)]
     assert run(["fit", log, "--room", str(room), "--place", "p3", *free, *files, "--samples", "0"]) == 0
     header, _, rest = found.read_text(encoding="utf-8").partition("# as measured in spring\n")
-    assert header.startswith("# Fitted by `sonarhw fit` on p3, beginning with room 'Arena':\n#   x 1.3")
+    assert header.startswith("# Fitted by `sonarhw fit` on p3.mcap, beginning with room 'Arena':\n#   x 1.3")
     for line in (r"x 1\.3\d+ ± 0\.\d{5} m; before: 1\.36000", r"heading -?0\.\d{3} ± \d\.\d{3}°; before: 0\.000"):
         assert re.search(f"^#   {line}$", header, re.M)
     assert "points" in rest

@@ -35,7 +35,7 @@ position = [3.0, 2.0]
             (1.25, 1.25),
             ("place '1.25,1.25' at 1.25, 1.25 m is inside the object of walls 'south' to 'west' of room 'Box'",),
         ),
-        ((5.0, 2.0), ("place '5.0,2.0' at 5, 2 m is outside room 'Box'",)),
+        ((5.0, 2.0), ("place '5,2' at 5, 2 m is outside room 'Box'",)),
     ],
 )
 def test_a_place_outside_the_room_or_inside_a_box_is_doubted(
