@@ -21,7 +21,6 @@ from sonarhw_cli.comparison import map_command
 from sonarhw_cli.comparison import report_command as report
 from sonarhw_cli.comparison import study_command as study
 from sonarhw_cli.console.lines import choose_verbosity, print_detail, print_error, print_help, print_line
-from sonarhw_cli.console.option_names import with_options
 from sonarhw_cli.console.output import ClosedOutput
 from sonarhw_cli.console.progress import CompilationProgress
 from sonarhw_cli.instrument import bench_commands as bench
@@ -34,6 +33,7 @@ from sonarhw_cli.instrument import log_command
 from sonarhw_cli.instrument import ports_command as ports
 from sonarhw_cli.instrument import replay_command as replay
 from sonarhw_cli.instrument import scan_command as scan
+from sonarhw_cli.option_names import with_options
 from sonarhw_cli.prediction import figures_command as figures
 from sonarhw_cli.prediction import paths_command as paths
 from sonarhw_cli.prediction import profile_command, room_command
