@@ -38,6 +38,7 @@ _FINEST = 0.06  # m, smallest spacing
 _MAXIMA = 12  # of the lattice, that are refined
 _HOPELESS = 60.0  # largest deficit of the log-likelihood of the lattice for a start
 _PROMISING = 12.0  # largest deficit of the tempered log-likelihood, after rough refinement, for a full one
+_CLIMBS = 3  # most repetitions of the full refinement
 _SAME = 0.03  # m between poses that count as the same
 _SAME_HEADING = math.radians(10)
 _LEAST = 1e-3  # smallest probability of a reported pose
@@ -199,8 +200,18 @@ def _tops(
     tops = []
     for k, top in enumerate(promising):
         tick(0.5 + 0.5 * k / len(promising))
-        tops.append(_climb(problem, top.values, None, None))
+        tops.append(_maximum(problem, top.values))
     return tops
+
+
+def _maximum(problem: Problem, values: FloatArray) -> _Top:
+    """Return the maximum after repeated refinement, as a fit: with little noise, one refinement may end at a step."""
+    top = _climb(problem, values, None, None)
+    for _ in range(_CLIMBS):
+        before, top = top, _climb(problem, top.values, None, None)
+        if top.score - before.score < 1.0:
+            break
+    return max(before, top, key=lambda one: one.score)
 
 
 def _climb(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.comparison.locate_command import _figures_of
+from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.locate.poses import Pose, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -16,6 +17,7 @@ from sonarhw_sim.room.model import Place, Room, load_room
 
 from benchmarks.real.judged_scans import DEFAULT_FOLDER, load_scans
 from benchmarks.real.real_places import locate_real, true_place
+from sonarhw import open_scanner, sector
 from sonarhw.readings import Reading
 from tests.conftest import Count
 from tests.fixtures.rooms_for_tests import polygon_room
@@ -57,6 +59,19 @@ def test_a_rectangle_has_two_equally_probable_poses() -> None:
     assert np.add(one.position, other.position) == pytest.approx((1.7, 1.1), abs=0.02)
     assert abs(math.remainder(one.heading - other.heading, math.tau)) == pytest.approx(math.pi, abs=0.03)
     assert located.places() == {}
+
+
+def test_locate_and_fit_find_the_same_pose() -> None:
+    # one refinement alone ends 0.2 mm and 0.25° away, at a step of the likelihood
+    laboratory, board = load_room("rooms/laboratory.toml"), load_board("polaroid-6500")
+    with open_scanner("fake:laboratory?place=bench&seed=1&pace=max") as scanner:
+        readings = list(scanner.scan(sector(0, 360, 3)))
+    best = locate_scan(readings, laboratory, board).poses[0]
+    free = free_parameters(("position", "heading", "offset"), [""], laboratory, board)
+    here = PlacedScan(readings, laboratory.places["bench"])
+    found = fit_scans([here], laboratory, board, free, options=FitOptions(samples=0)).estimates
+    for name, value in (("x", best.position[0]), ("y", best.position[1]), ("heading", best.heading)):
+        assert abs(value - found[name].value) < 2 * found[name].deviation
 
 
 def test_repeated_readings_add_no_evidence() -> None:
