@@ -7,10 +7,12 @@ walls, and the gradient of the length is -(u + a). An image behind a moving wall
 posts, all this holds to first order.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.weighing import SAME_LENGTH
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room
@@ -19,6 +21,8 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.free_walls import corner_moves, left_normals
 
 Point = tuple[float, float]
+
+_SAME_DIRECTION = 1e-6  # of unit vectors
 
 EVEN, ODD, BENT = 0, 1, 2  # number of reflections, or diffraction at an edge
 
@@ -35,6 +39,27 @@ class EchoPaths(NamedTuple):
     touches: FloatArray  # (k, materials), number of reflections off each material
     out_by_wall: FloatArray  # (k, 2, walls), derivative of `out` by the shift of each wall to its left
     back_by_wall: FloatArray  # (k, 2, walls), derivative of `back`
+
+
+def with_reverses(paths: Paths) -> Paths:
+    """Return the paths without those that are the reverse of an earlier one, which gets twice its gain.
+
+    A path and its reverse take the same time, so one transducer receives both together.
+    """
+    ends = np.searchsorted(paths.lengths, paths.lengths + SAME_LENGTH, side="right")
+    kept, gains = np.ones(len(paths), np.bool_), paths.gains.copy()
+    for first in np.flatnonzero(ends - np.arange(len(paths)) > 1).tolist():
+        for second in range(first + 1, ends[first]):
+            if kept[first] and kept[second] and _are_reverse(paths, first, second):
+                kept[second] = False
+                gains[first] *= 2
+    return replace(paths, gains=gains).select(np.flatnonzero(kept))
+
+
+def _are_reverse(paths: Paths, first: int, second: int) -> bool:
+    """Return whether each of two paths of equal length departs where the other one arrives."""
+    apart = (paths.leaving[first] - paths.arriving[second], paths.arriving[first] - paths.leaving[second])
+    return bool(np.abs(apart).max() < _SAME_DIRECTION)
 
 
 def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str]) -> EchoPaths:

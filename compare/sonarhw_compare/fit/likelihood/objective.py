@@ -28,7 +28,7 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import (
     ScanArrays,
     log_likelihoods,
 )
-from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, moved
+from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, moved, with_reverses
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
@@ -154,6 +154,8 @@ class Problem:
             paths = paths.select(
                 loud_enough(room, replace(board, threshold_db=board.threshold_db + _THRESHOLD_RAISE), paths)
             )
+            if board.sum_arrivals and board.mount.separation == 0:
+                paths = with_reverses(paths)
             found.append(echo_paths(paths, room, materials, walls))
         return Objective(self, values.copy(), room, places, tuple(found))
 

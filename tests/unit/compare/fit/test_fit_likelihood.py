@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.echo_paths import displaced, echo_paths, growth_by_wall, moved
+from sonarhw_compare.fit.likelihood.echo_paths import displaced, echo_paths, growth_by_wall, moved, with_reverses
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
 from sonarhw_sim.board.mount import Mount
@@ -44,6 +44,22 @@ def test_moved_paths_equal_those_of_a_new_search() -> None:
     for row, other in pairs:
         assert np.hypot(*out[row]) + np.hypot(*back[row]) == pytest.approx(there.lengths[other], abs=1e-12)
         assert out[row] / np.hypot(*out[row]) == pytest.approx(there.leaving[other], abs=1e-12)
+
+
+def test_each_path_and_its_reverse_become_one_of_twice_the_amplitude() -> None:
+    paths = find_paths(ARENA, HERE, SEARCH)
+    together = with_reverses(paths)
+    ways = [together.via(row, ARENA) for row in range(len(together))]
+    assert {frozenset((way, way[::-1])) for way in ways} == {
+        frozenset((way, way[::-1])) for way in (paths.via(row, ARENA) for row in range(len(paths)))
+    }
+    assert len({frozenset((way, way[::-1])) for way in ways}) == len(ways) < len(paths)
+    alone = {paths.via(row, ARENA): paths.gains[row] for row in range(len(paths))}
+    for row, way in enumerate(ways):
+        # a path that retraces itself is its own reverse, also through a right-angle corner
+        itself = np.allclose(together.leaving[row], together.arriving[row], atol=1e-9)
+        assert together.gains[row] == pytest.approx(alone[way] * (1 if itself else 2))
+        assert itself or way[::-1] in alone
 
 
 def test_paths_to_a_separate_listener_equal_those_of_a_search() -> None:
