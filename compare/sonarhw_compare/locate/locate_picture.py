@@ -67,7 +67,7 @@ def _draw_places(axes: Axes, located: Located) -> None:
     """Draw the places of the room, each with its name behind the arrow of the pose found there."""
     for name, place in located.room.places.items():
         at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
-        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6)
+        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6, label="place")
         _write_beside(axes, picture_text(name), place.position, at[0].heading + math.pi if at else math.pi, "black")
 
 
