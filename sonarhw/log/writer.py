@@ -102,6 +102,11 @@ class LogWriter:
         """Path of the file."""
         return self._file.path
 
+    @property
+    def count(self) -> int:
+        """Number of readings in the log; frames may complete them before a scan delivers them."""
+        return self._file.readings
+
     def __enter__(self) -> Self:
         return self
 

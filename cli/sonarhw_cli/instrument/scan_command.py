@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
 
     from sonarhw.host.scanner import Scanner
-    from sonarhw.log import LogMetadata
+    from sonarhw.log import LogMetadata, LogWriter
     from sonarhw.readings import Reading, ScanOrder
     from sonarhw.scanning.scan_recording import ScanPlan
 
@@ -170,7 +170,7 @@ def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air:
         terminal = _Terminal(scanner, request, exit_stack)
         exit_stack.enter_context(_interruption_reported(request, terminal))
         terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
-        log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
+        terminal.log = log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
         plan = _plan(request, board, air)
         print_detail(
             f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s"
@@ -209,6 +209,7 @@ class _Terminal:
         self.count = 0
         self.echoes = 0  # readings with an echo
         self.interrupted: Interruption
+        self.log: LogWriter | None = None  # none yet
         self._scanner = scanner
         self._request = request
         self._exit_stack = exit_stack
@@ -251,7 +252,7 @@ def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[N
     try:
         yield
     except KeyboardInterrupt:
-        count = terminal.count
+        count = terminal.log.count if terminal.log and terminal.count else 0
         are = "is" if count == 1 else "are"
         kept = f"{counted(count, 'reading')} {are} kept in {request.out}" if count else "nothing was recorded"
         with suppress(OSError):  # the terminal may be closed

@@ -296,3 +296,14 @@ def test_a_newer_format_is_refused_with_advice(tmp_path: Path) -> None:
         pass
     with pytest.raises(NotALog, match=r"has format 99.*update"):
         read_log(tmp_path / "scan.mcap")
+
+
+def test_the_writer_counts_the_readings_that_the_log_will_have(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA) as writer:
+        for number in range(3):
+            # a scan delivers them one by one, later than their frames
+            writer.frame(True, STARTED, reading_frame(number))
+        writer.reading(example_reading(0))
+        assert writer.count == 3
+    assert len(read_log(path).readings) == 3
