@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import SAME_LENGTH
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.paths import Paths
@@ -41,11 +42,14 @@ class EchoPaths(NamedTuple):
     back_by_wall: FloatArray  # (k, 2, walls), derivative of `back`
 
 
-def with_reverses(paths: Paths) -> Paths:
+def with_reverses(paths: Paths, board: Board) -> Paths:
     """Return the paths without those that are the reverse of an earlier one, which gets twice its gain.
 
-    A path and its reverse take the same time, so one transducer receives both together.
+    A path and its reverse take the same time, so one transducer receives both together. Returns all paths if the board
+    does not sum arrivals, or has two transducers.
     """
+    if not board.sum_arrivals or board.mount.separation:
+        return paths
     ends = np.searchsorted(paths.lengths, paths.lengths + SAME_LENGTH, side="right")
     kept, gains = np.ones(len(paths), np.bool_), paths.gains.copy()
     for first in np.flatnonzero(ends - np.arange(len(paths)) > 1).tolist():

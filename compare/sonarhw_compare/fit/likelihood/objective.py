@@ -150,12 +150,10 @@ class Problem:
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
         found = []
         for place in places:
-            paths = paths_from(room, place, search, None, board.aperture_radius)
+            paths = with_reverses(paths_from(room, place, search, None, board.aperture_radius), board)
             paths = paths.select(
                 loud_enough(room, replace(board, threshold_db=board.threshold_db + _THRESHOLD_RAISE), paths)
             )
-            if board.sum_arrivals and board.mount.separation == 0:
-                paths = with_reverses(paths)
             found.append(echo_paths(paths, room, materials, walls))
         return Objective(self, values.copy(), room, places, tuple(found))
 

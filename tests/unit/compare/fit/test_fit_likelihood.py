@@ -48,7 +48,8 @@ def test_moved_paths_equal_those_of_a_new_search() -> None:
 
 def test_each_path_and_its_reverse_become_one_of_twice_the_amplitude() -> None:
     paths = find_paths(ARENA, HERE, SEARCH)
-    together = with_reverses(paths)
+    together = with_reverses(paths, BOARD)
+    assert with_reverses(paths, replace(BOARD, sum_arrivals=False)) is paths
     ways = [together.via(row, ARENA) for row in range(len(together))]
     assert {frozenset((way, way[::-1])) for way in ways} == {
         frozenset((way, way[::-1])) for way in (paths.via(row, ARENA) for row in range(len(paths)))
