@@ -5,6 +5,7 @@ import pytest
 
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.limits import CHUNK
 from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk, TraceKind
 from sonarhw.wire.reading_messages import trace_chunks
 
@@ -181,3 +182,10 @@ def test_a_trace_is_cut_to_the_samples_that_its_messages_can_count() -> None:
     sent = [*trace_chunks(1, Trace(np.zeros(66_000), 50_000.0, 0.0))]
     assert {chunk.total for chunk in sent} == {65_535}
     assert sum(len(chunk.samples) for chunk in sent) == 65_535
+
+
+def test_chunks_with_any_missing_sample_are_not_sent() -> None:
+    samples = np.full(3 * CHUNK, 0.5)
+    samples[CHUNK + 7] = np.nan  # one sample of the second chunk
+    samples[2 * CHUNK :] = np.nan  # the whole third
+    assert [chunk.offset for chunk in trace_chunks(0, Trace(samples, 50_000.0, 0.0))] == [0]
