@@ -150,7 +150,8 @@ def test_exported_data_equal_those_of_the_command_line(
         assert all(np.array_equal(saved[name], exported[name], equal_nan=True) for name in saved.files)
     figures = json.loads((tmp_path / "saved.json").read_text())
     assert figures["n"] == ORDER.readings
-    assert capsys.readouterr().err == ""
+    exported_files = [tmp_path / f"exported{ending}" for ending in (".csv", ".npz")]
+    assert capsys.readouterr().err == "".join(f"{file}: written\n" for file in exported_files)
 
 
 def test_the_report_contains_the_scan_and_its_room(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
