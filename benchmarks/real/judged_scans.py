@@ -1,12 +1,10 @@
 """Comparison of real scans with the predictions of models."""
 
 import csv
-import io
 import math
 import tempfile
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
-from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,9 +118,8 @@ def load_scans(folder: Path) -> list[RealScan]:
             log = Path(scratch) / f"{row['scan']}.mcap"
             source = str(folder / f"{row['scan']}.csv")
             columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01", "--no-echo", "255"]
-            # hides the message about the temporary log
-            with redirect_stdout(io.StringIO()):
-                status = run(["import", source, "--out", str(log), *columns, "--turn", row["turn"]])
+            # without the message about the temporary log
+            status = run(["--quiet", "import", source, "--out", str(log), *columns, "--turn", row["turn"]])
             if status != 0:
                 raise SystemExit(status)
             scans.append(RealScan(row["scan"], float(row["x_m"]), float(row["y_m"]), read_log(log).readings))
