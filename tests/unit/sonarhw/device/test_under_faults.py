@@ -126,3 +126,11 @@ def test_unrecoverable_faults_give_an_error_of_one_line(faults: str, expected: t
     with pytest.raises(expected[0], match=expected[1]) as error:
         plugged.do(job, within=120)
     assert "\n" not in str(error.value)
+
+
+def test_each_reset_is_counted_as_one_start_of_the_board() -> None:
+    plugged = Plugged(faulty("reset@r20,reset@r40"))
+    plugged.scan(SECTOR)
+    info = plugged.session.device.info
+    assert info is not None
+    assert info.boot == 3

@@ -1,6 +1,7 @@
 """Logs with nonsense behind correct checksums: everything readable is read, and no declared size is believed."""
 
 import json
+import math
 import struct
 import tracemalloc
 import zipfile
@@ -74,7 +75,9 @@ def at(column: str, value: float) -> Callable[[Arrays, Arrays], None]:
         lambda _, head: head.update(frames=-1),
         lambda _, head: head.update(frames="many"),
         lambda _, head: head["scans"][0].update(began=None),
+        lambda _, head: head["scans"][0].update(began=math.nan),
         lambda _, head: head["scans"][0].update(homed=3),
+        lambda _, head: head["scans"][0].update(homed=[math.inf]),
         lambda _, head: head["scans"][0].update(expected="six"),
         lambda _, head: head.pop("version"),
     ],

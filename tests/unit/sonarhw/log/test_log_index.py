@@ -18,6 +18,7 @@ from sonarhw.errors import NotALog
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
 from sonarhw.readings import Reading, Trace
+from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
 from sonarhw.wire.reading_messages import reading_message, trace_chunks
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
@@ -148,6 +149,13 @@ def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
     same = [field.name for field in fields(Reading) if getattr(read, field.name) == getattr(defaults, field.name)]
     assert same == ["number", "time"]
     assert read.host_time == pytest.approx(STARTED, abs=0.1)
+
+
+def test_the_frames_of_a_written_scan_are_numbered_like_those_of_a_device(tmp_path: Path) -> None:
+    write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(number, trace=True) for number in range(4)])
+    frames = [decode_block(frame.wire.strip(b"\0")) for frame in read_log(tmp_path / "scan.mcap").frames]
+    assert [frame.sequence for frame in frames if isinstance(frame, Frame)] == [*range(len(frames))]
+    assert len(frames) > 8
 
 
 def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from sonarhw.wire.frames import (
     DELIMITER,
+    LONGEST_BLOCK,
     Frame,
     FrameDecoder,
     Rejected,
@@ -92,6 +93,19 @@ def test_a_stream_without_delimiters_is_buffered_up_to_one_frame() -> None:
 def test_type_and_payload_of_a_valid_frame_are_read_without_a_check(frame: Frame) -> None:
     block = encode_frame(frame)[:-1]
     assert (frame_type(block), frame_payload(block)) == (frame.type, frame.payload)
+
+
+def test_the_longest_possible_block_is_accepted_and_a_longer_one_is_not() -> None:
+    """Byte stuffing adds most to a frame without zeros, in its checksum too."""
+    full = (Frame(1, 0x0101, 2**64 - number, b"\xff" * MAX_PAYLOAD) for number in range(1, 250))
+    longest = max((encode_frame(frame) for frame in full), key=len)
+    assert len(longest) - 1 == LONGEST_BLOCK
+    decoder = FrameDecoder()
+    (frame,) = decoder.feed(longest)
+    assert isinstance(frame, Frame)
+    (rejected,) = decoder.feed(b"\xff" + longest)
+    assert isinstance(rejected, Rejected)
+    assert "without a delimiter" in rejected.reason
 
 
 @given(st.binary(max_size=100))
