@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -107,8 +107,9 @@ def run(trials: Sequence[Trial], processes: int) -> list[Trial]:
         controls = [_unchanged(trial) for trial in {trial.package: trial for trial in trials if trial.tests}.values()]
         if not all(pool.map(_survives, controls, [place] * len(controls))):
             raise SystemExit("tests fail without a mutant; record again, into another folder")
-        survive = pool.map(_survives, trials, [place] * len(trials))
-        for number, (trial, survived) in enumerate(zip(trials, survive, strict=True), 1):
+        started = {pool.submit(_survives, trial, place): trial for trial in trials}
+        for number, done in enumerate(as_completed(started), 1):
+            trial, survived = started[done], done.result()
             if survived:
                 survivors.append(trial)
             result = ("SURVIVED" if trial.tests else "NOT RUN ") if survived else "detected"

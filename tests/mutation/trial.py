@@ -50,21 +50,33 @@ class Tree:
         file.write_bytes(mutant.applied(source))
         os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns - _OTHER_TIME))
         try:
-            parts = [part for part in (tests[:_FIRST], tests[_FIRST:]) if part]
-            each = _SLOWER * seconds / len(tests)
-            return all(self._passes(part, self.startup + each * len(part)) for part in parts)
+            parts = [[*tests[:_FIRST]], [*tests[_FIRST:]]]
+            return all(self._pass(part, _SLOWER * seconds / len(tests)) for part in parts if part)
         finally:
             file.write_bytes(source)
             os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
 
-    def _passes(self, tests: Sequence[str], processor_time: float) -> bool:
+    def _pass(self, tests: list[str], each: float) -> bool:
+        """Return whether the tests pass. A test that fails once only does not detect the mutant."""
+        while (failed := self._failure(tests, each)) is not None:
+            if failed not in tests or self._failure([failed], each) is not None:
+                return False
+            tests.remove(failed)
+        return True
+
+    def _failure(self, tests: Sequence[str], each: float) -> str | None:
+        """Return the first test that fails; "" if the tests do not run to their end, None if all pass."""
+        processor_time = self.startup + each * len(tests)
         scratch = Path(tempfile.mkdtemp(prefix="mutant-"))
         _add_kernels(self._kernels, scratch / "kernels")
         child = os.fork()
         if child == 0:
             _run_tests(self.folder, tests, processor_time, scratch)
         try:
-            return _status(child, _WAIT * processor_time) == 0
+            if _status(child, _WAIT * processor_time) == 0:
+                return None
+            failed = scratch / "failed"
+            return failed.read_text() if failed.exists() else ""
         finally:
             _add_kernels(scratch / "kernels", self._kernels)
             shutil.rmtree(scratch, ignore_errors=True)
@@ -111,10 +123,9 @@ def _run_tests(folder: Path, tests: Sequence[str], processor_time: float, scratc
     for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
         del sys.modules[name]
     status = 1
+    arguments = ["-x", "-q", "--tb=line", "-p", "no:cacheprovider", "--basetemp", f"{scratch}/t", *_QUIET, *tests]
     try:
-        status = pytest.main(
-            ["-x", "-q", "--tb=line", "-p", "no:cacheprovider", "--basetemp", f"{scratch}/t", *_QUIET, *tests]
-        )
+        status = pytest.main(arguments, [_Failure(scratch / "failed")])
     except BaseException:
         traceback.print_exc()
         raise
@@ -122,6 +133,17 @@ def _run_tests(folder: Path, tests: Sequence[str], processor_time: float, scratc
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(int(status))
+
+
+class _Failure:
+    """A plugin of pytest that writes the name of a test that fails to a file."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self._file.write_text(report.nodeid)
 
 
 def preload() -> None:
