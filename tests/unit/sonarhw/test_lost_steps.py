@@ -3,6 +3,7 @@
 import math
 import random
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from sonarhw.host.actions import homing, scanning, turning
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.lost_steps import first_unverified, lost_steps_clause, nearest_mark, split_at_homings, unverified_clause
 from sonarhw.readings import Reading
+from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import Outcome, StartScan, Turn
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
@@ -87,6 +89,21 @@ def test_a_stopped_scan_does_not_turn_to_the_mark() -> None:
     plugged.session.stop(job, plugged.now)
     plugged.until(lambda: job.done, within=0.2)
     assert job.result is Outcome.STOPPED
+
+
+@pytest.mark.parametrize("backlash", [0, 4])
+def test_the_turntable_approaches_the_mark_by_3_degrees_more_than_its_backlash(backlash: int, tmp_path: Path) -> None:
+    plugged = Plugged(faulty(""))
+    plugged.connect()
+    device = plugged.session.device
+    assert device.capabilities is not None
+    device.capabilities = replace(device.capabilities, backlash=backlash * 1_000_000)
+    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
+        plugged.session.recording.use(log)
+        plugged.scan(WHOLE_TURN)
+    sent = [decode_block(frame.wire.strip(b"\0")) for frame in read_log(tmp_path / "scan.mcap").frames]
+    turns = [Turn.unpack(frame.payload) for frame in sent if isinstance(frame, Frame) and frame.type == Turn.TYPE]
+    assert turns[0] == Turn((360 - 3 - backlash) * 1_000_000)
 
 
 @pytest.mark.parametrize("seed", range(40))
