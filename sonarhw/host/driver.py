@@ -104,8 +104,8 @@ class Driver:
         self.device_statistics: Statistics | None = None
         self._counted: Counter[str] = Counter()
         self._round_trip: float | None = None  # s, smoothed
+        self.heartbeat: Heartbeat | None = None  # the newest
         self._lost_before = 0  # readings lost in earlier scans
-        self.heartbeat: Heartbeat | None = None
         self.assembler = ReadingAssembler(clock)
         self._tap = tap or _ignore
         self._decoder = FrameDecoder()
@@ -170,11 +170,6 @@ class Driver:
         """Whether the scan has finished and every reading that the device can still send has been received."""
         action = self._action
         return action is None or (action.finished is not None and self._arrivals.next_resend() is None)
-
-    @property
-    def running(self) -> bool:
-        """Whether a Home, Turn or StartScan was sent and has not finished."""
-        return self._action is not None and self._action.finished is None
 
     def flush(self) -> None:
         """Complete the reading that waits for its trace, because nothing more will arrive."""

@@ -97,7 +97,7 @@ def recorded_session() -> list[bytes]:
     board, driver, sent, now = FakeBoard(PlainEchoes(), seed=7), Driver(FIRST), [], 0.0
     for message in COMMANDS:
         command, wire = driver.command(message, now), b""
-        while command.answer is None or (driver.running and not isinstance(message, Hello | Configure)):
+        while command.answer is None or (not driver.scan_complete and not isinstance(message, Hello | Configure)):
             board.receive(driver.outgoing(), now)
             now = min(now + 0.05, board.next_event() or now)
             piece = board.advance(now)
