@@ -268,9 +268,12 @@ def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.Monke
         scanner.home()
         scan = scanner.scan(ORDER)
         first = next(scan)
-        cycles: list[float] = []
-        monkeypatch.setattr(scanner._session, "keep_alive", cycles.append)
-        wait_until(lambda: len(cycles) >= 4)  # the thread has run four cycles without reading the link
+        received: list[int] = []
+        monkeypatch.setattr(
+            scanner._session, "keep_alive", lambda _: received.append(scanner._session.statistics.bytes_received)
+        )
+        wait_until(lambda: len(received) >= 4)  # the thread has run four cycles without reading the link
+        assert len({*received}) == 1
         assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
