@@ -3,6 +3,8 @@
 Two kinds of lines are not recorded by test: those of modules and classes, which run at import, and those of compiled
 kernels. For them, the tests are those that execute a line where the name defined there is used, and then those that
 execute any other line of the file.
+
+Tests whose file names the function or class around the line, or its module, come first.
 """
 
 import ast
@@ -14,7 +16,9 @@ from pathlib import Path
 from coverage import CoverageData
 
 _DURATION = re.compile(r"^([0-9.]+)s +(?:setup|call|teardown) +(tests/.*)$", re.MULTILINE)
+_WORD = re.compile(r"[\w.]{4,}")  # a name, also with dots
 _DEFAULT = 1.0  # s, of a test without a recorded duration
+_DIRECT = 0.1  # cost of a test that names what is changed, relative to other tests
 
 _Line = tuple[str, int]  # path relative to the checkout, and line number
 
@@ -31,6 +35,11 @@ class Covering:
         self._defined: dict[_Line, set[str]] = defaultdict(set)
         self._bodies: dict[_Line, range] = {}
         self._used: dict[str, set[_Line]] = defaultdict(set)
+        self._around: dict[_Line, set[str]] = defaultdict(set)  # names of the functions and classes around a line
+        self._words = {
+            test.relative_to(checkout).as_posix(): set(_WORD.findall(test.read_text(encoding="utf-8")))
+            for test in (checkout / "tests").rglob("test_*.py")
+        }
         for file in sorted(recorded.glob("*.coverage")):
             self._read_contexts(file)
         for file in sorted(recorded.glob("*.log")):
@@ -46,12 +55,17 @@ class Covering:
         """
         reached = self._reached((path, line), set())
         others = set() if self._tests.get((path, line)) else self._files[path] - reached
-        return [*self._sorted(reached), *self._sorted(others)]
+        names = {_module(path)} | self._around[path, line] | self._defined[path, line]
+        return [*self._sorted(reached, names), *self._sorted(others, names)]
 
-    def _sorted(self, tests: Iterable[str]) -> list[str]:
+    def _cost(self, test: str, names: set[str]) -> float:
+        words = self._words.get(test.partition("::")[0], set())
+        return self.duration(test) * self._lines[test] * (1.0 if words.isdisjoint(names) else _DIRECT)
+
+    def _sorted(self, tests: Iterable[str], names: set[str]) -> list[str]:
         seen: Counter[str] = Counter()
         costs = {}
-        for cost, test in sorted((self.duration(test) * self._lines[test], test) for test in tests):
+        for cost, test in sorted((self._cost(test, names), test) for test in tests):
             function = test.partition("[")[0]
             seen[function] += 1
             costs[test] = cost * seen[function]
@@ -81,9 +95,13 @@ class Covering:
                     self._used[node.id].add((path, node.lineno))
                 case ast.Attribute(ctx=ast.Load()):
                     self._used[node.attr].add((path, node.lineno))
+                case ast.ClassDef():
+                    for line in range(node.lineno, (node.end_lineno or 0) + 1):
+                        self._around[path, line].add(node.name)
                 case ast.FunctionDef():
                     for line in range(node.lineno, (node.end_lineno or 0) + 1):
                         self._defined[path, line] = {node.name}
+                        self._around[path, line].add(node.name)
                         self._bodies[path, line] = range(node.body[0].lineno, (node.end_lineno or 0) + 1)
         for statement in _import_time(tree):
             names = _names(statement)
@@ -126,3 +144,9 @@ def _from_checkout(measured: str) -> str:
     first = len(parts) - 1 - parts[::-1].index(package)
     folder = {"sonarhw_sim": ("sim",), "sonarhw_compare": ("compare",)}.get(package, ())
     return str(Path(*folder, *parts[first:]))
+
+
+def _module(path: str) -> str:
+    """Return the dotted name by which a source file is imported."""
+    parts = Path(path).with_suffix("").parts
+    return ".".join(parts[1:] if parts[0] in ("sim", "compare") else parts)

@@ -131,6 +131,22 @@ def test_a_test_function_with_other_parameters_comes_later(tmp_path: Path) -> No
     assert found == ["tests/a.py::b[1]", "tests/a.py::c", "tests/a.py::b[2]"]
 
 
+@pytest.mark.parametrize("direct", ["from sonarhw.a import x", "from sonarhw import Answer"])
+def test_tests_that_name_a_module_or_a_class_come_first(direct: str, tmp_path: Path) -> None:
+    (tmp_path / "sonarhw").mkdir()
+    (tmp_path / "sonarhw" / "a.py").write_text("class Answer:\n    YES = 1\n")
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_it.py").write_text(direct)
+    data = CoverageData(str(tmp_path / "unit.coverage"))
+    for test in ("tests/test_it.py::slow", "tests/test_other.py::quick"):
+        data.set_context(f"{test}|run")
+        data.add_lines({str(tmp_path / "sonarhw" / "a.py"): [2]})
+    data.write()
+    (tmp_path / "unit.log").write_text("0.2s call tests/test_it.py::slow\n0.1s call tests/test_other.py::quick\n")
+    found = Covering(tmp_path, tmp_path, ["sonarhw/a.py"]).tests("sonarhw/a.py", 2)
+    assert found == ["tests/test_it.py::slow", "tests/test_other.py::quick"]
+
+
 @pytest.mark.parametrize(("hits", "total"), [(0, 10), (85, 100), (300, 300)])
 def test_the_interval_of_a_share_is_that_of_wilson(hits: int, total: int) -> None:
     expected = binomtest(hits, total).proportion_ci(0.95, method="wilson")
