@@ -2,7 +2,8 @@
 
 import pytest
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.check.plan_check import plan_findings
+from sonarhw_sim.check.no_echo import reason_for_silence
+from sonarhw_sim.check.plan_check import extent, plan_findings
 from sonarhw_sim.check.room_check import check_room, refusals_of
 from sonarhw_sim.room.model import load_room, parse_room, room_names
 
@@ -97,6 +98,28 @@ def test_nothing_is_heard_within_blanking_or_from_a_material_that_absorbs_all() 
     mute = BOX.replace("0.9", "0.0")
     assert "blanking" in "".join(lines(near + "[places.here]\nposition = [0.1, 0.02]\n"))
     assert "threshold of board 'polaroid-6500'" in "".join(lines(mute))
+
+
+POST = '[[posts]]\nname = "q"\nmaterial = "m"\ncenter = '
+
+
+def silence(text: str) -> str:
+    room = parse_room(text, "own.toml")
+    return reason_for_silence(room, room.places["here"], load_board("polaroid-6500"))
+
+
+def test_the_distances_that_explain_silence_include_posts() -> None:
+    """From the place to the centre it is √(20² + 170²) = 171 mm in the first room, 20 m in the second."""
+    small = f'name = "r"\n[materials.m]\nreflectance = 0.9\n{WALL}[[0.0, 0.0], [0.05, 0.0]]\n'
+    small += f"{POST}[0.0, 0.2]\nradius = 0.03\n[places.here]\nposition = [0.02, 0.03]\n"
+    assert "the farthest wall is 0.201 m away" in silence(small)
+    large = small.replace("[[0.0, 0.0], [0.05, 0.0]]", "[[30.0, 0.0], [31.0, 0.0]]")
+    assert "the nearest wall is 20 m away" in silence(large.replace("[0.0, 0.2]", "[0.02, 20.03]"))
+
+
+def test_the_extent_of_a_room_includes_its_posts() -> None:
+    text = BOX.replace("[1.0, 1.0]", "[5.0, -1.0]").replace("radius = 0.1", "radius = 0.5")
+    assert extent(parse_room(text, "own.toml")) == pytest.approx((5.5, 4.5))
 
 
 def test_every_error_of_a_refused_file_is_listed() -> None:

@@ -41,6 +41,12 @@ def test_no_host_time_before_the_first_frame() -> None:
     assert clock.host_time(1.0) is None
 
 
+def test_without_a_reset_continued_time_is_the_time_of_the_device() -> None:
+    clock = DeviceClock()
+    clock.add_frame(7_000_000, EPOCH)
+    assert (clock.continued(7_500_000), clock.resets) == (7.5, 0)
+
+
 def test_few_late_frames_at_the_beginning_cause_no_drift() -> None:
     clock = DeviceClock()
     clock.add_frame(0, EPOCH + 0.5)
