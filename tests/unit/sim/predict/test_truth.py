@@ -32,6 +32,23 @@ def test_undisturbed_echoes_are_the_prediction() -> None:
         assert echoes[0] * ROOM.air.speed_of_sound / 2 == pytest.approx(scan.ranges[k], abs=1e-9)
 
 
+def test_an_echo_within_the_rearming_time_of_a_reported_one_is_not_reported() -> None:
+    board = replace(BOARD, rearm=3e-3, threshold_db=-40.0)
+    source = RoomEchoes(ROOM, PLACE, board, disturbance=EXACT)
+    scan = predict_scan(ROOM, PLACE, board, np.radians(np.arange(0, 360, 30.0)))
+    left_out = 0
+    for k, degrees in enumerate(range(0, 360, 30)):
+        arrivals = [2 * echo.range / ROOM.air.speed_of_sound for echo in scan.echoes(k)]
+        expected, since = [], -math.inf
+        for arrival in arrivals:
+            if arrival >= since + board.rearm:
+                expected.append(arrival)
+                since = arrival
+        left_out += len(arrivals) - len(expected)
+        assert ping(source, degrees).echo_times == pytest.approx(expected[:MAX_ECHOES], abs=1e-7)
+    assert left_out > 100
+
+
 def test_echoes_do_not_depend_on_the_order_of_pings() -> None:
     one, other = RoomEchoes(ROOM, PLACE, BOARD, seed=4), RoomEchoes(ROOM, PLACE, BOARD, seed=4)
     forwards = [ping(one, degrees) for degrees in range(0, 360, 30)]
