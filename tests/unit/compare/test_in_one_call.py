@@ -133,6 +133,9 @@ def test_a_log_that_names_no_board_gives_a_warning(readings: list[Reading], tmp_
         sonarhw.compare(path)
     assert [one.filename for one in warned] == [__file__, __file__]
     assert sonarhw.compare(path, board="lego-nxt").summary().within_5cm == 1.0
+    with pytest.warns(UserWarning, match=FEW), pytest.warns(UserWarning, match=assumed):
+        sonarhw.write_report(path, tmp_path / "assumed.html")
+    sonarhw.write_report(path, tmp_path / "given.html", board="lego-nxt")
 
 
 def test_a_place_outside_the_room_gives_a_warning(log: Path, room: Room) -> None:

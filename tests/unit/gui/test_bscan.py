@@ -200,6 +200,12 @@ def test_headings_without_prediction_have_no_difference() -> None:
     assert difference(measured, predicted, -40.0).headings.tolist() == [2.0]
 
 
+@pytest.mark.parametrize(("heading", "row"), [(1.04, 0), (1.06, -1), (1.94, -1), (1.96, 1), (2.04 - math.tau, 1)])
+def test_a_heading_has_a_row_up_to_half_a_step_from_it(heading: float, row: int) -> None:
+    scan = BScan(np.array([1.0, 2.0]), RangeCells(0.1, 3), np.ones((2, 3)), 0.1)
+    assert scan.rows_at(np.array([heading])).tolist() == [row]
+
+
 def test_higher_levels_are_lighter_in_every_scale() -> None:
     """Lightness alone shows the level, also to colour-blind readers."""
     for decibels, levels in ((True, np.array([-40.0, -30, -20, -10, 0])), (False, np.linspace(0, 1, 5))):

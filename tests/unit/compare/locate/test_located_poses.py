@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit.search.pose_search import Scores
+from sonarhw_compare.locate.locate_picture import draw_located
 from sonarhw_compare.locate.poses import Located, Pose, _different, _Top, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room, parse_room
@@ -68,3 +69,17 @@ def test_a_room_without_any_echo_is_refused() -> None:
     readings = [Reading(k, 0, 0, k * math.pi / 6, float(k), (0.003,), 343.0) for k in range(12)]
     with pytest.raises(InputError, match="no position in this room"):
         locate_scan(readings, room, load_board("polaroid-6500"))
+
+
+def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
+    ranges = [0.5, None, 0.75, 1.0]
+    readings = tuple(
+        Reading(k, 0, 0, k * math.pi / 2, 0.0, () if r is None else (2 * r / 343.2,), 343.2)
+        for k, r in enumerate(ranges)
+    )
+    pose = Pose((0.4, 0.3), 0.2, 0.01, 1.0, (0.01, 0.01, 0.01))
+    found = Located(ROOM, load_board("lego-nxt"), readings, (pose,), SCORES, 2.0, 1.0)
+    (axes, *_) = draw_located(found).axes
+    (points,) = (line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("scan"))
+    away = [math.dist(point, pose.position) for point in np.asarray(points)]
+    assert away == pytest.approx([0.51, 0.76, 1.01])

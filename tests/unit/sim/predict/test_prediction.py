@@ -137,6 +137,17 @@ def test_baseline_models_of_the_paper() -> None:
     assert math.isnan(single.ranges[0])  # a corner needs a second reflection
 
 
+def test_an_edge_is_a_reflection_in_the_model_of_single_reflections() -> None:
+    """Sound reflected by one wall and bent by the end of another is left out, whichever the end."""
+    room = room_of([[1.0, -1.0, 1.0, 0.3], [-1.0, -2.0, -1.0, 2.0]])
+    place, board, headings = Place("here", (0.0, 0.0)), replace(PAPER, threshold_db=-120.0), np.zeros(1)
+    every = predict_with(Model.RAY_FOLLOWING, room, place, board, headings).paths
+    single = predict_with(Model.KUC_SIEGEL, room, place, board, headings).paths
+    touched = every.bounces + (every.edges >= 0)
+    assert set(every.edges[touched > 1].tolist()) >= {0, 2, 3}
+    assert (len(single), (single.bounces + (single.edges >= 0)).max()) == ((touched <= 1).sum(), 1)
+
+
 @pytest.mark.parametrize("ka", [5.8, 17.33])
 def test_beam_between_the_nodes_of_its_table_is_the_closed_form(ka: float) -> None:
     angles = np.linspace(-math.pi, math.pi, 2001)
