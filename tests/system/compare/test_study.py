@@ -1,6 +1,7 @@
 """Studies: validation, reproducible scans, interruption, workers and results."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -59,6 +60,25 @@ def study_of(folder: Path, text: str = SPEC) -> Study:
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("given", "reflectance", "scatter"),
+    [("", 0.95, 0.36), ("scatter = 0.19", 0.95, 0.19), ("reflectance = 0.5", 0.5, 0.36)],
+)
+def test_varied_properties_of_a_material_change_and_the_others_stay(
+    tmp_path: Path, given: str, reflectance: float, scatter: float
+) -> None:
+    study = 'name = "v"\nseed = 1\nboards = ["paper"]\n[[rooms]]\nfile = "{}"\nplaces = ["figure9"]\n{}'
+    file = tmp_path / "room.toml"
+    file.write_text(
+        (ROOMS / "simple.toml").read_text().replace("[materials.shelving]", "[materials.shelving]\nscatter = 0.36")
+    )
+    varied = f"[vary.materials.shelving]\n{given}\n" if given else ""
+    room = Cases(study_of(tmp_path, study.format(file, varied))).case(0).room
+    shelf = room.materials.index("shelving")
+    assert room.reflectances[shelf] == pytest.approx(reflectance * math.sqrt(1 - scatter))
+    assert room.scattered[shelf] == pytest.approx(reflectance * math.sqrt(scatter))
 
 
 @pytest.mark.parametrize(

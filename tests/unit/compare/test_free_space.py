@@ -31,6 +31,13 @@ def test_a_room_without_posts_is_free_as_a_whole() -> None:
     assert find_free_space(room()).spacing == pytest.approx(2 / 120)
 
 
+def test_free_space_moves_with_its_room() -> None:
+    moved = polygon_room([(x + 4.0, y - 2.0) for x, y in SQUARE], extra=PILLAR.replace("2.0, 1.5", "6.0, -0.5"))
+    there, here = find_free_space(moved, 0.1), find_free_space(room(PILLAR), 0.1)
+    assert np.array_equal(there.free, here.free)
+    assert there.middles - here.middles == pytest.approx(np.full(here.middles.shape, (4.0, -2.0)))
+
+
 def test_the_area_of_a_post_is_not_free() -> None:
     space = find_free_space(room(PILLAR), 0.01)
     assert len(space.middles) * 0.01**2 == pytest.approx(2 - np.pi * 0.2**2, abs=0.003)

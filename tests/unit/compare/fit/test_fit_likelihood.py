@@ -6,13 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.echo_paths import displaced, echo_paths, growth_by_wall, moved, with_reverses
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise, _legs
+from sonarhw_compare.fit.likelihood.echo_paths import (
+    BENT,
+    EVEN,
+    displaced,
+    echo_paths,
+    growth_by_wall,
+    moved,
+    with_reverses,
+)
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import EdgeStrength, Receiver
+from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -69,6 +78,26 @@ def test_paths_to_a_separate_listener_equal_those_of_a_search() -> None:
     for row, other in same_paths(here, aside):
         x, y, bx, by = displaced(one.out[row], one.back[row], one.turn[row], one.kind[row], (0.0, 0.0), BY)
         assert math.hypot(x, y) + math.hypot(bx, by) == pytest.approx(aside.lengths[other], abs=1e-12)
+
+
+def test_only_the_legs_to_the_edge_of_a_bent_path_change_when_sender_and_listener_move() -> None:
+    out, back, unused = np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([0.6, 0.8])
+    found = displaced(out, back, unused, BENT, (0.1, 0.3), (0.5, 0.9))
+    assert found == pytest.approx((0.9, 1.7, 2.5, 4.1))
+
+
+@compiled
+def legs(
+    one: tuple[float, float, float, float], rise: FloatArray, turn: FloatArray, kind: int
+) -> tuple[float, float, float, float]:
+    return _legs(one, rise, turn, kind)
+
+
+def test_legs_in_space_have_the_lengths_of_pythagoras() -> None:
+    """A leg of 3, 4 and 12 m, and one of 1, 2 and 2 m."""
+    one, rise, turn = (3.0, 4.0, 1.0, 2.0), np.array([12.0, 2.0]), np.array([1.0, 0.0])
+    assert legs(one, rise, turn, BENT) == pytest.approx((13.0, 3.0, 1 / 3, 2 / 3))
+    assert legs(one, rise, turn, EVEN) == pytest.approx((13.0, 0.0, -3 / 13, -4 / 13))
 
 
 def test_paths_after_moves_of_walls_equal_those_of_a_new_search() -> None:
