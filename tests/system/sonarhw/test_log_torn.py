@@ -220,6 +220,16 @@ def test_a_log_without_its_beginning_keeps_its_readings(whole: Path, tmp_path: P
     assert log.metadata.made_by in ("unknown", METADATA.made_by)
 
 
+def test_the_first_undamaged_chunk_of_a_log_is_near_its_start(whole: Path, tmp_path: Path) -> None:
+    """So that a large file of another kind is not searched as a whole."""
+    path, content = tmp_path / "damaged.mcap", whole.read_bytes()
+    path.write_bytes(bytes(1 << 19) + content)
+    assert len(read_log(path).readings) == COUNT
+    path.write_bytes(bytes(5 << 19) + content)
+    with pytest.raises(NotALog, match="is not an MCAP file"):
+        read_log(path)
+
+
 def test_ranges_are_kept_when_the_settings_frames_are_lost(whole: Path, tmp_path: Path) -> None:
     # Info, Settings and Started have their own chunks before the readings
     content, spans = whole.read_bytes(), chunk_spans(whole)

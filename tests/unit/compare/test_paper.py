@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from sonarhw_compare.paper import single_reflection_figures as single_reflection
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_sim.choices import Model, Unit
 
+PAGE = Path("docs/figures/figures.md").read_text(encoding="utf-8")
 CLAIMS = [(exhibit.name, claim) for exhibit in page.EXHIBITS for claim in exhibit.claims]
 
 NEAREST_WITH_NOISE = tuple(replace(scene, model=Model.NEAREST, seed=seed) for seed, scene in enumerate(corridor.WALK))
@@ -73,6 +75,7 @@ BROKEN: list[Callable[[], Claim]] = [
 def test_the_figure_shows_what_the_paper_says(figure: str, claim: Callable[[], Claim]) -> None:
     shown = claim()
     assert shown.holds, f"{figure}: {shown.says}: {shown.measured}"
+    assert f"| {shown.says} | {shown.measured} | yes |\n" in PAGE
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.func.__name__)
@@ -111,3 +114,14 @@ def test_picture_is_a_small_png_with_labelled_axes(exhibit: Exhibit) -> None:
     last = [axes for axes in exhibit.draw().axes if axes.get_xlabel()]
     assert last
     assert all(re.search(r"\((m|µs|degrees)\)$", axes.get_xlabel()) for axes in last)
+
+
+def test_pulses_of_the_beam_figure_last_as_long_as_the_burst_and_the_delay_across_the_face() -> None:
+    """A burst of 16 cycles of 49.412 kHz; a face of 19.2 mm radius."""
+    (exhibit,) = beam.EXHIBITS
+    pulses = exhibit.draw().axes[0].lines
+    for line, degrees in zip(pulses, (0.0, 5.0, 10.0, 17.2), strict=True):
+        times, pressure = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        heard = times[np.abs(pressure - pressure[0]) > 1e-6]
+        across = 2 * 0.0192 * np.sin(np.radians(degrees)) / 343.2
+        assert np.ptp(heard) == pytest.approx(1e6 * (16 / 49_412 + across), abs=1.0)

@@ -86,6 +86,14 @@ def test_exactly_the_cells_within_a_trace_have_a_level() -> None:
     assert np.isnan(row[cells.middles > 3.0 + cells.width]).all()
 
 
+@pytest.mark.parametrize("samples", [1, 7, 100, 599, 600, 601, 5000])
+def test_no_cell_of_a_whole_trace_is_empty(samples: int) -> None:
+    cells = cells_for(samples * 0.004, 0.004)
+    assert cells.reach == pytest.approx(samples * 0.004)
+    row = cells.loudest(np.arange(samples) * 0.004, np.ones(samples))
+    assert np.isfinite(row).all()
+
+
 def test_lost_samples_are_a_gap_in_the_row() -> None:
     trace = spike(1.0)
     trace.samples[(trace.times * SPEED / 2 > 2.0) & (trace.times * SPEED / 2 < 2.2)] = np.nan

@@ -66,6 +66,8 @@ def test_ranges_and_residuals_are_drawn_at_their_headings(
     ranges, residuals = drawn(ranges_svg, comparison).axes
     kinds = {row.kind for row in comparison.rows}
     assert kinds == set(CLASSES) - {Kind.EXTRA}
+    (band,) = residuals.patches  # within 5 cm, mm
+    assert band.get_extents().transformed(residuals.transData.inverted()).intervaly == pytest.approx((-50.0, 50.0))
     for kind in CLASSES:
         rows = [row for row in comparison.rows if row.kind is kind]
         degrees = [math.degrees(row.heading) % 360 for row in rows]

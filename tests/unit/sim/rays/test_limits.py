@@ -1,9 +1,12 @@
 """Limits that hold before memory is allocated."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from sonarhw_sim.rays import path_table
+from sonarhw_sim.rays import partial_paths, path_table
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, EdgePaths, join_at_edges
+from sonarhw_sim.rays.kernel import follow_fan
 from sonarhw_sim.rays.partial_paths import PartialPaths
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 
@@ -28,6 +31,23 @@ def test_too_many_paths_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         InputError, match=r"^too many paths: \d+ or more, .* at most 1680 points in all, .*shorter range"
     ):
         find_paths(corridor, (0.0, 0.4), search)
+
+
+def test_candidates_of_the_fan_are_limited_as_if_all_had_as_many_points_as_the_longest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    corridor = room_of([(-50, 0, 50, 0), (-50, 1, 50, 1)])
+    fans: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(partial_paths, "follow_fan", lambda *given: fans.append(given) or follow_fan(*given))
+    find_paths(corridor, (0.0, 0.4), PathSearch(max_length=41.0, wavelength=0.007, max_bounces=500, diffraction=False))
+    (fan,) = fans
+    candidates = follow_fan(*fan)[1]
+    count, points = len(candidates), candidates[:, 1].max() + 2
+    monkeypatch.setattr(path_table, "MOST_POINTS", count * points)
+    assert len(follow_fan(*fan)[1]) == count
+    monkeypatch.setattr(path_table, "MOST_POINTS", count * points - 1)
+    with pytest.raises(InputError, match=rf"^too many paths: \d+ or more, with up to {points} points each"):
+        follow_fan(*fan)
 
 
 def test_a_table_of_too_many_paths_is_refused_before_it_is_joined(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -107,6 +107,14 @@ def test_edge_of_two_absorbers_is_silent_and_no_edge_is_louder_than_its_louder_f
     assert len(paths_to(wall_from(-9.0, -0.01), reflectance=0.0)) == 0
 
 
+@pytest.mark.parametrize("faces", [(0.9, 0.3), (0.3, 0.9), (0.0, 0.5)])
+def test_half_of_the_reflection_by_each_face_remains_where_it_ends(faces: tuple[float, float]) -> None:
+    """With long legs, because the other three terms fade with the root of their length."""
+    for face, normal in ((faces[0], math.pi / 2), (faces[1], math.pi)):
+        amplitude = wedge(normal - 0.3, normal + 0.3, 1.5, np.array(faces), (1e6, 1e6))
+        assert abs(amplitude) == pytest.approx(face / 2, abs=1e-3)
+
+
 def test_level_is_smooth_where_a_reflection_ends() -> None:
     for reflectance in (1.0, 0.5):
         beyond = np.arange(-0.002, 0.002, 1e-4)

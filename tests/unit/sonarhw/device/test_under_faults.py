@@ -11,7 +11,8 @@ from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarE
 from sonarhw.host.actions import homing, scanning, turning
 from sonarhw.log import LogWriter, read_log
 from sonarhw.readings import Reading
-from sonarhw.wire.messages import Outcome, StartScan, Turn
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import Heartbeat, Hello, Outcome, StartScan, Turn
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time
@@ -134,3 +135,16 @@ def test_each_reset_is_counted_as_one_start_of_the_board() -> None:
     info = plugged.session.device.info
     assert info is not None
     assert info.boot == 3
+
+
+def test_a_board_with_faults_sends_no_frame_early() -> None:
+    """However often its line is read."""
+    device, decoder = faulty(""), FrameDecoder()
+    device.receive(encode_frame(Frame(Hello.TYPE, 1, 0, Hello(1, 1).pack())), 0.0)
+    heartbeats = 0
+    for now in np.arange(0.0, 1.02, 0.01):
+        for frame in decoder.feed(device.advance(float(now))):
+            assert isinstance(frame, Frame)
+            assert now - 0.011 < frame.time_us * 1e-6 <= now + 1e-6
+            heartbeats += frame.type == Heartbeat.TYPE
+    assert heartbeats in (3, 4)  # one every quarter of a second

@@ -9,7 +9,7 @@ import pytest
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import NoAnswer
-from sonarhw.host.driver import NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
+from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -269,6 +269,24 @@ def test_a_lost_reading_is_requested_at_the_next_heartbeat_before_the_next_readi
     joined.until(lambda: len(joined.readings) == 1)
     assert joined.readings[0].number == 0
     assert len(joined.echoes.pings) == 1
+
+
+def test_a_reading_that_is_lost_again_is_requested_again_after_a_while() -> None:
+    """Without any bytes from the board to wake the driver."""
+    joined = Joined()
+    joined.greet()
+    requests: list[float] = []
+
+    def noting(data: bytes) -> bytes:
+        frames = [frame for frame in FrameDecoder().feed(data) if isinstance(frame, Frame)]
+        requests.extend(joined.now for frame in frames if frame.type == Resend.TYPE)
+        return data
+
+    joined.down = noting
+    joined.up = without(lambda message: isinstance(message, ReadingMessage | Heartbeat))
+    joined.ask(StartScan(0, 1_000_000, 2, 1, 1))
+    joined.until(lambda: len(requests) == 2)
+    assert requests[1] - requests[0] == pytest.approx(ASK_AGAIN, abs=1e-3)
 
 
 @pytest.mark.parametrize("lost", [3, 2])
