@@ -51,7 +51,8 @@ def compiled_part(kernel: _Kernel) -> _Kernel:
 
 def _compiled(kernel: _Kernel, **options: Any) -> _Kernel:
     # without the wrapper for calls by C, which nothing uses
-    dispatcher = _njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(kernel)
+    options["no_cfunc_wrapper"] = True
+    dispatcher = _njit(error_model="numpy", nogil=True, **options)(kernel)
     dispatcher._cache = _KernelCache(dispatcher)
     _progress.known += 1
     return cast(_Kernel, dispatcher)

@@ -2,6 +2,7 @@
 
 from tests.mutation.mutants import Mutant
 
+_LARGEST = "critical - 2 * scene.degrees[2] < largest < critical"
 # path, line, changes of it, reason
 _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     (
@@ -45,6 +46,57 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number",
         ("1.0 → (1.5)",),
         "a post spreads the tube by more than half, unless its radius is larger than four times its distance",
+    ),
+    (
+        "sonarhw/log/mcap_records.py",
+        "_WINDOW = 1 << 20",
+        ("1 → (2)", "20 → (30)"),
+        "size of a buffer",
+    ),
+    (
+        "sonarhw/host/scanner.py",
+        "self._changed.notify_all()",
+        ("self._changed.notify_all() → pass",),
+        "every wait ends after _TICK, 0.05 s, and checks its condition again",
+    ),
+    (
+        "sonarhw/host/job.py",
+        "self.since = 0.0",
+        ("0.0 → (1.0)",),
+        "`Session.start` sets it before its only use",
+    ),
+    (
+        "sonarhw/device/faulty_board.py",
+        "self._newest = -1",
+        ("-1 → (1)", "1 → (0)", "1 → (2)"),
+        "no board makes a ping at 0 s, before it is homed",
+    ),
+    (
+        "sim/sonarhw_sim/compiled.py",
+        'options["no_cfunc_wrapper"] = True',
+        ("True → (False)",),
+        "a wrapper that nothing uses; without it, compilation takes less time",
+    ),
+    (
+        "compare/sonarhw_compare/paper/corner_figures.py",
+        f"{_LARGEST} and not others and bool(np.isnan(scan.ranges).any()),",
+        (
+            f"{_LARGEST} → (critical - 2 * scene.degrees[2] <= largest < critical)",
+            f"{_LARGEST} → (critical - 2 * scene.degrees[2] < largest <= critical)",
+        ),
+        "all are computed real numbers",
+    ),
+    (
+        "compare/sonarhw_compare/locate/poses.py",
+        "shares[name] += pose.probability",
+        ("shares[name] += pose.probability → shares[name] -= pose.probability",),
+        "the sign cancels when the shares are divided by their sum",
+    ),
+    (
+        "compare/sonarhw_compare/map/rejection.py",
+        "if before * behind >= 0 or abs(behind) < _BEYOND:",
+        ("before * behind → (before / behind)",),
+        "only the sign matters; a small divisor is excluded by the other condition",
     ),
 ]
 _KNOWN = {(path, text, change) for path, text, changes, _ in _EQUIVALENTS for change in changes}

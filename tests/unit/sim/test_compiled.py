@@ -1,6 +1,8 @@
 """Kernels are called by Python, their parts by kernels only."""
 
 import gc
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -28,6 +30,24 @@ def test_a_part_is_called_by_kernels_and_refuses_calls_by_python() -> None:
     assert _sum_of_halves(np.array([1.0, 2.0])) == 1.5
     with pytest.raises(TypeError, match="_half can be called by kernels only"):
         _half(3.0)
+
+
+@compiled
+def _count_until(flag: FloatArray, count: FloatArray, most: float) -> None:
+    while count[0] < most and flag[0] == 0.0:
+        count[0] += 1.0
+
+
+def test_other_threads_run_while_a_kernel_runs() -> None:
+    flag, count, most = np.zeros(1), np.zeros(1), 1e9
+    _count_until(flag, count, 1.0)
+    thread = threading.Thread(target=_count_until, args=(flag, count, most))
+    thread.start()
+    while count[0] <= 1.0:
+        time.sleep(0.001)
+    flag[0] = 1.0
+    thread.join()
+    assert count[0] < most
 
 
 def test_the_garbage_collector_runs_after_a_compilation() -> None:

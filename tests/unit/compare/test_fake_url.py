@@ -1,0 +1,22 @@
+"""The fake scanner of a `fake:` URL: what it reports about itself, with and without faults."""
+
+import pytest
+from sonarhw_compare.scanners.fake_url import fake_device
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.device.fault_schedule import read_faults
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import Hello, Info
+
+
+@pytest.mark.parametrize(("faults", "minor"), [("", 1), ("drift=200", 1), ("protocol=1.9", 9)])
+def test_a_new_fake_scanner_reports_its_first_start_seed_and_profile(faults: str, minor: int) -> None:
+    room = load_room("rooms/simple.toml")
+    device, _ = fake_device(room, room.places["figure9"], load_board("lego-nxt"), 42, read_faults(faults))
+    device.receive(encode_frame(Frame(Hello.TYPE, 1, 0, Hello(1, 1).pack())), 0.0)
+    (frame, *_) = FrameDecoder().feed(device.advance(0.1))
+    assert isinstance(frame, Frame)
+    info = Info.unpack(frame.payload)
+    assert (info.boot, info.serial, info.board) == (1, "FAKE-0042", "lego-nxt")
+    assert (info.major, info.minor, info.homed) == (1, minor, 0)
