@@ -62,10 +62,10 @@ def read_log(path: Path | str) -> Log:
             )
         head = _Head(path)
         ending = read_ending(file)
-        index = _stored_index(file, head, ending) if ending else None
+        index, topics = _stored_index(file, head, ending) if ending else None, known_topics()
         damage: list[Damage] = []
         if index is None:
-            index, damage = _decoded(file, head)
+            index, damage = _decoded(file, head, topics)
             if ending and not ending.intact and not damage:
                 damage.append(Damage("its checksum does not match, though every chunk of frames is undamaged"))
     except OSError as error:
@@ -73,12 +73,12 @@ def read_log(path: Path | str) -> Log:
     metadata, invalid = head.metadata(_torn(damage), has_frames=bool(index.info or index.scans))
     torn = _torn([*damage, *invalid])
     damaged = not all(place.at_end for place in [*damage, *invalid])
-    log = Log(metadata, index.info, index.settings, LogFrames(file, index.frames), (), torn, damaged)
-    return replace(log, scans=tuple(_recorded(scan, file, log.origin) for scan in index.scans))
+    log = Log(metadata, index.info, index.settings, LogFrames(file, index.frames, topics), (), torn, damaged)
+    return replace(log, scans=tuple(_recorded(scan, file, log.origin, topics) for scan in index.scans))
 
 
-def _recorded(indexed: IndexedScan, file: OpenFile, origin: Origin) -> RecordedScan:
-    traces = StoredTraces(file, indexed.scan.settings)
+def _recorded(indexed: IndexedScan, file: OpenFile, origin: Origin, topics: dict[int, str]) -> RecordedScan:
+    traces = StoredTraces(file, indexed.scan.settings, topics)
     return replace(indexed.scan, readings=readings_of(indexed.columns, traces.trace, origin))
 
 
@@ -137,9 +137,9 @@ def _stored_index(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | Non
     return None
 
 
-def _decoded(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
-    """Decode the readable frames. Return their index, and the damage."""
-    decoder, topics = ScanDecoder(), known_topics()
+def _decoded(file: OpenFile, head: _Head, topics: dict[int, str]) -> tuple[LogIndex, list[Damage]]:
+    """Decode the readable frames. Return their index, and the damage. Add the channels of the file to `topics`."""
+    decoder = ScanDecoder()
     damage: list[Damage] = []
     speeds: _Speeds = {}
     for item in read_records(file):

@@ -21,20 +21,21 @@ _UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
 class LogFrames:
     """The frames in a log file, as `RecordedFrames`."""
 
-    def __init__(self, file: OpenFile, count: int) -> None:
+    def __init__(self, file: OpenFile, count: int, topics: dict[int, str]) -> None:
         self._file = file
         self._count = count
+        self._topics = topics
 
     def __len__(self) -> int:
         return self._count
 
     def __iter__(self) -> Iterator[RecordedFrame]:
-        for _, frame in _frames(self._file):
+        for _, frame in _frames(self._file, self._topics):
             yield frame
 
     def pieces(self) -> Iterator[list[RecordedFrame]]:
         """Yield the frames of each chunk."""
-        for _, together in groupby(_frames(self._file), key=lambda placed: placed[0]):
+        for _, together in groupby(_frames(self._file, self._topics), key=lambda placed: placed[0]):
             yield [frame for _, frame in together]
 
 
@@ -51,8 +52,7 @@ def known_topics() -> dict[int, str]:
     return dict(enumerate(TOPICS, start=1))
 
 
-def _frames(file: OpenFile, span: Span | None = None) -> Iterator[tuple[int, RecordedFrame]]:
-    topics = known_topics()
+def _frames(file: OpenFile, topics: dict[int, str], span: Span | None = None) -> Iterator[tuple[int, RecordedFrame]]:
     try:
         for item in read_records(file, *(span or ())[:1]):
             if span is not None and not isinstance(item, Damage) and item.at > span[1]:
@@ -66,8 +66,9 @@ def _frames(file: OpenFile, span: Span | None = None) -> Iterator[tuple[int, Rec
 class StoredTraces:
     """The traces of one scan, with a cache of the last few."""
 
-    def __init__(self, file: OpenFile, settings: Settings | None) -> None:
+    def __init__(self, file: OpenFile, settings: Settings | None, topics: dict[int, str]) -> None:
         self._file = file
+        self._topics = topics
         self._settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
         self.load = lru_cache(maxsize=_CACHED_TRACES)(self._load)
 
@@ -86,7 +87,7 @@ class StoredTraces:
         assembler = ReadingAssembler()
         assembler.feed(self._settings)
         readings: list[Reading] = []
-        for _, recorded in _frames(self._file, span):
+        for _, recorded in _frames(self._file, self._topics, span):
             frame = decode_block(recorded.wire[:-1])
             if not recorded.received or not isinstance(frame, Frame):
                 continue

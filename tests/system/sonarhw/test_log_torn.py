@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 from sonarhw.errors import LogError, NotALog
 from sonarhw.log import LogWriter, copy_log, read_log
@@ -286,6 +286,29 @@ def test_an_mcap_file_of_another_program_gives_an_error_of_one_line(tmp_path: Pa
     writer.finish()
     with pytest.raises(NotALog, match="is an MCAP file, but not a log of this project"):
         read_log(tmp_path / "scan.mcap")
+
+
+def test_a_log_with_other_channel_numbers_gives_the_same_frames_and_readings(whole: Path, tmp_path: Path) -> None:
+    """Other programs that repair or merge MCAP files number the channels again."""
+    path = tmp_path / "other.mcap"
+    with whole.open("rb") as source, path.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target, compression=CompressionType.NONE)
+        header, summary = reader.get_header(), reader.get_summary()
+        assert summary is not None
+        writer.start(header.profile, header.library)
+        numbers = {}
+        for one in sorted(summary.channels.values(), key=lambda channel: -channel.id):
+            numbers[one.id] = writer.register_channel(one.topic, one.message_encoding, 0, one.metadata)
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for _, channel, message in reader.iter_messages(log_time_order=False):
+            writer.add_message(numbers[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    assert all(number != channel for channel, number in numbers.items())
+    other, log = read_log(path), read_log(whole)
+    assert [frame.wire for frame in other.frames] == [frame.wire for frame in log.frames] != []
+    for read, written in zip(other.readings, log.readings, strict=True):
+        assert_readings_close(read, written)
 
 
 def test_a_recovered_log_is_complete_and_contains_every_readable_reading(whole: Path, tmp_path: Path) -> None:

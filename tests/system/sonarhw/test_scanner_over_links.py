@@ -23,8 +23,8 @@ from sonarhw.host.session import Connection
 from sonarhw.link.serial_link import MOST
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.frames import Frame, FrameDecoder
-from sonarhw.wire.limits import HOST_SILENCE
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.limits import HOST_SILENCE, MAX_ECHOES
+from sonarhw.wire.messages import Configure, Outcome, Settings, TraceKind
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
 from tests.hang_guard import HANG, wait_until
@@ -98,6 +98,29 @@ def test_a_scan_gives_every_reading_in_order(served: Serve) -> None:
             statistics.resends,
             statistics.lost_readings,
         ) == (0, 0, 0, 0)
+
+
+class AskedBoard(FakeBoard):
+    """A board that keeps the last ping settings that were asked for."""
+
+    asked = Configure(1, 0, 0, 1)
+
+    def configure(self, request: Configure, sequence: int) -> Settings:
+        """Keep the request."""
+        self.asked = request
+        return super().configure(request, sequence)
+
+
+def test_ping_settings_are_sent_in_the_units_of_the_protocol() -> None:
+    board = AskedBoard(PlainEchoes())
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.configure(speed_of_sound=340.5)
+        # by default the device decides on the number of cycles, the re-arming time, the rate and the size of samples
+        assert board.asked == Configure(62_500, 2_380, 0, 340_500, 0, MAX_ECHOES, 0, 0, 0)
+        scanner.configure(
+            0.05, 0.001, TraceKind.CARRIER, 330.0, pulses=8, echoes=3, rearm=0.002, trace_rate=40_000.4, trace_bits=16
+        )
+        assert board.asked == Configure(50_000, 1_000, 2, 330_000, 8, 3, 2_000, 40_000, 16)
 
 
 def test_traces_are_complete(served: Serve) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import NoAnswer
-from sonarhw.host.driver import ASK_AGAIN, NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
+from sonarhw.host.driver import ASK_AGAIN, ASKS, NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -231,6 +231,15 @@ def test_a_lost_finished_is_recovered_by_repeating_the_command() -> None:
     assert turn.finished is not None
     assert turn.finished.outcome == Outcome.DONE
     assert joined.driver.statistics.repeated_commands == 1
+
+
+def test_an_action_without_its_finished_ends_with_an_error() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = without(lambda message: isinstance(message, Finished))
+    with pytest.raises(NoAnswer, match="is idle but sends no Finished for Turn; start it again"):
+        joined.act(Turn(1_000_000))
+    assert joined.driver.statistics.repeated_commands == ASKS
 
 
 def test_a_lost_answer_is_recovered_after_the_command_has_finished() -> None:

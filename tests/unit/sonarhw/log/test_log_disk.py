@@ -192,6 +192,13 @@ def old_log(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def test_a_log_that_was_deleted_can_be_dropped(tmp_path: Path) -> None:
+    log = LogWriter(tmp_path / "scan.mcap", METADATA)
+    (tmp_path / "scan.mcap").unlink()
+    log.drop()
+    assert not [*tmp_path.iterdir()]
+
+
 def test_an_old_log_is_kept_until_the_first_reading_of_the_new_one(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     before = old_log(path)

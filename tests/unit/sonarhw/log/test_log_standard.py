@@ -2,15 +2,19 @@
 
 import json
 import math
+import struct
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
 from foxglove_schemas_protobuf import LaserScan_pb2
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC
 
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.log.mcap_records import OpenFile, Record, read_records
 from tests.fixtures.example_logs import METADATA, example_reading, write_example
 from tests.oracles.mcap_doctor import complaints
 from tests.unit.sonarhw.log.test_log_index import CONVERSATIONS, record
@@ -88,3 +92,13 @@ def test_decoded_readings_match_their_schema(tmp_path: Path) -> None:
             wanted = published["properties"][name]["type"]
             allowed = wanted if isinstance(wanted, list) else [wanted]
             assert any(isinstance(value, kinds[kind]) for kind in allowed), name
+
+
+def test_a_chunk_may_end_with_an_empty_record_of_another_program(tmp_path: Path) -> None:
+    """Operation codes from 0x80 on are free for any use, and a record may have no content."""
+    records = b"\x80" + struct.pack("<Q", 3) + b"abc" + b"\x81" + struct.pack("<Q", 0)
+    head = struct.pack("<QQQII", 0, 0, len(records), zlib.crc32(records), 0) + struct.pack("<Q", len(records))
+    path = tmp_path / "other.mcap"
+    path.write_bytes(MCAP0_MAGIC + b"\x06" + struct.pack("<Q", len(head + records)) + head + records)
+    found = [record for record in read_records(OpenFile(path)) if isinstance(record, Record)]
+    assert [(record.opcode, record.content) for record in found] == [(0x80, b"abc"), (0x81, b"")]

@@ -278,6 +278,16 @@ def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, r
         assert got.echo_ranges == pytest.approx(wanted.echo_ranges, abs=1e-6)
 
 
+def test_without_any_settings_readings_arrive_at_their_times(log: Log) -> None:
+    host = Host(ReplayDevice(replace(log, settings=None, scans=(replace(log.scans[0], settings=None),))))
+    for message in (Hello(1, 0), SCAN):
+        host.send(message)
+    begin = host.now
+    host.wait(5.0)
+    came = [time - begin for time in host.times(ReadingMessage)]
+    assert came == pytest.approx([reading.time for reading in log.readings], abs=0.002)
+
+
 def test_missing_readings_leave_no_gap_in_the_numbers(log: Log) -> None:
     gappy = replace(log.scans[0], readings=log.scans[0].readings[::2])
     host = greeted(ReplayDevice(replace(log, scans=(gappy,))))
