@@ -1,8 +1,9 @@
 """Which tests execute a line, by the coverage data of a run with one context for each test.
 
 Two kinds of lines are not recorded by test: those of modules and classes, which run at import, and those of compiled
-kernels. For them, the tests are those that execute a line where the name defined there is used, and then those that
-execute any other line of the file.
+kernels. For them, the tests are those that execute a line where the name defined there is used or whose file contains
+the name, and then those that execute any other line of the file. A test of an enumeration or a kernel alone executes no
+line of the product that is recorded.
 
 Tests whose file names the function or class around the line, or its module, come first.
 """
@@ -18,6 +19,7 @@ from coverage import CoverageData
 _DURATION = re.compile(r"^([0-9.]+)s +(?:setup|call|teardown) +(tests/.*)$", re.MULTILINE)
 _WORD = re.compile(r"[\w.]{4,}")  # a name, also with dots
 _DEFAULT = 1.0  # s, of a test without a recorded duration
+_UNSEEN = 100  # lines that a test executes in kernels and other processes
 _DIRECT = 0.1  # cost of a test that names what is changed, relative to other tests
 
 _Line = tuple[str, int]  # path relative to the checkout, and line number
@@ -53,14 +55,20 @@ class Covering:
 
         Tests of one function with other parameters come later, because they detect much the same.
         """
-        reached = self._reached((path, line), set())
-        others = set() if self._tests.get((path, line)) else self._files[path] - reached
-        names = {_module(path)} | self._around[path, line] | self._defined[path, line]
+        reached, others = self._reached((path, line), set()), set()
+        names = self._around[path, line] | self._defined[path, line]
+        if not self._tests.get((path, line)):
+            reached = reached | {test for test in self._durations if self._contains(test, names)}
+            others = self._files[path] - reached
+        names = names | {_module(path)}
         return [*self._sorted(reached, names), *self._sorted(others, names)]
 
+    def _contains(self, test: str, names: set[str]) -> bool:
+        """Report whether the file of a test contains one of the names."""
+        return not self._words.get(test.partition("::")[0], set()).isdisjoint(names)
+
     def _cost(self, test: str, names: set[str]) -> float:
-        words = self._words.get(test.partition("::")[0], set())
-        return self.duration(test) * self._lines[test] * (1.0 if words.isdisjoint(names) else _DIRECT)
+        return self.duration(test) * (_UNSEEN + self._lines[test]) * (_DIRECT if self._contains(test, names) else 1.0)
 
     def _sorted(self, tests: Iterable[str], names: set[str]) -> list[str]:
         seen: Counter[str] = Counter()

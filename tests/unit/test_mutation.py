@@ -147,6 +147,23 @@ def test_tests_that_name_a_module_or_a_class_come_first(direct: str, tmp_path: P
     assert found == ["tests/test_it.py::slow", "tests/test_other.py::quick"]
 
 
+def test_a_test_of_a_kernel_alone_is_among_its_tests_although_no_line_is_recorded(tmp_path: Path) -> None:
+    (tmp_path / "sonarhw").mkdir()
+    (tmp_path / "sonarhw" / "a.py").write_text(
+        "@compiled\ndef twice(x):\n    return 2 * x\n\n\ndef two():\n    return 2\n"
+    )
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_it.py").write_text("from sonarhw.a import twice, two")
+    data = CoverageData(str(tmp_path / "unit.coverage"))
+    data.set_context("tests/test_other.py::two|run")
+    data.add_lines({str(tmp_path / "sonarhw" / "a.py"): [7]})
+    data.write()
+    (tmp_path / "unit.log").write_text("0.2s call tests/test_it.py::slow\n0.1s call tests/test_other.py::two\n")
+    covering = Covering(tmp_path, tmp_path, ["sonarhw/a.py"])
+    assert covering.tests("sonarhw/a.py", 3) == ["tests/test_it.py::slow", "tests/test_other.py::two"]
+    assert covering.tests("sonarhw/a.py", 7) == ["tests/test_other.py::two"]
+
+
 @pytest.mark.parametrize(("hits", "total"), [(0, 10), (85, 100), (300, 300)])
 def test_the_interval_of_a_share_is_that_of_wilson(hits: int, total: int) -> None:
     expected = binomtest(hits, total).proportion_ci(0.95, method="wilson")
