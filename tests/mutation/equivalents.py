@@ -3,6 +3,8 @@
 from tests.mutation.mutants import Mutant
 
 _LARGEST = "critical - 2 * scene.degrees[2] < largest < critical"
+_OF_READINGS = "topics.get(item.channel) == READINGS"
+_STEP = "_FAR * deviations * vector / abs(vector[row])"
 # path, line, changes of it, reason
 _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     (
@@ -97,6 +99,112 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "if before * behind >= 0 or abs(behind) < _BEYOND:",
         ("before * behind → (before / behind)",),
         "only the sign matters; a small divisor is excluded by the other condition",
+    ),
+    (
+        "sonarhw/device/device_protocol.py",
+        "if not 0 <= order.first <= order.first + count <= total or (total and not count):",
+        ("0 → (-1)",),
+        "`first` is unsigned in the message",
+    ),
+    (
+        "sonarhw/device/device_protocol.py",
+        "repeats = -(-request.size // len(request.data))",
+        ("-request.size // len(request.data) → (-request.size * len(request.data))",),
+        "more repeats, of which the same bytes are sent",
+    ),
+    (
+        "sonarhw/log/reader.py",
+        "elif topics.get(item.channel) == READINGS and decoder.settings is None:",
+        (f"{_OF_READINGS} and decoder.settings is None → ({_OF_READINGS} or decoder.settings is None)",),
+        "speeds of readings that have one, and messages that are not JSON",
+    ),
+    (
+        "sonarhw/host/conversation.py",
+        "if self.now >= deadline:",
+        ("self.now >= deadline → (self.now > deadline)",),
+        "the answer to Stop takes time",
+    ),
+    (
+        "sim/sonarhw_sim/predict/room_echoes.py",
+        "self._trace(scan, ping, random)",
+        ("self._trace(scan, ping, random) → pass",),
+        "compiles kernels in advance",
+    ),
+    (
+        "sim/sonarhw_sim/predict/room_echoes.py",
+        "self._echo_times(scan, ping, random)",
+        ("self._echo_times(scan, ping, random) → pass",),
+        "compiles kernels in advance",
+    ),
+    (
+        "sim/sonarhw_sim/predict/room_echoes.py",
+        "random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))",
+        (
+            "2 → (1)",
+            "2 → (3)",
+        ),
+        "other random numbers",
+    ),
+    (
+        "sim/sonarhw_sim/predict/room_echoes.py",
+        "for direction in random.uniform(0, math.tau, 32):",
+        ("32 → (48)",),
+        "other random numbers, and more attempts",
+    ),
+    (
+        "sim/sonarhw_sim/rays/kernel.py",
+        "mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF",
+        ("2654435761 → (3981653641)",),
+        "another hash of the same value",
+    ),
+    (
+        "sim/sonarhw_sim/room/grid.py",
+        "return Walk(False, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0)",
+        (
+            "0 → (1)",
+            "0 → (-1)",
+            "0.0 → (1.0)",
+        ),
+        "nothing but `inside` is read, which is False",
+    ),
+    (
+        "sim/sonarhw_sim/board/traces.py",
+        "for k in range(1, smooth.shape[0]):",
+        ("0 → (-1)",),
+        "an array of one dimension",
+    ),
+    (
+        "sim/sonarhw_sim/rays/sequences.py",
+        "for k in range(sequence.shape[0]):",
+        ("0 → (-1)",),
+        "an array of one dimension",
+    ),
+    (
+        "compare/sonarhw_compare/pictures/bscan.py",
+        "above = np.searchsorted(round_, wanted).clip(1, len(round_) - 1)",
+        (
+            "len(round_) - 1 → (len(round_) + 1)",
+            "1 → (0)",
+        ),
+        "the first and the last element are below 0 and above all headings",
+    ),
+    (
+        "compare/sonarhw_compare/paper/corner_figures.py",
+        "for axes, (scene, title) in zip(figure.subplots(1, 2), places, strict=True):",
+        ("True → (False)",),
+        "two of each",
+    ),
+    (
+        "compare/sonarhw_compare/fit/search/pose_search.py",
+        "if chosen[h, c] < 0 or math.isnan(ranges[i]):",
+        ("0 → (-1)",),
+        "where no path is chosen, the chance is 0",
+    ),
+    (
+        "compare/sonarhw_compare/fit/search/ridges.py",
+        "moved[: len(vector)] += _FAR * deviations * vector / abs(vector[row])",
+        (f"moved[: len(vector)] += {_STEP} → moved[:len(vector)] -= {_STEP}",),
+        "both directions of the vector are tried",
     ),
 ]
 _KNOWN = {(path, text, change) for path, text, changes, _ in _EQUIVALENTS for change in changes}

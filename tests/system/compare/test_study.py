@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.study import load_study, read_study, read_tables, run_study
+from sonarhw_compare.study import load_study, read_study, read_tables, run_study, study_run
 from sonarhw_compare.study.cases import Cases
-from sonarhw_compare.study.parts import make_part, part_count, scans_per_part
+from sonarhw_compare.study.parts import Part, make_part, part_count, scans_per_part
 from sonarhw_compare.study.spec import OptionValues, Study
 from sonarhw_compare.study.study_scans import PathCache, columns_of, predict_case, predict_scans
 from sonarhw_sim.predict.models import predict_with
@@ -60,6 +60,37 @@ def study_of(folder: Path, text: str = SPEC) -> Study:
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_noise_has_a_seed_of_its_own_for_each_case_and_of_the_study(tmp_path: Path) -> None:
+    def seeds(study_seed: int, noise: float) -> list[int | None]:
+        text = SPEC.replace("seed = 5", f"seed = {study_seed}")
+        more = 'receiver = "board"\nnoise = ' + str(noise)
+        cases = Cases(study_of(tmp_path, text.replace("max_bounces = 4", f"max_bounces = 4\n{more}")))
+        return [cases.case(number).options.seed for number in range(6)]
+
+    drawn = seeds(5, 0.1)
+    assert len(set(drawn)) == 6
+    assert None not in drawn
+    assert seeds(5, 0.1) == drawn
+    assert not set(seeds(6, 0.1)) & set(drawn)
+    assert set(seeds(5, 0.0)) == {None}
+
+
+@pytest.mark.parametrize(("given", "used"), [(None, 3), (2, 2), (5, 5)])
+def test_a_study_uses_the_given_number_of_processes_or_all_cores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: int | None, used: int
+) -> None:
+    asked: list[int] = []
+
+    def here(study: Study, numbers: Sequence[int], workers: int) -> Iterator[Part]:
+        asked.append(workers)
+        return (make_part(study, number) for number in numbers)
+
+    monkeypatch.setattr(study_run, "core_count", lambda: 3)
+    monkeypatch.setattr(study_run, "parts_here", here)
+    run_study(study_of(tmp_path, SPEC.replace("draws = 4", "draws = 1")), tmp_path / "out", workers=given)
+    assert asked == [used]
 
 
 @pytest.mark.parametrize(

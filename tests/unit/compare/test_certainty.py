@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map.certainty import DEPTH, CertaintyGrid, certainty_grid
+from sonarhw_compare.map.certainty import DEPTH, CertaintyGrid, _mark_empty, _mark_occupied, certainty_grid
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.models import CONE_HALF_ANGLE
 from sonarhw_sim.room.model import Place
@@ -78,3 +78,12 @@ def test_certainty_outside_the_grid_is_0_and_inside_that_of_the_cell() -> None:
     ]
     assert grid.at(np.array(points)) == pytest.approx([0.1, 0.3, 0.4, 0.6, 0, 0, 0, 0])
     assert grid.extent == (1.0, 2.5, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(("x", "y"), [(-5.0, 0.5), (0.5, -5.0), (9.0, 0.5), (0.5, 9.0), (-5.0, -5.0)])
+def test_a_reading_whose_cone_is_outside_the_grid_changes_nothing(x: float, y: float) -> None:
+    empty, occupied = np.full((10, 12), 0.25), np.full((10, 12), 0.5)
+    for mark in (_mark_empty, _mark_occupied):
+        mark(empty, occupied, 0.1, x, y, 0.3, 1.0)
+    assert (empty == 0.25).all()
+    assert (occupied == 0.5).all()

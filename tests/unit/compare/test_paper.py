@@ -94,6 +94,25 @@ def test_robot_without_its_body_detects_the_false_wall_again() -> None:
     assert simple_room.lower_wall_is_false(bare).holds
 
 
+def test_single_readings_must_all_be_in_the_other_model() -> None:
+    """The other model has an echo for some of them only, and where it has one, it agrees."""
+    near = replace(single_reflections.RAY_FOLLOWING, reach=1.2)
+    shown = single_reflections.single_readings_are_theirs(theirs=near)
+    assert "differs by at most 0.0 mm" in shown.measured
+    assert not shown.holds
+
+
+def test_two_shapes_differ_by_the_largest_difference_of_their_parts() -> None:
+    shape = corners._Shape(5, 6, 7)
+    for other, apart in (
+        (shape, 0),
+        (corners._Shape(3, 6, 7), 2),
+        (corners._Shape(5, 9, 6), 3),
+        (corners._Shape(4, 6, 11), 4),
+    ):
+        assert shape.differs_from(other) == other.differs_from(shape) == apart
+
+
 def test_correlation_of_random_noise_is_small() -> None:
     noise = np.random.default_rng(0).normal(size=(41, 72))
     found, pairs = corridor.correlation(noise[:-1], noise[1:])

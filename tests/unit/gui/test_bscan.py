@@ -214,6 +214,14 @@ def test_a_heading_has_a_row_up_to_half_a_step_from_it(heading: float, row: int)
     assert scan.rows_at(np.array([heading])).tolist() == [row]
 
 
+def test_each_heading_has_the_nearest_of_many_rows() -> None:
+    headings = np.radians([5.0, 100.0, 200.0, 280.0, 355.0])
+    scan = BScan(headings, RangeCells(0.1, 3), np.ones((5, 3)), math.radians(10.0))
+    degrees = [[-4.0, 356.0, -359.0, 1.0, 6.0], [96.0, 104.0, 198.0, 284.0, 160.0]]
+    assert scan.rows_at(np.radians(degrees[0])).tolist() == [4, 4, 0, 0, 0]
+    assert scan.rows_at(np.radians(degrees[1])).tolist() == [1, 1, 2, 3, -1]
+
+
 def test_higher_levels_are_lighter_in_every_scale() -> None:
     """Lightness alone shows the level, also to colour-blind readers."""
     for decibels, levels in ((True, np.array([-40.0, -30, -20, -10, 0])), (False, np.linspace(0, 1, 5))):

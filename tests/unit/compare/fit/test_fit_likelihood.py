@@ -10,6 +10,7 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise, _legs
 from sonarhw_compare.fit.likelihood.echo_paths import (
     BENT,
     EVEN,
+    _mirrors,
     displaced,
     echo_paths,
     growth_by_wall,
@@ -17,7 +18,7 @@ from sonarhw_compare.fit.likelihood.echo_paths import (
     with_reverses,
 )
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
-from sonarhw_compare.fit.values.free_walls import with_shifted_walls
+from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import EdgeStrength, Receiver
@@ -98,6 +99,23 @@ def test_legs_in_space_have_the_lengths_of_pythagoras() -> None:
     one, rise, turn = (3.0, 4.0, 1.0, 2.0), np.array([12.0, 2.0]), np.array([1.0, 0.0])
     assert legs(one, rise, turn, BENT) == pytest.approx((13.0, 3.0, 1 / 3, 2 / 3))
     assert legs(one, rise, turn, EVEN) == pytest.approx((13.0, 0.0, -3 / 13, -4 / 13))
+
+
+def test_a_post_reflects_along_its_radius_before_and_after_an_edge() -> None:
+    posts = [(0.5, 0.4, 0.05), (0.1, 0.9, 0.03)]
+    room = room_of([(0.0, -1.0, 0.0, 1.5), (0.6, 1.2, 0.9, 1.2)], posts)
+    paths = find_paths(room, (0.9, 0.6), PathSearch(6.0, SEARCH.wavelength, faintest_diffraction=1e-6))
+    seen = set()
+    for path in np.flatnonzero(paths.edges >= 0).tolist():
+        points = paths.outline(path)[1:-1]
+        touches = np.delete(points, paths.bends[path], axis=0)
+        mirrors = _mirrors(paths, path, left_normals(room.walls))
+        for k, ((surface, normal), touch) in enumerate(zip(mirrors, touches, strict=True)):
+            if surface >= 2:
+                x, y, radius = posts[surface - 2]
+                assert normal == pytest.approx((touch - (x, y)) / radius, abs=1e-6)
+                seen.add(k - int(paths.bends[path]))
+    assert {-1, 0} <= seen  # the last before the edge, and the first after it
 
 
 def test_paths_after_moves_of_walls_equal_those_of_a_new_search() -> None:

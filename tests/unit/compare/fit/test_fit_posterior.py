@@ -54,6 +54,16 @@ def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations()
     assert samples.mean(axis=0) == pytest.approx(np.zeros(SIZE), abs=0.1)
 
 
+def test_the_share_of_a_chain_grows_from_0_to_1() -> None:
+    shares: list[float] = []
+    samples_of(cast(Objective, Target()), np.zeros(SIZE), 4_000, 1, shares.append)
+    assert shares[0] == 0.0
+    assert shares == sorted(shares)
+    # a chain that has converged ends before its last part
+    assert 0.3 < shares[-1] < 1.0
+    assert max(np.diff(shares)) < 0.35
+
+
 def test_samples_of_a_half_normal_distribution_have_its_moments() -> None:
     samples = drawn(Target(lowest=0.0), np.zeros(SIZE))[:, 0]
     assert samples.mean() == pytest.approx(np.sqrt(2 / np.pi), rel=0.04)

@@ -11,7 +11,7 @@ from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.burst import RATE
 from sonarhw_sim.board.gain import stepped_gain_db
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.receiver import counted_time, detect_echoes, detect_first_echo, echo_times
+from sonarhw_sim.board.receiver import _sums_between, counted_time, detect_echoes, detect_first_echo, echo_times
 from sonarhw_sim.board.traces import Arrivals, Noise, received
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
@@ -246,3 +246,11 @@ def lowest_level(board: Board) -> float:
         found = len(echo_times(np.full(20_000, level, dtype=np.complex128), board, SPEED)) > 0
         low, high = (low, level) if found else (level, high)
     return high
+
+
+def test_pulses_are_summed_after_the_gain_within_a_window() -> None:
+    """Three pulses of two samples in four samples of gain; the window begins at the second sample."""
+    some = np.array([[1.0, 2j], [3.0, 4.0], [5.0, 6.0]], np.complex128)
+    gain = np.array([1.0, 10.0, 100.0, 1000.0])
+    found = _sums_between(some, np.array([0, 1, 3]), gain, 1)
+    assert found.tolist() == [2 * 10, 3 * 10 + 4 * 100, 5 * 1000]

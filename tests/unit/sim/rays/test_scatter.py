@@ -11,8 +11,10 @@ from sonarhw_sim.predict.levels import path_amplitudes
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.rays.scatter import PATCH, scattered_paths
+from sonarhw_sim.rays.scatter import PATCH, patch_gain, scattered_paths
 from sonarhw_sim.room.model import Place, Room, parse_room, with_material
+
+from tests.fixtures.rooms_for_tests import room_of
 
 WAVELENGTH = 0.00696
 SEARCH = PathSearch(20.0, WAVELENGTH, diffraction=False)
@@ -63,6 +65,21 @@ def test_patches_together_return_the_integral_along_the_wall() -> None:
         left, right = (1.0 / math.tan(math.radians(angle)) for angle in (upper, lower))
         integral = 0.8**2 * 0.4 * quad(of_mirror, left, right)[0]
         assert returned_power(patches, *np.radians([lower, upper])) == pytest.approx(integral, rel=0.08)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 100.0, 200.0, 300.0])
+def test_patches_of_a_wall_in_any_direction_have_the_gain_of_their_incidence(degrees: float) -> None:
+    """The wall is 1 m away, so a patch at a distance of r has a cosine of incidence of 1/r."""
+    towards = complex(math.cos(math.radians(degrees)), math.sin(math.radians(degrees)))
+    start, end = towards * (1 - 3j), towards * (1 + 2j)
+    room = room_of([(start.real, start.imag, end.real, end.imag)], reflectances=[0.8])
+    room = replace(room, scattered=np.array([0.8]))
+    for side in (1, -1):  # of the wall
+        place = towards - side * towards
+        patches = scattered_paths(room, (place.real, place.imag), SEARCH)
+        assert len(patches) > 50
+        gains = 0.8 * patch_gain(2 / patches.lengths, patches.lengths / 2, patches.lengths / 2)
+        assert patches.gains == pytest.approx(gains)
 
 
 def test_patch_on_a_post_uses_its_curved_face() -> None:

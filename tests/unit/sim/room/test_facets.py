@@ -51,6 +51,13 @@ def test_several_pillars_are_found_and_posts_are_ignored() -> None:
     assert [one.radius for one in found] == pytest.approx([0.15, 0.2])
 
 
+@pytest.mark.parametrize("middle", [(2.0, 1.5), (1.85, 1.0)], ids=["same y", "same x"])
+def test_a_pillar_after_a_chain_that_ends_at_one_of_its_coordinates_is_found(middle: tuple[float, float]) -> None:
+    """The chain ends at x = 2, y = 1.5, and the pillar begins 0.15 m to the right of its middle."""
+    room = drawn([(2.0, 1.5), (0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)], circle(16, middle=middle))
+    assert [one.middle for one in facets_of(room)] == [pytest.approx(middle)]
+
+
 STAR = [point for k in range(16) for point in (circle(32, 0.2)[2 * k], circle(32, 0.15)[2 * k + 1])]
 STAIRS = [(0.1 * (k // 2 + k % 2), 0.1 * (k // 2)) for k in range(30)] + [(0.0, 1.4)]
 

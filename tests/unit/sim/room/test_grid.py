@@ -50,6 +50,14 @@ def test_leg_is_free_if_no_single_surface_blocks_it(
     assert leg_is_free(*leg, lay_grid(all_walls, all_posts)) == all(alone)
 
 
+def test_a_leg_exactly_through_the_corner_of_two_walls_is_not_free() -> None:
+    leg = np.array([0.0, 0.0]), np.array([2.0, 2.0])
+    walls = np.array([[1.0, 1.0, 0.0, 2.0], [1.0, 1.0, 2.0, 0.0]])
+    for one, other in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        turned = np.array([np.roll(wall, 1 - turn) for wall, turn in zip(walls, (one, other), strict=True)])
+        assert not leg_is_free(*leg, lay_grid(turned, np.empty((0, 3))))
+
+
 def test_points_are_listed_in_all_cells_within_reach() -> None:
     random = np.random.default_rng(0)
     room = room_of(random.uniform(-4, 4, (60, 4)))

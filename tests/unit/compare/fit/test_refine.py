@@ -1,0 +1,118 @@
+"""Maximum, widths and covariance of normal distributions, which are known; and ridges that a covariance misses."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit.likelihood.objective import Objective, Problem
+from sonarhw_compare.fit.search.refine import climb, covariance_of, directions_of, widths_of
+from sonarhw_compare.fit.search.ridges import underestimated
+
+from sonarhw.readings import FloatArray
+
+COVARIANCE = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, -0.1], [0.0, -0.1, 0.25]])
+TOP = np.array([3.0, -2.0, 7.0])
+ALL = np.ones(3, np.bool_)
+
+
+def off_top(*by: float) -> FloatArray:
+    return TOP + np.array(by)
+
+
+class Normal:
+    """A log-likelihood of three values, normal around TOP, between bounds."""
+
+    def __init__(self, covariance: FloatArray = COVARIANCE, lower: FloatArray = TOP - 1e3) -> None:
+        self.precision = np.linalg.inv(covariance)
+        self.problem = SimpleNamespace(
+            bounds=(lower, TOP + 1e3), steps=np.full(3, 0.5), parameters=("a", "b", "c"), near=lambda _: self
+        )
+
+    def __call__(self, values: FloatArray) -> float:
+        lower, upper = self.problem.bounds
+        away = values - TOP
+        return (
+            float(5.0 - away @ self.precision @ away / 2) if ((values >= lower) & (values <= upper)).all() else -np.inf
+        )
+
+    @property
+    def objective(self) -> Objective:
+        return cast(Objective, self)
+
+
+def test_a_width_is_the_change_of_one_value_that_loses_half() -> None:
+    """It is found in steps of a half, from a twentieth of a step of the problem on."""
+    exact = 1 / np.sqrt(np.diag(np.linalg.inv(COVARIANCE)))
+    found = widths_of(Normal().objective, TOP)
+    assert (exact <= found).all()
+    assert (found < 1.5 * exact).all()
+
+
+def test_widths_at_a_bound_are_those_of_the_other_side_and_a_flat_likelihood_has_the_largest() -> None:
+    at_bound = Normal(lower=np.array([3.0, -1e3, -1e3]))
+    assert widths_of(at_bound.objective, TOP) == pytest.approx(widths_of(Normal().objective, TOP))
+    flat = Normal(np.diag([1e9, 1.0, 1.0]))
+    assert 30.0 <= widths_of(flat.objective, TOP)[0] / 0.5 < 45.0
+
+
+def test_the_covariance_is_that_of_the_distribution() -> None:
+    assert covariance_of(Normal().objective, TOP) == pytest.approx(COVARIANCE)
+    at_bound = Normal(np.diag([4.0, 1.0, 0.25]), lower=np.array([3.0, -1e3, -1e3]))
+    assert covariance_of(at_bound.objective, TOP) == pytest.approx(np.diag([4.0, 1.0, 0.25]))
+
+
+def test_directions_of_some_values_leave_the_others() -> None:
+    some = directions_of(Normal().objective, TOP, np.array([0, 2]))
+    assert some.shape == (2, 3)
+    assert not some[:, 1].any()
+    # with the second value fixed
+    assert (some.T @ some)[np.ix_([0, 2], [0, 2])] == pytest.approx(
+        np.linalg.inv(np.linalg.inv(COVARIANCE)[np.ix_([0, 2], [0, 2])])
+    )
+
+
+def test_a_climb_ends_at_the_maximum_within_the_bounds() -> None:
+    assert climb(Normal().objective, off_top(3.0, -2.0, 1.0), ALL) == pytest.approx(TOP, abs=0.02)
+    assert climb(Normal().objective, TOP, ALL).tolist() == TOP.tolist()
+    # the best values of the others with the first one at its bound, 1 above its maximum
+    bounded = Normal(lower=off_top(1.0, -1e3, -1e3))
+    expected = off_top(1.0, *(COVARIANCE[1:, 0] / COVARIANCE[0, 0]))
+    assert climb(bounded.objective, off_top(2.0, 1.0, 0.3), ALL, 30) == pytest.approx(expected, abs=0.1)
+
+
+def test_a_climb_changes_only_what_is_movable() -> None:
+    start = off_top(2.0, 1.0, 0.5)
+    found = climb(Normal().objective, start, np.array([False, True, False]))
+    assert found[[0, 2]].tolist() == start[[0, 2]].tolist()
+    # the mean of the second value, given the two others
+    others = COVARIANCE[np.ix_([0, 2], [0, 2])]
+    assert found[1] == pytest.approx(TOP[1] + COVARIANCE[1, [0, 2]] @ np.linalg.solve(others, [2.0, 0.5]), abs=0.02)
+    assert climb(Normal().objective, start, ~ALL) is start
+
+
+def ridge(along: float) -> Normal:
+    """Return a distribution in which the first two values change together by `along` deviations, the third alone."""
+    together, apart = np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    return Normal(along**2 * np.outer(together, together) + 0.01 * np.outer(apart, apart) + np.diag([0.0, 0.0, 1.0]))
+
+
+@pytest.mark.parametrize(("along", "found"), [(1.0, ()), (1.8, ()), (2.2, ("a", "b")), (20.0, ("a", "b"))])
+def test_values_that_can_change_together_by_twice_as_much_as_their_covariance_allows_are_found(
+    along: float, found: tuple[str, ...]
+) -> None:
+    """At six of the given deviations, the loss is 18 over the square of `along`; the limit is 4.5."""
+    stated = np.linalg.inv(ridge(1.0).precision)
+    assert underestimated(cast(Problem, ridge(along).problem), TOP, stated) == found
+
+
+def test_no_ridge_is_found_among_independent_values_outside_bounds_or_without_deviations() -> None:
+    problem = cast(Problem, ridge(20.0).problem)
+    assert underestimated(problem, TOP, np.diag([0.5, 0.5, 1.0])) == ()
+    stated = np.linalg.inv(ridge(1.0).precision)
+    assert underestimated(problem, TOP, stated * [[1, 1, 0], [1, 1, 0], [0, 0, 0]]) == ()
+    narrow = ridge(20.0)
+    narrow.problem.bounds = TOP - 4.0, TOP + 4.0
+    assert underestimated(cast(Problem, narrow.problem), TOP, stated) == ()
+    narrow.problem.bounds = TOP - 4.0, TOP + 5.0
+    assert underestimated(cast(Problem, narrow.problem), TOP, stated) == ("a", "b")
