@@ -76,8 +76,8 @@ def test_poses_within_2_centimetres_and_3_degrees_are_the_same(other: tuple[floa
     assert is_same(problem, np.array(other), np.zeros(4)) is same
 
 
-def problem_at(x: float, y: float, degrees: float, free: tuple[str, ...]) -> Problem:
-    """Return the problem of a scan that is exactly the prediction from there. It is given another place."""
+def exact_scan(x: float, y: float, degrees: float) -> PlacedScan:
+    """Return a scan that is exactly the prediction from there. It is given another place."""
     turns = np.radians(np.arange(0.0, 360.0, 15.0))
     ranges: FloatArray = predict_scan(ROOM, Place("", (x, y)), BOARD, turns + math.radians(degrees)).ranges
     speed = ROOM.air.speed_of_sound
@@ -85,9 +85,12 @@ def problem_at(x: float, y: float, degrees: float, free: tuple[str, ...]) -> Pro
         Reading(k, 0, 0, float(turn), 0.1 * k, () if math.isnan(one) else (2 * one / speed,), speed)
         for k, (turn, one) in enumerate(zip(turns, ranges, strict=True))
     ]
+    return PlacedScan(readings, Place("", (0.5, 0.4)))
+
+
+def problem_at(x: float, y: float, degrees: float, free: tuple[str, ...]) -> Problem:
     parameters = free_parameters(free, [""], ROOM, BOARD)
-    scan = PlacedScan(readings, Place("", (0.5, 0.4)))
-    return make_problem([scan], ROOM, BOARD, parameters, PredictionOptions(), False)
+    return make_problem([exact_scan(x, y, degrees)], ROOM, BOARD, parameters, PredictionOptions(), False)
 
 
 def test_the_best_of_several_different_poses_is_that_of_an_exact_scan() -> None:

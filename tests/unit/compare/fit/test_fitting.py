@@ -1,0 +1,128 @@
+"""A fit as a whole: its starts, the interval of each estimate, progress and cancellation."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit import FitOptions, FitResult, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit.fitting import _estimate, _redundancies, _starts, _turns
+from sonarhw_compare.fit.likelihood.objective import Problem
+from sonarhw_compare.fit.search.starting_poses import Candidate
+from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import HEADING, WORDS, X
+from sonarhw_sim.choices import Receiver
+from sonarhw_sim.room.model import Place
+
+from sonarhw.errors import Cancelled
+from tests.unit.compare.fit.test_starting_poses import BOARD, ROOM, exact_scan
+
+(THRESHOLD,) = WORDS["threshold"]
+
+
+def candidate(x: float, heading: float, score: float) -> Candidate:
+    """Return a pose of the scan that begins at that row; all other values are NaN."""
+    return Candidate(np.array([x, heading, x, heading, math.nan]), score)
+
+
+def test_starts_are_the_best_poses_together_and_then_up_to_three_others_of_one_scan() -> None:
+    """Others count if their log-likelihood is less than 25 below the best one, for each independent reading."""
+    problem = SimpleNamespace(
+        start=lambda: np.array([0.0, 0.0, 0.0, 0.0, 7.0]), pose_rows=lambda scan: [2 * scan, 2 * scan + 1]
+    )
+    problem.redundancies = (1.0, 2.0)
+    first = [candidate(1.0, 10.0, 5.0), candidate(2.0, 20.0, -19.9), candidate(3.0, 30.0, -20.1)]
+    second = [candidate(k, -k, -10.0 * k) for k in range(1, 7)]
+    starts = [start.tolist() for start in _starts(cast(Problem, problem), [first, second])]
+    assert starts == [
+        [1.0, 10.0, 1.0, -1.0, 7.0],
+        [2.0, 20.0, 1.0, -1.0, 7.0],
+        [1.0, 10.0, 2.0, -2.0, 7.0],
+        [1.0, 10.0, 3.0, -3.0, 7.0],
+        [1.0, 10.0, 4.0, -4.0, 7.0],
+    ]
+
+
+def test_the_interval_of_a_heading_is_at_most_a_circle() -> None:
+    wide = _estimate(Parameter(HEADING), 1.0, 9.0, -7.0, 9.0)
+    assert (wide.value, wide.deviation) == (1.0, math.pi)
+    assert (wide.lower, wide.upper) == pytest.approx((1.0 - math.pi, 1.0 + math.pi))
+    narrow = _estimate(Parameter(HEADING), 1.0, 0.2, 0.6, 1.4)
+    assert (narrow.deviation, narrow.lower, narrow.upper) == (0.2, 0.6, 1.4)
+    length = _estimate(Parameter(X), 1.0, 9.0, -7.0, 9.0)
+    assert (length.deviation, length.lower, length.upper) == (9.0, -7.0, 9.0)
+
+
+def test_headings_are_turned_near_that_of_their_own_place() -> None:
+    parameters = (Parameter(X, scan=0), Parameter(HEADING, scan=0), Parameter(HEADING, scan=1), Parameter(HEADING))
+    places = tuple(Place("", (0.0, 0.0), heading=math.radians(degrees)) for degrees in (10.0, 300.0))
+    problem = cast(Problem, SimpleNamespace(parameters=parameters, places=places))
+    values = np.array([400.0, math.radians(350.0), math.radians(-20.0), math.radians(725.0), 500.0])
+    assert np.degrees(_turns(problem, values)) == pytest.approx([0.0, -360.0, 360.0, -720.0, 0.0])
+
+
+def test_readings_are_independent_unless_the_board_rounds_or_has_its_own_receiver() -> None:
+    ranges = np.array([1.0, 1.0, 1.0, 1.0, 2.0, 2.0])[:, None]
+    scan = SimpleNamespace(angles=np.radians(np.arange(6.0)), ranges=ranges)
+    for rounding, receiver, several in (
+        (0.0, Receiver.FIRST_ECHO, False),
+        (0.01, Receiver.FIRST_ECHO, True),
+        (0.0, Receiver.BOARD, True),
+    ):
+        prediction = SimpleNamespace(receiver=receiver)
+        found = _redundancies(
+            cast(Problem, SimpleNamespace(scans=(scan, scan), rounding=rounding, prediction=prediction))
+        )
+        assert len(found) == 2
+        assert (found == (1.0, 1.0)) is not several
+        assert min(found) >= 1.0
+
+
+def fitted(scan: PlacedScan, free: tuple[str, ...], shares: list[tuple[float, str]]) -> FitResult:
+    """Return a quick fit that starts at the given place."""
+    options = FitOptions(samples=0, global_search=False)
+    parameters = free_parameters(free, [""], ROOM, BOARD)
+    return fit_scans(
+        [scan], ROOM, BOARD, parameters, options=options, progress=lambda share, step: shares.append((share, step))
+    )
+
+
+def test_a_quick_fit_of_an_exact_scan_ends_at_its_place_with_symmetric_intervals() -> None:
+    shares: list[tuple[float, str]] = []
+    scan = exact_scan(0.5, 0.4, 5.0)
+    result = fitted(
+        replace(scan, place=Place("", (0.503, 0.398), heading=math.radians(364.0))), ("position", "heading"), shares
+    )
+    truth = {"x": 0.5, "y": 0.4, "heading": math.radians(365.0)}
+    assert list(result.estimates) == list(truth)
+    for name, estimate in result.estimates.items():
+        # the beam is wide, so the heading is known to a few degrees only
+        assert estimate.value == pytest.approx(truth[name], abs=0.1 if name == "heading" else 0.01)
+        assert estimate.deviation > 0
+        assert estimate.upper - estimate.value == pytest.approx(1.96 * estimate.deviation)
+        assert estimate.value - estimate.lower == pytest.approx(1.96 * estimate.deviation)
+    assert np.diag(result.correlations) == pytest.approx([1.0, 1.0, 1.0])
+    assert result.correlations == pytest.approx(result.correlations.T)
+    assert result.places[0].position == (result.estimates["x"].value, result.estimates["y"].value)
+    assert result.places[0].heading == result.estimates["heading"].value
+    assert result.agreement[0].within_5cm == 1.0
+    assert result.samples.shape == (0, 3)
+    assert result.modes[0].score == 0.0
+    assert [share for share, _ in shares] == sorted(share for share, _ in shares)
+    assert {step for _, step in shares} == {"refining", "sampling"}
+    assert shares[-1] == (1.0, "sampling")
+
+
+def test_a_cancelled_fit_raises_at_its_next_step() -> None:
+    asked: list[None] = []
+
+    def cancelled() -> bool:
+        asked.append(None)
+        return len(asked) == 3
+
+    scan = exact_scan(0.5, 0.4, 0.0)
+    with pytest.raises(Cancelled, match="the fit was cancelled"):
+        fit_scans([scan], ROOM, BOARD, free_parameters(["x"], [""], ROOM, BOARD), cancelled=cancelled)
+    assert len(asked) == 3
