@@ -18,13 +18,22 @@ import pytest
 from sonarhw.device.endpoint import Endpoint, Pace, serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
+from sonarhw.host.device_info import TurnSettings
 from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import Connection
 from sonarhw.link.serial_link import MOST
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.limits import HOST_SILENCE, MAX_ECHOES
-from sonarhw.wire.messages import Configure, Outcome, Settings, TraceKind
+from sonarhw.wire.messages import (
+    Approach,
+    Configure,
+    ConfigureTurntable,
+    Outcome,
+    Settings,
+    TraceKind,
+    TurntableSettings,
+)
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
 from tests.hang_guard import HANG, wait_until
@@ -104,11 +113,17 @@ class AskedBoard(FakeBoard):
     """A board that keeps the last ping settings that were asked for."""
 
     asked = Configure(1, 0, 0, 1)
+    turntable = ConfigureTurntable(0, 0, 0, 0)
 
     def configure(self, request: Configure, sequence: int) -> Settings:
         """Keep the request."""
         self.asked = request
         return super().configure(request, sequence)
+
+    def configure_turntable(self, request: ConfigureTurntable, sequence: int) -> TurntableSettings:
+        """Keep the request, and confirm it."""
+        self.turntable = request
+        return TurntableSettings(sequence, request.speed, request.acceleration, request.settle_us, request.approach)
 
 
 def test_ping_settings_are_sent_in_the_units_of_the_protocol() -> None:
@@ -121,6 +136,18 @@ def test_ping_settings_are_sent_in_the_units_of_the_protocol() -> None:
             0.05, 0.001, TraceKind.CARRIER, 330.0, pulses=8, echoes=3, rearm=0.002, trace_rate=40_000.4, trace_bits=16
         )
         assert board.asked == Configure(50_000, 1_000, 2, 330_000, 8, 3, 2_000, 40_000, 16)
+
+
+def test_settings_of_the_turntable_are_sent_in_the_units_of_the_protocol_and_returned_in_si_units() -> None:
+    board = AskedBoard(PlainEchoes())
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.configure_turntable() == TurnSettings(0.0, 0.0, 0.02, Approach.EITHER)
+        assert board.turntable == ConfigureTurntable(0, 0, 20_000, 0)
+        found = scanner.configure_turntable(math.radians(90), math.radians(450), 0.05, Approach.CLOCKWISE)
+        assert board.turntable == ConfigureTurntable(90_000_000, 450_000_000, 50_000, 2)
+        assert (found.speed, found.acceleration) == pytest.approx((math.radians(90), math.radians(450)))
+        assert found.settling == pytest.approx(0.05)
+        assert found.approach is Approach.CLOCKWISE
 
 
 def test_traces_are_complete(served: Serve) -> None:
