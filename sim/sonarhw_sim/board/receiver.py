@@ -22,7 +22,8 @@ from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled, compiled_part
 
 _FIRST_LISTEN = 0.01  # s; most pings have an echo within this time
-_SHARE = 0.1  # of the signal just before a detection: an arrival with less did not cause it
+_AS_LOUD = 1.0 - 1e-9  # of arrivals that are equally loud, the first is reported
+SHARE = 0.1  # of the signal just before a detection: an arrival with less did not cause it
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,12 @@ def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, boar
     if not len(near):
         return -1
     end = math.ceil(time * RATE) + 1
-    begin = max(0, end - max(2, math.ceil(_time_constant(board))))
+    begin = max(0, end - max(2, math.ceil(integration_samples(board))))
     candidates = before_gain(arrivals.select(near), board, speed_of_sound, Receiver.BOARD)
     gain = gain_at_samples(len(samples), board, Receiver.BOARD)[:end]
     alone = _sums_between(*pulses(candidates, board, burst, speed_of_sound), gain, begin)
-    loudest = int(alone.argmax())
-    return int(near[loudest]) if alone[loudest] >= _SHARE * np.abs(samples[begin:end]).sum() else -1
+    loudest = int((alone >= alone.max() * _AS_LOUD).argmax())
+    return int(near[loudest]) if alone[loudest] >= SHARE * np.abs(samples[begin:end]).sum() else -1
 
 
 @compiled
@@ -96,11 +97,11 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> Fl
     meaning for both receivers.
     """
     # above zero, so that a threshold of -inf detects everything
-    full = max(10 ** (board.threshold_db / 20), 1e-300) * _charge_of_burst(board, speed_of_sound)
+    full = max(10 ** (board.threshold_db / 20), 1e-300) * charge_of_burst(board, speed_of_sound)
     # blanking ends by the board's own clock
     opens = board.blanking_end / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
-    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, _time_constant(board))
+    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, integration_samples(board))
     return np.asarray(found / RATE)
 
 
@@ -109,19 +110,19 @@ def counted_time(times: FloatArray, board: Board) -> FloatArray:
     return times * (1 + board.clock_error)
 
 
-def _time_constant(board: Board) -> float:
+def integration_samples(board: Board) -> float:
     """Return τ of the integration, samples."""
     return board.integration_cycles / board.frequency * RATE
 
 
 @lru_cache(maxsize=16)
-def _charge_of_burst(board: Board, speed_of_sound: float) -> float:
+def charge_of_burst(board: Board, speed_of_sound: float) -> float:
     """Return the charge of REC by the echo of a perfect wall straight ahead; a continuous signal as loud gives 1."""
-    return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), _time_constant(board)).max())
+    return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), integration_samples(board)).max())
 
 
 @compiled_part
-def _kept(time_constant: float) -> float:
+def kept_charge(time_constant: float) -> float:
     """Return the share of its charge that REC keeps from one sample to the next."""
     kept: float = math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
     return kept
@@ -130,7 +131,7 @@ def _kept(time_constant: float) -> float:
 @compiled
 def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
     """Return the charge of REC after every sample, initially empty, (n,)."""
-    kept = _kept(time_constant)
+    kept = kept_charge(time_constant)
     charge = np.empty(levels.shape[0])
     charge[0] = levels[0] * (1.0 - kept)
     for k in range(1, levels.shape[0]):
@@ -141,7 +142,7 @@ def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
 @compiled
 def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float) -> FloatArray:
     """Return the sample numbers, with fractions, at which REC is full, (k,) float."""
-    kept = _kept(time_constant)
+    kept = kept_charge(time_constant)
     found = np.empty(0)
     charge = 0.0
     for k in range(math.ceil(opens), levels.shape[0]):

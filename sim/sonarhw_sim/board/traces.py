@@ -23,12 +23,12 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import beam_table, disc
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, compiled_part
 
 ENVELOPE_RATE = 50_000.0  # Hz
 CONVERTER_RATE = 16e6 / 16 / 13  # Hz: an ATmega's converter at 16 MHz / 16, 13 clocks per sample
 _CONVERTER_STEPS = 128  # to each side of zero: 8 bits
-_FAINTEST = 1e-4  # amplitude; an echo that is always below this is omitted, because noise hides it
+FAINTEST = 1e-4  # amplitude; an echo that is always below this is omitted, because noise hides it
 _AT_ONCE = 128  # echoes computed at a time, so that memory does not grow with their number
 
 
@@ -137,17 +137,31 @@ def pulses(
 
 
 def _may_matter(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDArray[np.bool_]:
-    """Return which arrivals may reach `_FAINTEST` at any time, (n,) bool.
+    """Return which arrivals may reach `FAINTEST` at any time, (n,) bool."""
+    half = math.pi * board.frequency / speed_of_sound * board.aperture_radius
+    return np.asarray(_loudest(np.abs(arrivals.amplitudes), arrivals.leaving, arrivals.arriving, half) >= FAINTEST)
+
+
+@compiled
+def _loudest(loudness: FloatArray, leaving: FloatArray, arriving: FloatArray, half: float) -> FloatArray:
+    loudest = np.zeros(loudness.shape[0])
+    for row in range(loudness.shape[0]):
+        loudest[row] = loudness[row] * loudest_beam(leaving[row], half) * loudest_beam(arriving[row], half)
+    return loudest
+
+
+@compiled_part
+def loudest_beam(cosine: float, half: float) -> float:
+    """Return the most that the beam lets pass of any part of a burst, at an angle given by its cosine.
 
     The lobes of 2 J₁(x)/x are below 1.6 x^-1.5. Start and end of a burst contain lower frequencies than its carrier, so
-    x is halved.
+    x is halved: `half` is half of ka.
     """
-    half = math.pi * board.frequency / speed_of_sound * board.aperture_radius
-    loudest = np.abs(arrivals.amplitudes)
-    for cosines in (arrivals.leaving, arrivals.arriving):
-        x = half * np.sqrt(np.maximum(0.0, 1 - cosines**2))
-        loudest = loudest * np.maximum(0.0, cosines) * np.minimum(1.0, 1.6 / np.maximum(x, 1.0) ** 1.5)
-    return np.asarray(loudest >= _FAINTEST)
+    if cosine <= 0.0:
+        return 0.0
+    x = max(1.0, half * math.sqrt(max(0.0, 1.0 - cosine * cosine)))
+    most: float = cosine * min(1.0, 1.6 / (x * math.sqrt(x)))
+    return most
 
 
 def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receiver: Receiver) -> Arrivals:

@@ -1,0 +1,276 @@
+"""The first echo of the board's own receiver at many headings, without whole signals.
+
+The result is that of `sonarhw_sim.board.receiver` on the signal of `sonarhw_sim.board.traces`. Pulses are added in
+order of their arrival, and the detector listens in between, so nothing after the first echo is computed. Pulses come
+from a table (`sonarhw_sim.board.pulse_table`). Compiled by numba.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.board.burst import RATE, burst_of
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.pulse_table import PulseTable, pulse_table
+from sonarhw_sim.board.receiver import SHARE, charge_of_burst, integration_samples, kept_charge
+from sonarhw_sim.board.traces import FAINTEST, Arrivals, before_gain, gain_at_samples, loudest_beam, pulses
+from sonarhw_sim.board.transducer import ComplexArray
+from sonarhw_sim.board.weighing import disc, meets_face
+from sonarhw_sim.choices import Receiver
+from sonarhw_sim.compiled import compiled, compiled_part
+
+_AS_LOUD = 1.0 + 1e-9  # of arrivals that are equally loud, the first is reported
+
+
+class Sound(NamedTuple):
+    """All sound that returns after one ping, for any heading; one row for each path, earliest first."""
+
+    times: FloatArray  # (p,), s since the start of transmission
+    amplitudes: ComplexArray  # (p,), with phase, without the beam
+    leaving: FloatArray  # (p, 2), horizontal part of the unit vector of departure
+    arriving: FloatArray  # (p, 2), horizontal part of the unit vector towards the arriving sound
+    points: FloatArray  # (p, k, 2), m, relative to the sensor, padded with NaN
+    face: float  # m, half width of a face that blocks sound; 0: none does
+
+
+class _Detector(NamedTuple):
+    """What the detector of a board does with a signal."""
+
+    opens: float  # samples, end of blanking
+    ends: float  # samples, latest time of an echo
+    full: float  # level of a continuous signal that fills REC
+    constant: float  # samples, time constant of the integration
+    own: ComplexArray  # the transmit burst from sample 0 on
+    gain: FloatArray  # (n,), factor of each sample
+
+
+class _Work(NamedTuple):
+    """Memory for one heading, used again for the next."""
+
+    real: FloatArray  # (n,), the signal
+    imaginary: FloatArray  # (n,)
+    rows: NDArray[np.intp]  # (p,), paths whose pulses were added
+    weights: ComplexArray  # (p, q), their weights of the pulses of the table
+    pulse: FloatArray  # (2, length), the last pulse
+
+
+def first_echoes(
+    headings: FloatArray, sound: Sound, board: Board, speed_of_sound: float
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return time and path of the first echo of the board's own receiver, without noise, at `headings` (n,) rad.
+
+    Times (n,) s are true times, NaN without an echo. The path (n,) is the row of the loudest one just before the echo;
+    -1: no echo, or the own burst.
+    """
+    table, detector = pulse_table(board, speed_of_sound), _detector(board, speed_of_sound)
+    straight = Arrivals(sound.times, sound.amplitudes, np.empty(0), np.empty(0))
+    before = before_gain(straight, board, speed_of_sound, Receiver.BOARD).amplitudes.astype(np.complex128)
+    at, winners = _first_echoes(
+        np.ascontiguousarray(headings, dtype=np.float64), sound, np.abs(sound.amplitudes), before, table, detector
+    )
+    return at / RATE, winners
+
+
+def _detector(board: Board, speed_of_sound: float) -> _Detector:
+    ends = 2 * board.max_range / speed_of_sound * RATE
+    count = math.ceil(ends) + 3
+    burst = burst_of(board, speed_of_sound)
+    own = Arrivals(np.zeros(1), np.full(1, 10 ** (board.own_burst_db / 20)), np.ones(1), np.ones(1))
+    pulse, first = pulses(own, board, burst, speed_of_sound)
+    return _Detector(
+        board.blanking_end / (1 + board.clock_error) * RATE,
+        ends,
+        max(10 ** (board.threshold_db / 20), 1e-300) * charge_of_burst(board, speed_of_sound),
+        integration_samples(board),
+        np.ascontiguousarray(pulse[0, -int(first[0]) :])[:count],
+        gain_at_samples(count, board, Receiver.BOARD),
+    )
+
+
+@compiled
+def _first_echoes(
+    headings: FloatArray,
+    sound: Sound,
+    loudness: FloatArray,
+    before_gain: ComplexArray,
+    table: PulseTable,
+    detector: _Detector,
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the sample number, with its fraction, and the path of the first echo at each heading; NaN and -1: none."""
+    count, paths = detector.gain.shape[0], sound.times.shape[0]
+    nodes, length = table.real.shape
+    work = _Work(
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(paths, np.intp),
+        np.zeros((paths, nodes), np.complex128),
+        np.zeros((2, length)),
+    )
+    found, winners = np.full(headings.shape[0], np.nan), np.full(headings.shape[0], -1, np.intp)
+    for row in range(headings.shape[0]):
+        x, y = math.cos(headings[row]), math.sin(headings[row])
+        found[row], winners[row] = _first_echo(x, y, sound, loudness, before_gain, table, detector, work)
+    return found, winners
+
+
+@compiled_part
+def _first_echo(
+    x: float,
+    y: float,
+    sound: Sound,
+    loudness: FloatArray,
+    before_gain: ComplexArray,
+    table: PulseTable,
+    detector: _Detector,
+    work: _Work,
+) -> tuple[float, int]:
+    """Return the sample number and the path of the first echo of a transducer that points along x, y."""
+    count, length = work.real.shape[0], table.real.shape[1]
+    own = detector.own.shape[0]
+    for k in range(own):
+        work.real[k], work.imaginary[k] = detector.own[k].real, detector.own[k].imag
+    # earlier samples have no effect
+    opens = math.ceil(detector.opens)
+    unheard = opens - _window(detector.constant)
+    at, charge, used, written, found = opens, 0.0, 0, own, math.nan
+    for path in range(sound.times.shape[0] + 1):
+        begin = count
+        if path < sound.times.shape[0]:
+            begin = int(sound.times[path] * RATE) - table.lead
+            if begin >= count or begin + length <= unheard:
+                continue
+            leaving = sound.leaving[path, 0] * x + sound.leaving[path, 1] * y
+            arriving = sound.arriving[path, 0] * x + sound.arriving[path, 1] * y
+            if not _matters(leaving, arriving, loudness[path], table):
+                continue
+            if sound.face > 0.0 and meets_face(sound.points[path], x, y, sound.face):
+                continue
+
+        # the signal before this pulse is complete
+        found, at, charge = _listened(at, begin, charge, written, detector, work)
+        if not math.isnan(found) or path == sound.times.shape[0]:
+            break
+        work.rows[used] = path
+        _weigh(work.weights[used], sound.times[path], before_gain[path], leaving, arriving, table)
+        _add(begin, work.weights[used], table, detector.gain, work)
+        used += 1
+        written = min(count, begin + length)
+    winner = -1
+    if not math.isnan(found):
+        if found > detector.ends:
+            found = math.nan
+        else:
+            winner = _loudest(found, used, sound.times, table, detector, work)
+    work.real[:written] = 0.0
+    work.imaginary[:written] = 0.0
+    return found, winner
+
+
+@compiled_part
+def _matters(leaving: float, arriving: float, loudness: float, table: PulseTable) -> bool:
+    """Return whether sound may be detected, or change what is detected."""
+    if leaving <= 0.0 or arriving <= 0.0:
+        return False
+    half = 0.5 * table.wavenumber * table.carrier
+    matters: bool = loudness * loudest_beam(leaving, half) * loudest_beam(arriving, half) >= FAINTEST
+    return matters
+
+
+@compiled_part
+def _window(constant: float) -> int:
+    """Return the number of samples before a detection that charged REC."""
+    return max(2, math.ceil(constant))
+
+
+@compiled_part
+def _listened(
+    at: int, end: int, charge: float, written: int, detector: _Detector, work: _Work
+) -> tuple[float, int, float]:
+    """Return where REC is full between the samples `at` and `end`, NaN if it is not; the next sample, and its charge.
+
+    The signal is 0 from sample `written` on.
+    """
+    kept = kept_charge(detector.constant)
+    share = (1.0 - kept) / detector.full
+    for k in range(at, min(end, written)):
+        before, charge = charge, kept * charge + share * _size(work.real[k], work.imaginary[k])
+        if charge >= 1.0:
+            return max(detector.opens, k - 1 + (1.0 - before) / (charge - before)), k, charge
+    silent = end - max(at, written)
+    if silent > 0:
+        charge *= kept**silent
+    return math.nan, max(at, end), charge
+
+
+@compiled_part
+def _weigh(
+    weights: ComplexArray, time: float, amplitude: complex, leaving: float, arriving: float, table: PulseTable
+) -> None:
+    """Write the weight of each pulse of the table in the pulse that arrives at `time`."""
+    size = amplitude * leaving * arriving * np.exp(-2j * math.pi * table.carrier * time)
+    later = time - int(time * RATE) / RATE
+    # for most sound, both angles are equal
+    out = table.wavenumber * math.sqrt(max(0.0, 1.0 - leaving * leaving))
+    back = table.wavenumber * math.sqrt(max(0.0, 1.0 - arriving * arriving))
+    for q in range(weights.shape[0]):
+        frequency = abs(table.carrier + table.nodes[q])
+        factor = disc(out * frequency, table.discs)
+        factor *= factor if out == back else disc(back * frequency, table.discs)
+        weights[q] = size * factor * np.exp(-2j * math.pi * table.nodes[q] * later)
+
+
+@compiled_part
+def _make_pulse(weights: ComplexArray, begin: int, end: int, table: PulseTable, pulse: FloatArray) -> None:
+    """Write the samples from `begin` to `end` of the pulse with these weights."""
+    # slices, because the processor does several samples at once only if rows cannot be negative
+    real, imaginary = pulse[0, begin:end], pulse[1, begin:end]
+    real[:] = 0.0
+    imaginary[:] = 0.0
+    for q in range(weights.shape[0]):
+        a, b = weights[q].real, weights[q].imag
+        node_real, node_imaginary = table.real[q, begin:end], table.imaginary[q, begin:end]
+        for k in range(real.shape[0]):
+            real[k] += a * node_real[k] - b * node_imaginary[k]
+            imaginary[k] += a * node_imaginary[k] + b * node_real[k]
+
+
+@compiled_part
+def _add(first: int, weights: ComplexArray, table: PulseTable, gain: FloatArray, work: _Work) -> None:
+    """Add the pulse with these weights, from sample `first` on, to the signal."""
+    begin, end = max(0, -first), min(table.real.shape[1], gain.shape[0] - first)
+    _make_pulse(weights, begin, end, table, work.pulse)
+    real, imaginary = work.real[first + begin : first + end], work.imaginary[first + begin : first + end]
+    factor, pulse = gain[first + begin : first + end], work.pulse[:, begin:end]
+    for k in range(real.shape[0]):
+        real[k] += pulse[0, k] * factor[k]
+        imaginary[k] += pulse[1, k] * factor[k]
+
+
+@compiled_part
+def _loudest(found: float, used: int, times: FloatArray, table: PulseTable, detector: _Detector, work: _Work) -> int:
+    """Return the path that was loudest while REC last charged, before sample `found`; -1 if none is loud enough."""
+    end = math.ceil(found) + 1
+    since = max(0, end - _window(detector.constant))
+    total, most, loudest = 0.0, 0.0, -1
+    for k in range(since, min(end, work.real.shape[0])):
+        total += _size(work.real[k], work.imaginary[k])
+    for row in range(used):
+        first = int(times[work.rows[row]] * RATE) - table.lead
+        begin, last = max(0, since - first), min(table.real.shape[1], end - first)
+        if begin >= last:
+            continue
+        _make_pulse(work.weights[row], begin, last, table, work.pulse)
+        alone = 0.0
+        for k in range(begin, last):
+            alone += _size(work.pulse[0, k], work.pulse[1, k]) * detector.gain[first + k]
+        if alone > most * _AS_LOUD:
+            most, loudest = alone, work.rows[row]
+    return loudest if most >= SHARE * total else -1
+
+
+@compiled_part
+def _size(real: float, imaginary: float) -> float:
+    return math.sqrt(real * real + imaginary * imaginary)
