@@ -36,7 +36,7 @@ _MIDDLE = 0.5  # share of the arc in which the echo is strong enough to be detec
 class Calibration:
     """The result of a scan of a plate."""
 
-    range_offset: float  # m, measured minus true
+    range_offset: float  # m, measured minus true, without the delay of the receiver
     range_spread: float  # m, standard deviation of the ranges in the middle of the arc
     home_angle: float  # rad, actual minus intended direction of the turntable's zero, counter-clockwise
     home_uncertainty: float  # rad, standard error; depends on the step only
@@ -50,11 +50,13 @@ def calibrate(
     direction: float,
     gate: float = GATE,
     arcs: tuple[float, float] = (0.0, math.tau),
+    delay: float = 0.0,
 ) -> Calibration:
     """Return the calibration from readings of a plate, `distance` m from the transducer.
 
     The face of the plate is perpendicular to `direction` (rad), the angle that the turntable should have when it points
-    at the plate. `arcs` (rad) are the smallest and the largest plausible arc of a plate. Raises NoPlate if too few
+    at the plate. `arcs` (rad) are the smallest and the largest plausible arc of a plate. `delay` (m) is the part of the
+    range that the board's receiver adds and every prediction contains; it is no offset. Raises NoPlate if too few
     headings detect the plate, if the first or last heading detects it, or if the echoes do not fit a flat plate.
     """
     angles, ranges = _by_heading(readings, distance, gate)
@@ -67,7 +69,7 @@ def calibrate(
     middle, arc = _arc_of(hits, angles, shares, step)
     measured = np.concatenate([ranges[k] for k in _central(hits, angles, shares, step)])
     found = Calibration(
-        range_offset=float(np.median(measured)) - distance,
+        range_offset=float(np.median(measured)) - distance - delay,
         range_spread=float(np.std(measured)),
         # + 0.0 turns -0.0 into 0.0
         home_angle=math.remainder(direction - middle, math.tau) + 0.0,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sonarhw.scanning.calibration import Calibration
 
 PROFILE = ".toml"
-_LEVEL_DB = 6.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
+_LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
 def calibrate_scanner(
@@ -64,9 +64,17 @@ def calibrate_scanner(
     _check_sector(order, width, step)
     with connect(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
+    from sonarhw_sim.predict.plate_echo import plate_echo
+
     from sonarhw.scanning.calibration import calibrate
 
-    found = calibrate(readings, distance, math.radians(direction), arcs=_arcs(profile, distance, step))
+    found = calibrate(
+        readings,
+        distance,
+        math.radians(direction),
+        arcs=_arcs(profile, distance, step),
+        delay=plate_echo(profile, Air(), distance).delay,
+    )
     name = out.stem.encode(errors="replace").decode()
     text = _with_calibration(profile.text, name, found)
     with written_file(out, overwrite=force) as file:
@@ -77,10 +85,10 @@ def calibrate_scanner(
 def _arcs(board: "Board", distance: float, step: float) -> tuple[float, float]:
     """Return the smallest and the largest plausible arc of a plate, rad; its ends are known within a step."""
     from sonarhw_sim.air import Air
-    from sonarhw_sim.board.plate_arc import plate_arc
+    from sonarhw_sim.predict.plate_echo import plate_echo
 
-    low, high = (plate_arc(board, Air(), distance, stronger) for stronger in (-_LEVEL_DB, _LEVEL_DB))
-    return low - math.radians(step), high + math.radians(step)
+    faint, loud = (plate_echo(board, Air(), distance, stronger) for stronger in (-_LEVEL_DB, _LEVEL_DB))
+    return faint.early_arc - math.radians(step), loud.arc + math.radians(step)
 
 
 def _check_sector(order: "ScanOrder", width: float, step: float) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.plate_echo import plate_echo
 
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
@@ -28,8 +30,9 @@ cycles = 6
 
 
 def calibrated(out: Path, *options: str) -> int:
-    """Calibrate with a plate 2 degrees to the left of its stated angle, whose ranges are 8 mm too long."""
-    board = FakeBoard(Plate(DISTANCE, math.radians(2.0), 0.008, speed_of_sound(20.0)))
+    """Calibrate with a plate 2 degrees to the left of its stated angle, whose ranges are 8 mm longer than predicted."""
+    longer = 0.008 + plate_echo(load_board("polaroid-6500"), Air(), DISTANCE).delay
+    board = FakeBoard(Plate(DISTANCE, math.radians(2.0), longer, speed_of_sound(20.0)))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         return run(["calibrate", endpoint.url, "--distance", str(DISTANCE), "--out", str(out), *options])
 
