@@ -13,21 +13,12 @@ from sonarhw_compare.matching.match import Summary
 _INSEPARABLE = 0.95  # smallest correlation that is reported
 _SAYS_NOTHING = 0.6  # of the standard deviation of the prior
 _AT_BOUND = 0.01  # of the range between the bounds
-_ALONE = (
-    "the model of the board's own receiver treats each echo alone; only 80 % of its 95 % intervals contain the truth"
-)
 _MANY_STRAYS = 0.3  # per metre
 
 
-def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = (), lone: bool = False) -> tuple[str, ...]:
-    """Return one line for each limit of a fit; `underestimated` are parameters whose deviations are too small.
-
-    `lone`: the receiver was modelled as if each echo came alone.
-    """
+def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> tuple[str, ...]:
+    """Return one line for each limit of a fit; `underestimated` are parameters whose deviations are too small."""
     lines = [*_several_solutions(result)]
-    biased = [parameter.name for parameter in result.parameters if parameter.quantity.by_levels]
-    if lone and biased:
-        lines.append(f"± is too small for {', '.join(biased)}: {_ALONE}")
     if underestimated:
         several = ", ".join(parameter.name for parameter in underestimated)
         lines.append(

@@ -163,12 +163,15 @@ def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArr
 
 
 def _result(problem: Problem, objective: Objective, solutions: list[Candidate], samples: FloatArray) -> FitResult:
-    count, best = len(problem.parameters), solutions[0]
+    count, best, wider = len(problem.parameters), solutions[0], problem.widenings
     if len(samples):
-        middle, covariance = np.median(samples, axis=0), np.cov(samples, rowvar=False)
+        middle, narrow = np.median(samples, axis=0), np.cov(samples, rowvar=False)
+        samples = np.clip(middle + wider * (samples - middle), *problem.bounds)
+        covariance = np.cov(samples, rowvar=False)
         lower, upper = np.percentile(samples, CREDIBLE_INTERVAL, axis=0)
     else:
-        middle, covariance = best.values, covariance_of(objective, best.values)
+        middle, narrow = best.values, covariance_of(objective, best.values)
+        covariance = narrow * np.outer(wider, wider)
         reach = _NORMAL_INTERVAL * np.sqrt(np.diag(covariance))
         lower, upper = np.clip((middle - reach, middle + reach), *problem.bounds)
     turns = _turns(problem, middle)
@@ -193,10 +196,7 @@ def _result(problem: Problem, objective: Objective, solutions: list[Candidate], 
         score=best.score,
         samples=(samples + turns)[:, :count],
     )
-    lone = problem.prediction.receiver is Receiver.BOARD
-    return replace(
-        result, warnings=warnings_of(result, underestimated(objective.problem, best.values, covariance), lone)
-    )
+    return replace(result, warnings=warnings_of(result, underestimated(objective.problem, best.values, narrow)))
 
 
 def _redundancies(problem: Problem) -> tuple[float, ...]:
@@ -205,7 +205,7 @@ def _redundancies(problem: Problem) -> tuple[float, ...]:
     Neighbouring readings of one echo have the same error where the board rounds, or where the model of its receiver is
     only approximate.
     """
-    if not problem.rounding and problem.prediction.receiver is Receiver.FIRST_ECHO:
+    if not problem.rounding and problem.receiver is Receiver.FIRST_ECHO:
         return (1.0,) * len(problem.scans)
     return tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
 

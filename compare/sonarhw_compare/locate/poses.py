@@ -247,7 +247,7 @@ def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
     shares = np.exp(weights - weights.max())
     shares /= shares.sum()
     poses = [
-        _pose(top.values, float(share), np.sqrt(np.diag(spread)))
+        _pose(top.values, float(share), np.sqrt(np.diag(spread)) * top.objective.problem.widenings[:3])
         for top, share, spread in zip(promising, shares, spreads, strict=True)
     ]
     return tuple(sorted((pose for pose in poses if pose.probability >= _LEAST), key=lambda pose: -pose.probability))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import load_board
@@ -316,10 +317,24 @@ def test_a_fit_models_the_late_detection_of_the_boards_own_receiver() -> None:
         for receiver in Receiver
     }
     assert math.dist(found[Receiver.BOARD].places[0].position, TRUTH.position) < 0.002
-    assert any("± is too small for heading" in warning for warning in found[Receiver.BOARD].warnings)
-    assert not any("± is too small" in warning for warning in found[Receiver.FIRST_ECHO].warnings)
     # the paper's receiver does not model 45 mm between a loud and a faint echo
     assert found[Receiver.BOARD].noise["range_m"] < 0.3 * found[Receiver.FIRST_ECHO].noise["range_m"]
+
+
+@pytest.mark.parametrize("samples", [0, 2000])
+def test_intervals_of_the_heading_are_wider_with_the_boards_own_receiver(
+    monkeypatch: pytest.MonkeyPatch, readings: list[Reading], samples: int
+) -> None:
+    board = replace(BOARD, receiver=Receiver.BOARD)
+    free, options = free_parameters(("position", "heading"), [""], ARENA, board), FitOptions(samples=samples)
+
+    def deviations() -> list[float]:
+        found = fit_scans([PlacedScan(readings, TRUTH)], ARENA, board, free, options=options)
+        return [found.estimates[name].deviation for name in ("x", "y", "heading")]
+
+    stated = deviations()
+    monkeypatch.setattr(Problem, "widenings", property(lambda problem: np.ones(problem.size)))
+    assert stated == pytest.approx(np.array([1.0, 1.0, 1.5]) * deviations())
 
 
 def test_a_prior_of_a_heading_may_differ_by_a_whole_turn(readings: list[Reading]) -> None:

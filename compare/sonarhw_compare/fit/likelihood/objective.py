@@ -91,9 +91,22 @@ class Problem:
     redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
 
     @property
+    def receiver(self) -> Receiver:
+        """The receiver of the model."""
+        return self.prediction.receiver_of(self.board)
+
+    @property
     def size(self) -> int:
         """The length of the vector."""
         return len(self.parameters) + len(self.noises)
+
+    @property
+    def widenings(self) -> FloatArray:
+        """Factor of the standard deviation of each value, (size,); 1 where the model is exact."""
+        factors = np.ones(self.size)
+        if self.receiver is Receiver.BOARD:
+            factors[: len(self.parameters)] = [one.quantity.overlap for one in self.parameters]
+        return factors
 
     @property
     def noises(self) -> tuple[NoisePrior, ...]:
@@ -112,7 +125,7 @@ class Problem:
         lower = [*(parameter.lower for parameter in self.parameters), *(math.log(n.lower) for n in self.noises)]
         upper = [*(parameter.upper for parameter in self.parameters), *(math.log(n.upper) for n in self.noises)]
         lower[len(self.parameters)] = math.log(max(NOISES[0].lower, self.rounding * _ROUNDED))
-        if self.prediction.receiver is Receiver.BOARD:
+        if self.receiver is Receiver.BOARD:
             lower[len(self.parameters) + 1] = math.log(_OVERLAPPING)
         return np.array(lower), np.array(upper)
 
@@ -211,7 +224,7 @@ class Objective:
 
     @cached_property
     def _lateness(self) -> FloatArray:
-        if self.problem.prediction.receiver is Receiver.FIRST_ECHO:
+        if self.problem.receiver is Receiver.FIRST_ECHO:
             return np.empty(0)
         return lateness_by_level(self.problem.board, self.room.air.speed_of_sound)
 
@@ -299,7 +312,7 @@ class Objective:
     def _gained(self) -> tuple[FloatArray, ...]:
         """Gain of the board relative to the ideal gain, for each path, dB."""
         board, speed = self.problem.board, self.room.air.speed_of_sound
-        if self.problem.prediction.receiver is Receiver.FIRST_ECHO:
+        if self.problem.receiver is Receiver.FIRST_ECHO:
             return tuple(np.zeros(len(lengths)) for lengths in self._lengths)
         return tuple(level_offset_db(lengths, board, speed) for lengths in self._lengths)
 
