@@ -13,10 +13,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.traces import received
+from sonarhw_sim.choices import Receiver
+from sonarhw_sim.predict.prediction import paths_for, received_by, weigh_paths
 from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import follow_fan
 
@@ -24,7 +27,7 @@ from benchmarks.cases.hundred_echoes import LISTEN, RATE, SPEED, hundred_echoes
 from benchmarks.cases.image_source_table import compare_with_image_sources
 from benchmarks.cases.numpy_fan import follow_with_numpy
 from benchmarks.cases.office import PLACE, office_floor
-from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, scan
+from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, OPTIONS, scan
 from benchmarks.cases.table_rows import Row, at_least, at_most
 from tests.oracles.one_heading import range_at
 
@@ -67,6 +70,11 @@ def rows() -> Iterator[Row]:
     yield at_least("one heading, appendix A with early exit, 64 walls: times NumPy", 30, numpy_time / first)
     whole = seconds(lambda: scan(small))
     yield at_least("whole scan, 64 walls: times 360 single headings", 10, 360 * first / whole)
+    paths = paths_for(small, PLACE, BOARD, OPTIONS)
+    for receiver in Receiver:
+        options = replace(OPTIONS, receiver=receiver)
+        readings = seconds(lambda o=options: received_by(weigh_paths(small, PLACE, BOARD, HEADINGS, paths), o))  # type: ignore[misc]
+        yield at_most(f"readings from known paths, 64 walls, {receiver}: ms", 15, readings * 1e3)
     larger = seconds(lambda: scan(large))
     yield at_most("whole scan, 1 000 walls: times that of 64 walls", 3, larger / whole)
     huge = office_floor(10_000)

@@ -19,7 +19,7 @@ from sonarhw.readings import FloatArray, Reading
 # each uses kernels that others do not use
 OPTIONS = (
     PredictionOptions(Unit.REFLECT),
-    PredictionOptions(Unit.BLOCK, receiver=Receiver.BOARD),
+    PredictionOptions(Unit.BLOCK, receiver=Receiver.FIRST_ECHO),
     PredictionOptions(receiver=Receiver.BOARD, noise=0.01),
 )
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Room
@@ -18,7 +19,7 @@ BOUNCES = 8
 BOARD = replace(load_board("polaroid-6500"), max_range=LONGEST / 2)
 HEADINGS = np.radians(np.arange(360.0))
 # with the spacing of the rays of one heading, so that the same work is compared
-OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440)
+OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440, receiver=Receiver.FIRST_ECHO)
 
 
 def scan(room: Room) -> PredictedScan:

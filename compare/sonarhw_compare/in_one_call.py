@@ -52,7 +52,7 @@ def compare(
     known, profile = given.room(room), given.board(board)
     here = given.place(known, place)
     _warn_of_doubts([given] if board is None else [], known, [here])
-    options = PredictionOptions(receiver=receiver or profile.receiver)
+    options = PredictionOptions(receiver=receiver)
     free = frozenset(_words(fit))
     comparison = fitted_comparison(given, known, here, profile, free, model=model, options=options, tick=progress)[0]
     _warn_of_few_explained(given, comparison)
@@ -111,7 +111,7 @@ def write_report(
     known, profile = given.room(room), given.board(board)
     here = given.place(known, place)
     _warn_of_doubts([given] if board is None else [], known, [here])
-    options = PredictionOptions(receiver=receiver or profile.receiver)
+    options = PredictionOptions(receiver=receiver)
     free = frozenset(_words(fit))
     found = fit_scan(given.readings, known, here, profile, free, options=options) if free else None
     report = report_of(Path(given.where).name, given.readings, known, here, profile, options, log=given.log, fit=found)
@@ -145,7 +145,7 @@ def fit(
     setting = fit_setting(given, room, _places(places), board, _words(free), priors)
     placed = [scan.place for scan in setting.scans]
     _warn_of_doubts(given if board is None else [], setting.room, placed)
-    options = FitOptions(PredictionOptions(receiver=receiver or setting.board.receiver), seed, samples)
+    options = FitOptions(PredictionOptions(receiver=receiver), seed, samples)
     return fit_scans(setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=progress)
 
 
@@ -166,7 +166,7 @@ def locate(
     given = given_scan(scan)
     known, profile = given.room(room), given.board(board)
     _warn_of_doubts([given] if board is None else [], known, [])
-    options = PredictionOptions(receiver=receiver or profile.receiver)
+    options = PredictionOptions(receiver=receiver)
     return locate_scan(given.readings, known, profile, prediction=options, height=height, tick=progress)
 
 

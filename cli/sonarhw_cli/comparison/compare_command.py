@@ -25,7 +25,6 @@ from sonarhw_cli.console.options import (
     ReceiverChoice,
     RoomOfLog,
     checked_out,
-    chosen_receiver,
     print_place,
 )
 from sonarhw_cli.console.output import written_file
@@ -99,7 +98,7 @@ def compare_log(
             chosen,
             frozenset(word.strip() for word in fit.split(",") if word.strip()),
             model=model,
-            options=PredictionOptions(receiver=chosen_receiver(receiver, chosen)),
+            options=PredictionOptions(receiver=receiver),
             tick=lambda share: show(share, "fitting"),
         )
     warn_of_few_explained(log_file, comparison)

@@ -19,7 +19,6 @@ from sonarhw_cli.console.options import (
     Force,
     ReceiverChoice,
     checked_out,
-    chosen_receiver,
     print_place,
 )
 from sonarhw_cli.console.output import written_file
@@ -172,7 +171,7 @@ def fit_logs(
     for scan in setting.scans:
         if scan.place.name:  # otherwise the whole room is searched
             print_place(setting.room, scan.place)
-    options = FitOptions(PredictionOptions(receiver=chosen_receiver(receiver, setting.board)), seed, samples)
+    options = FitOptions(PredictionOptions(receiver=receiver), seed, samples)
     with progress_of_share() as show:
         result = fit_scans(
             setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=show

@@ -16,7 +16,6 @@ from sonarhw_cli.console.options import (
     ReceiverChoice,
     RoomOfLog,
     checked_out,
-    chosen_receiver,
     print_place,
 )
 from sonarhw_cli.console.output import written_file
@@ -62,7 +61,7 @@ def report_on(
     scan, room, chosen = open_in_room(log_file, room_name, board)
     here = scan.place(room, place)
     print_place(room, here)
-    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    options = PredictionOptions(receiver=receiver)
     found = plain_fit(scan.readings, room, here, chosen, fit, options)
     made = report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found)
     warn_of_few_explained(log_file, made.comparison)

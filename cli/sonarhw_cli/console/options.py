@@ -17,7 +17,6 @@ from sonarhw_cli.console.lines import print_detail
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
-    from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
     from sonarhw.readings import ScanOrder
@@ -149,11 +148,6 @@ def print_place(room: "Room", place: "Place") -> None:
     print_detail(f"place {place.name!r} at {place.position[0]:g}, {place.position[1]:g} m in room {room.name!r}")
     for doubt in place_doubts(room, place):
         warn(doubt)
-
-
-def chosen_receiver(name: Receiver | None, board: "Board") -> Receiver:
-    """Return the receiver that --receiver names, else that of the board profile."""
-    return board.receiver if name is None else name
 
 
 def check_one_line(pty: Path | None, tcp: str | None) -> None:

@@ -25,7 +25,6 @@ from sonarhw_cli.console.options import (
     ToDegrees,
     checked_out,
     chosen_place,
-    chosen_receiver,
     order_in_degrees,
 )
 from sonarhw_cli.console.output import text_output
@@ -112,8 +111,8 @@ def simulate(
     order = order_in_degrees(start, stop, step)
     room = open_room(room_name)
     here, chosen = chosen_place(room, place), load_board(board)
-    options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
-    _check_noise(options, settings)
+    options = replace(_options(receiver, unit, edge_strength, noise, seed), sections=sections)
+    _check_noise(noise, options.receiver_of(chosen, model), settings)
     _check_effect(model, options, here)
     headings = _headings(order, chosen, here)
     if settings is not None:
@@ -136,7 +135,6 @@ def simulate(
 
 
 def _options(
-    board: "Board",
     receiver: Receiver | None,
     unit: Unit,
     edge_strength: EdgeStrength | None,
@@ -148,17 +146,17 @@ def _options(
     return PredictionOptions(
         unit=unit,
         edge_strength=edge_strength,
-        receiver=chosen_receiver(receiver, board),
+        receiver=receiver,
         noise=noise,
         seed=seed,
     )
 
 
-def _check_noise(options: "PredictionOptions", traces: TraceSettings | None) -> None:
-    if not 0 <= options.noise <= 1:
-        raise InputError(f"--noise {options.noise:g}: expected 0 to 1, which is full scale")
-    if options.noise and traces is None and options.receiver is Receiver.FIRST_ECHO:
-        raise InputError(f"--noise {options.noise:g}: has no effect without --traces or --receiver board; add one")
+def _check_noise(noise: float, receiver: Receiver, traces: TraceSettings | None) -> None:
+    if not 0 <= noise <= 1:
+        raise InputError(f"--noise {noise:g}: expected 0 to 1, which is full scale")
+    if noise and traces is None and receiver is Receiver.FIRST_ECHO:
+        raise InputError(f"--noise {noise:g}: has no effect without --traces or --receiver board; add one")
 
 
 def _check_effect(model: Model, options: "PredictionOptions", place: "Place") -> None:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room, parse_room
 
@@ -52,8 +51,7 @@ def judged_readings(
 def _points_of_readings(scan: PlacedScan, room: Room, board: Board) -> NDArray[np.intp]:
     """Return the number of points at which the path of each reading is reflected, (n,); 0 without a path."""
     heading = board.heading_at(0.0, scan.place.heading)
-    options = PredictionOptions(receiver=board.receiver)
-    comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading, options=options)
+    comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading)
     points = _reflection_points(comparison.prediction.paths)
     return np.array([0 if row.path is None else max(1, points[row.path]) for row in comparison.rows], dtype=np.intp)
 

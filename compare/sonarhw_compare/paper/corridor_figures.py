@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sonarhw_sim.choices import Model
+from sonarhw_sim.choices import Model, Receiver
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
@@ -17,7 +17,7 @@ from sonarhw_compare.paper.setting import PaperScene
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
 _STEP = 0.1  # m from place to place
-_START = PaperScene("corridor", "-2,0.5", (0.0, 360.0, 5.0), "polaroid-6500")
+_START = PaperScene("corridor", "-2,0.5", (0.0, 360.0, 5.0), "polaroid-6500", receiver=Receiver.FIRST_ECHO)
 WALK = tuple(replace(_START, place=f"{x:.1f},0.5") for x in np.arange(-2, 2 + _STEP / 2, _STEP))
 _ACROSS = (90.0, 270.0)  # degrees
 _LONG = 1.0  # m

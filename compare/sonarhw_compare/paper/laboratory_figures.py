@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room
 
@@ -13,7 +14,10 @@ from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene, PredictedReading, ranges, span
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
-SCANS = tuple(PaperScene("table_top", "table", (start, start + 360, 5.0), "polaroid-6500") for start in (0.0, 1.5, 3.0))
+SCANS = tuple(
+    PaperScene("table_top", "table", (start, start + 360, 5.0), "polaroid-6500", receiver=Receiver.FIRST_ECHO)
+    for start in (0.0, 1.5, 3.0)
+)
 BESIDE_THE_BLACKBOARD = replace(SCANS[0], place="beside")
 _TO_THE_WALL = 270.0  # degrees
 _PROTRUSION = 0.020  # m

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sonarhw_sim.choices import EdgeStrength, Unit
+from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, PREDICTED, WALL, sheet
@@ -17,7 +17,7 @@ from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene
 
 _STRAIGHT = (0.0, 1.0, 1.0)
-NO_TARGET = PaperScene("figure2a", "stand", _STRAIGHT, "polaroid-6500", Unit.REFLECT)
+NO_TARGET = PaperScene("figure2a", "stand", _STRAIGHT, "polaroid-6500", Unit.REFLECT, Receiver.FIRST_ECHO)
 TILTED = replace(NO_TARGET, room="figure2b")
 PARALLEL = replace(NO_TARGET, room="figure2c")
 # by the uniform theory, the small echo is 13 dB fainter than by the paper's factor

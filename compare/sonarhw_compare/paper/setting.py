@@ -36,7 +36,7 @@ class PaperScene:
     degrees: tuple[float, float, float]  # from, to, step
     board: str = "paper"
     unit: Unit = Unit.PASS
-    receiver: Receiver = Receiver.FIRST_ECHO
+    receiver: Receiver | None = None  # None: that of the board
     model: Model = Model.RAY_FOLLOWING
     edge_strength: EdgeStrength | None = None  # None: that of the board
     seed: int | None = None
@@ -60,7 +60,7 @@ class PaperScene:
         words.append(f"--from {start:g} --to {stop:g} --step {step:g}")
         if self.unit is not Unit.PASS:
             words.append(f"--unit {self.unit.value}")
-        if self.receiver is not Receiver.FIRST_ECHO:
+        if self.receiver is not None:
             words.append(f"--receiver {self.receiver.value}")
         if self.edge_strength is not None:
             words.append(f"--edge-strength {self.edge_strength.value}")

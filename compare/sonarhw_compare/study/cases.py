@@ -82,7 +82,7 @@ class Cases:
         board = self._board(
             int(board_at), tuple(item for item in values.items() if _section(item[0]) in ("board", "mount"))
         )
-        model, options = _options(values, board, study.seed, number)
+        model, options = _options(values, study.seed, number)
         return Case(
             number,
             draw,
@@ -128,10 +128,10 @@ def _section(key: str) -> str:
     return key.partition(".")[0]
 
 
-def _options(values: dict[str, Value], board: Board, seed: int, number: int) -> tuple[Model, PredictionOptions]:
+def _options(values: dict[str, Value], seed: int, number: int) -> tuple[Model, PredictionOptions]:
     """Return the model and the options of a case; its seed follows from its number."""
     given = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "options"}
-    chosen = OptionValues.model_validate({"receiver": board.receiver.value} | given)
+    chosen = OptionValues.model_validate(given)
     return chosen.model, PredictionOptions(
         unit=chosen.unit,
         max_bounces=chosen.max_bounces,

@@ -62,7 +62,7 @@ class OptionValues(TomlModel):
     """One value for each key of `[vary.options]`."""
 
     model: Annotated[Model, _BY_NAME] = Model.RAY_FOLLOWING
-    receiver: Annotated[Receiver, _BY_NAME] = Receiver.FIRST_ECHO
+    receiver: Annotated[Receiver | None, _BY_NAME] = None
     unit: Annotated[Unit, _BY_NAME] = Unit.PASS
     edge_strength: Annotated[EdgeStrength | None, _BY_NAME] = None
     diffraction: bool = True

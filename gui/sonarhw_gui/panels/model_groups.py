@@ -99,7 +99,7 @@ class ModelGroup(Group):
         self._name_board(shown.scene.board)
         options = shown.scene.options
         for field, value in (
-            (self.receiver, options.receiver),
+            (self.receiver, options.receiver_of(shown.scene.board)),
             (self.unit, options.unit),
             (self.edges, options.edge_strength or shown.scene.board.edge_strength),
         ):

@@ -44,8 +44,8 @@ class Scene:
 
 
 def scene_with(board: Board, room: Room | None = None, place: Place | None = None, room_file: str = "") -> Scene:
-    """Return a scene with default options and the receiver that the board's profile names, as in all commands."""
-    return Scene(room, place, board, room_file, PredictionOptions(receiver=board.receiver))
+    """Return a scene with default options."""
+    return Scene(room, place, board, room_file)
 
 
 def room_name(scene: Scene) -> str:

@@ -125,7 +125,7 @@ def with_options(scene: Scene, **options: Any) -> Edit:
 
 def with_board(scene: Scene, board: Board) -> Edit:
     """Return the scene with another board, and with the receiver and the edge strength that its profile names."""
-    options = replace(scene.options, receiver=board.receiver, edge_strength=None)
+    options = replace(scene.options, receiver=None, edge_strength=None)
     return replace(scene, board=board, options=options), f"choosing board {board.name}"
 
 

@@ -92,7 +92,7 @@ def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | Non
     """
     board, floor = scene.board, floor_of(scene.board)
     duration = _duration(scene, reading)
-    receiver = prediction.receiver if prediction else scene.options.receiver
+    receiver = prediction.receiver if prediction else scene.options.receiver_of(scene.board)
     air = scene.room.air if scene.room else Air()
     predicted = None
     if prediction is not None:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
 
 _TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft
@@ -17,12 +16,11 @@ class Effort:
     headings: int  # number of headings, used if every heading needs its own search
 
     def limit(self, options: PredictionOptions) -> PredictionOptions:
-        """Return the options limited to this effort, and the first-echo receiver, which needs no signals."""
+        """Return the options limited to this effort."""
         return replace(
             options,
             max_bounces=min(options.max_bounces, self.max_bounces),
             rays=min(options.rays, self.rays),
-            receiver=Receiver.FIRST_ECHO,
         )
 
 

@@ -40,5 +40,4 @@ def predict(
         warnings.warn(doubt, stacklevel=2)
     if headings is None:
         headings = np.radians(np.arange(0, 360, _STEP)) if profile.ring is None else profile.ring.headings(here)
-    options = options or PredictionOptions(receiver=profile.receiver)
     return predict_with(model, room, here, profile, np.atleast_1d(np.asarray(headings, dtype=np.float64)), options)

@@ -70,6 +70,7 @@ def _single_reflections(
 def _nearest_ahead(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
 ) -> PredictedScan:
+    options = replace(options, receiver=options.receiver_of(board, Model.NEAREST))
     scan = _nearest_wall(room, place, _without_blanking(board, options), headings, np.zeros(1))
     return received_by(scan if options.seed is None else _with_errors(scan, options.seed), options)
 
@@ -78,13 +79,14 @@ def _nearest_ahead(
 def _nearest_in_cone(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
 ) -> PredictedScan:
+    options = replace(options, receiver=options.receiver_of(board, Model.CONE))
     cone = np.linspace(-CONE_HALF_ANGLE, CONE_HALF_ANGLE, _CONE_RAYS)
     return received_by(_nearest_wall(room, place, _without_blanking(board, options), headings, cone), options)
 
 
 def _without_blanking(board: Board, options: PredictionOptions) -> Board:
     """Return the board for the two models of nearest walls: with the paper's receiver, it has no blanking."""
-    if options.receiver is Receiver.BOARD:
+    if options.receiver_of(board) is Receiver.BOARD:
         return board
     return replace(board, blanking=0.0, blanking_inhibit=None)
 

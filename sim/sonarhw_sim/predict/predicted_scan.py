@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
+from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import BoolArray, all_meeting_face, sums_of_arrivals, together
 from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.by_heading import standpoints
-from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths
+from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths, turned
 from sonarhw_sim.rays.paths import SLACK, Paths
 from sonarhw_sim.room.model import Place, Room
 
@@ -114,7 +116,7 @@ class PredictedScan:
     def signal_at(self, index: int, duration: float) -> Signal:
         """Return the receive signal at heading `index` for `duration` s from the start of transmission."""
         speed, noise = self.room.air.speed_of_sound, self._noise_at(index)
-        return received(self._arrivals_at(index), self.board, speed, duration, self.receiver, noise)
+        return received(self.sound_at(index), self.board, speed, duration, self.receiver, noise)
 
     def echo_times_at(self, index: int) -> FloatArray:
         """Return all echoes reported at heading `index`, earliest first, (k,) s by the board's clock.
@@ -123,15 +125,55 @@ class PredictedScan:
         """
         if self.receiver is Receiver.BOARD:
             speed = self.room.air.speed_of_sound
-            detected = detect_echoes(self._arrivals_at(index), self.board, speed, self._noise_at(index))
+            detected = detect_echoes(self.sound_at(index), self.board, speed, self._noise_at(index))
             return counted_time(detected.times, self.board)
         distance = self.distances[index : index + 1]
         return np.asarray(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound)
 
+    def first_detected(self) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return time, (n,) s, NaN without an echo, and path, (n,), of the first echo of the board's own receiver."""
+        if self.noise:
+            return self._first_in_noise()
+        speed, every = self.room.air.speed_of_sound, np.arange(len(self.paths))
+        if self.only_at is None:
+            times, rows = first_echoes(self.headings, self._sound(every, self.paths.leaving), self.board, speed)
+            return times, np.append(every, -1)[rows]
+        times, winners = np.full(len(self.headings), np.nan), np.full(len(self.headings), -1, dtype=np.intp)
+        for k, heading in enumerate(self.headings):
+            here, paths = self._present_at(k)
+            senders = heading if self.sender_headings is None else self.sender_headings[here]
+            in_order = np.argsort(self.apparent_lengths[here], kind="stable")
+            sound = self._sound(here[in_order], turned(paths.leaving, heading - senders)[in_order])
+            times[k : k + 1], row = first_echoes(self.headings[k : k + 1], sound, self.board, speed)
+            winners[k] = np.append(here[in_order], -1)[row[0]]
+        return times, winners
+
+    def _first_in_noise(self) -> tuple[FloatArray, NDArray[np.intp]]:
+        found = [self.first_detected_at(k) for k in range(len(self.headings))]
+        times = [one.times[0] if len(one.times) else np.nan for one in found]
+        return np.array(times, dtype=np.float64), np.array([one.winner for one in found], dtype=np.intp)
+
+    def _sound(self, rows: NDArray[np.intp], leaving: FloatArray) -> Sound:
+        """Return the sound along the paths in `rows`, in order of time, which depart along `leaving` (p, 2)."""
+        paths = self.paths.select(rows)
+        blocks = self.only_at is None and self.unit is Unit.BLOCK
+        return Sound(
+            self.apparent_lengths[rows] / self.room.air.speed_of_sound,
+            self._phased(paths),
+            leaving,
+            paths.arriving,
+            paths.points - np.array(self.place.position),
+            self.board.aperture_radius if blocks else 0.0,
+        )
+
+    def _phased(self, paths: Paths) -> ComplexArray:
+        # sound of random phase gets the phase of its length
+        return np.asarray(strengths(self.room, self.board, paths) * np.exp(1j * np.nan_to_num(paths.phases)))
+
     def first_detected_at(self, index: int) -> ReceivedEchoes:
-        """Return the first echo of the board's own receiver at heading `index`; `winner` is a row of `paths`."""
+        """Return the first echo of the board's own receiver, in its noise; `winner` is a row of `paths`."""
         speed, noise = self.room.air.speed_of_sound, self._noise_at(index)
-        detected = detect_first_echo(self._arrivals_at(index), self.board, speed, noise)
+        detected = detect_first_echo(self.sound_at(index), self.board, speed, noise)
         # winner -1, "no path", selects the appended -1
         return replace(detected, winner=int(np.append(self._present_at(index)[0], -1)[detected.winner]))
 
@@ -148,10 +190,10 @@ class PredictedScan:
             return np.zeros(len(paths), dtype=np.bool_)
         return all_meeting_face(paths.points - np.array(self.place.position), heading, self.board.aperture_radius)
 
-    def _arrivals_at(self, index: int) -> Arrivals:
+    def sound_at(self, index: int) -> Arrivals:
+        """Return all sound that arrives at heading `index`, before the effect of the transducer."""
         heading, (here, paths) = float(self.headings[index]), self._present_at(index)
-        # sound of random phase gets the phase of its length
-        amplitudes = strengths(self.room, self.board, paths) * np.exp(1j * np.nan_to_num(paths.phases))
+        amplitudes = self._phased(paths)
         amplitudes[self._meets_face(paths, heading)] = 0.0
         sender_headings = heading if self.sender_headings is None else self.sender_headings[here]
         leaving = paths.leaving[:, 0] * np.cos(sender_headings) + paths.leaving[:, 1] * np.sin(sender_headings)

@@ -15,7 +15,7 @@ from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time
 from sonarhw_sim.board.weighing import beam_table, first_detected, together
-from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.by_heading import HeadingPaths, SensorPair, find_by_heading
 from sonarhw_sim.predict.levels import faintest_kept, is_blanked, loud_enough, path_amplitudes, strengths
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
@@ -37,11 +37,15 @@ class PredictionOptions:
     diffraction: bool = True
     rays: int = RAYS
     edge_strength: EdgeStrength | None = None  # None: that of the board profile
-    receiver: Receiver = Receiver.FIRST_ECHO
+    receiver: Receiver | None = None  # None: that of the board profile
     noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; no effect on the paper's receiver
     seed: int | None = None  # of random numbers; None: 0 for `noise`, and no random range errors
     single: bool = False  # only paths of one reflection or one edge
     sections: int = 1  # number of horizontal sections across the face, for a place with a height
+
+    def receiver_of(self, board: Board, model: Model = Model.RAY_FOLLOWING) -> Receiver:
+        """Return the receiver of a prediction; models of nearest walls have the paper's, unless one is chosen."""
+        return self.receiver or (board.receiver if model.follows_sound else Receiver.FIRST_ECHO)
 
 
 def predict_scan(
@@ -60,16 +64,12 @@ def predict_scan(
 
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
     """Return a scan of the paper's receiver as reported by the receiver of `options`, with their noise."""
-    scan = replace(scan, receiver=options.receiver, noise=options.noise, seed=options.seed or 0)
-    if options.receiver is Receiver.FIRST_ECHO:
+    receiver = options.receiver_of(scan.board)
+    scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0)
+    if receiver is Receiver.FIRST_ECHO:
         return scan
-    winners = np.full(len(scan.headings), -1, dtype=np.intp)
-    distances = np.full(len(scan.headings), np.nan)
-    for k in range(len(scan.headings)):
-        detected = scan.first_detected_at(k)
-        if len(detected.times):
-            winners[k] = detected.winner
-            distances[k] = counted_time(detected.times[0], scan.board) * scan.room.air.speed_of_sound / 2
+    times, winners = scan.first_detected()
+    distances = counted_time(times, scan.board) * scan.room.air.speed_of_sound / 2
     return replace(scan, winners=winners, distances=distances)
 
 

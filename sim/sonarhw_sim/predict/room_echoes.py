@@ -13,7 +13,9 @@ import numpy as np
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Unit
+from sonarhw_sim.board.receiver import counted_time, echo_times
+from sonarhw_sim.board.traces import Signal, received
+from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import (
     PredictionOptions,
@@ -75,9 +77,7 @@ class RoomEchoes:
         """Find the paths and receive one ping, which compiles the kernels. Takes seconds; may run in a thread."""
         _, place, _ = self._truth()
         ping, random = Ping(0.0, 0, 0, _FIRST_LISTEN, trace=True), np.random.default_rng(0)
-        scan = self._scan(place.heading)
-        self._echo_times(scan, ping, random)
-        self._trace(scan, ping, random)
+        self._heard(self._scan(place.heading), ping, random)
         self._ready.set()
 
     def receive(self, ping: Ping) -> PingResult:
@@ -88,9 +88,7 @@ class RoomEchoes:
             return PingResult(())
         microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
         random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))
-        scan = self._scan(heading)
-        times = self._echo_times(scan, ping, random)
-        return PingResult(times, self._trace(scan, ping, random) if ping.trace else None)
+        return self._heard(self._scan(heading), ping, random)
 
     def _truth(self) -> tuple[Room, Place, Paths | None]:
         """Return the actual room and place, and the paths if they are the same at every heading."""
@@ -108,7 +106,8 @@ class RoomEchoes:
         room, place, paths = self._truth()
         if paths is None:
             return self._turned(heading)
-        return weigh_paths(room, place, self._board, np.array([heading]), paths)
+        scan = weigh_paths(room, place, self._board, np.array([heading]), paths)
+        return replace(scan, receiver=self._board.receiver)
 
     def _predict(self, heading: float) -> PredictedScan:
         room, place, _ = self._truth()
@@ -123,7 +122,30 @@ class RoomEchoes:
             room = with_furniture(room, (float(x), float(y)), random)
         return room, replace(place, position=(float(x), float(y)))
 
-    def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
+    def _heard(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> PingResult:
+        if scan.receiver is Receiver.BOARD:
+            signal = self._signal(scan, ping, random)
+            times = self._detected(signal, scan.room.air.speed_of_sound, ping.listen)
+            return PingResult(times, self._trace(signal, random) if ping.trace else None)
+        times = self._first_echo_times(scan, ping, random)
+        return PingResult(times, self._trace(scan.signal_at(0, ping.listen), random) if ping.trace else None)
+
+    def _detected(self, signal: Signal, speed_of_sound: float, listen: float) -> tuple[float, ...]:
+        times = counted_time(echo_times(signal.samples, self._board, speed_of_sound), self._board)
+        return tuple((times[times <= listen] + 2 * self._board.range_offset / speed_of_sound)[:MAX_ECHOES].tolist())
+
+    def _signal(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Signal:
+        """Return the receive signal of the board's own receiver, with the disturbance of each arrival."""
+        arrivals = scan.sound_at(0)
+        count, speed = len(arrivals), scan.room.air.speed_of_sound
+        levels = 10 ** (random.normal(0, self._disturbance.level_db, count) / 20)
+        later = random.normal(0, self._disturbance.timing, count)
+        # the phase of the carrier stays, so that arrivals add up as without the disturbance
+        phasors = np.exp(1j * math.tau * self._board.frequency * later)
+        disturbed = replace(arrivals, times=arrivals.times + later, amplitudes=arrivals.amplitudes * levels * phasors)
+        return received(disturbed, self._board, speed, ping.listen, Receiver.BOARD)
+
+    def _first_echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
         count = len(scan.paths)
         levels, loudest = scan.arrivals_at(0)
         levels += random.normal(0, self._disturbance.level_db, count)
@@ -136,8 +158,8 @@ class RoomEchoes:
                 echoes.append(float(time))
         return tuple(echoes[:MAX_ECHOES])
 
-    def _trace(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Trace:
-        clean = scan.signal_at(0, ping.listen).envelope()
+    def _trace(self, signal: Signal, random: np.random.Generator) -> Trace:
+        clean = signal.envelope()
         noise = np.abs(random.normal(0, self._disturbance.trace_noise, len(clean.samples)))
         return Trace(np.minimum(np.hypot(clean.samples, noise), 1.0), clean.rate, clean.start, clean.carrier)
 

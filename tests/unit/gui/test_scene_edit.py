@@ -93,10 +93,12 @@ def test_a_recording_contains_the_pose_of_the_sensor(scene: Scene, tmp_path: Pat
 
 
 def test_a_log_uses_the_receiver_of_its_board_profile(scene: Scene, tmp_path: Path) -> None:
-    profile = f'{scene.board.text}\nreceiver = "board"\n'
+    profile = scene.board.text.replace('receiver = "board"', 'receiver = "first-echo"')
     log, path = start_recording(tmp_path, replace(scene, board=parse_board(profile, "mine.toml")), warn=print)
     log.close()
-    assert scene_of_log(read_log(path).metadata).options.receiver is Receiver.BOARD
+    read = scene_of_log(read_log(path).metadata)
+    assert read.options.receiver_of(read.board) is Receiver.FIRST_ECHO
+    assert scene.options.receiver_of(scene.board) is Receiver.BOARD
 
 
 def test_the_sensor_cannot_be_inside_a_post(crowded: Scene) -> None:

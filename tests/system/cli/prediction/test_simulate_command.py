@@ -18,6 +18,7 @@ from sonarhw.readings import FloatArray
 
 ROOM = "rooms/simple.toml"
 FIGURE_9 = [ROOM, "--place", "figure9"]
+IDEAL = ["--receiver", "first-echo"]
 
 
 def rows(text: str) -> list[dict[str, str]]:
@@ -90,10 +91,13 @@ def changed_board(path: Path, line: str) -> str:
 
 
 def test_the_receiver_of_the_profile_is_the_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    own = changed_board(tmp_path / "own.toml", 'receiver = "board"')
+    own = tmp_path / "own.toml"
+    shipped = Path("sim/sonarhw_sim/board/shipped/polaroid-6500.toml").read_text()
+    own.write_text(shipped.replace('receiver = "board"', 'receiver = "first-echo"'))
     few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
     answers = []
-    for more in (["--board", own], ["--receiver", "board"], ["--board", own, "--receiver", "first-echo"], []):
+    ideal = ["--board", str(own)]
+    for more in ([], [*ideal, "--receiver", "board"], ["--receiver", "first-echo"], ideal):
         assert run([*few, *more]) == 0
         answers.append(capsys.readouterr().out)
     assert answers[0] == answers[1] != answers[2] == answers[3]
@@ -210,7 +214,7 @@ def test_trace_too_long_for_a_log_is_refused(tmp_path: Path, capsys: pytest.Capt
 
 def test_readings_in_the_near_field_give_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     near = changed_board(tmp_path / "near.toml", "blanking_inhibit = 0.0004")
-    assert run(["simulate", *FIGURE_9, "--board", near, "--from", "270", "--to", "271"]) == 0
+    assert run(["simulate", *FIGURE_9, "--board", near, "--from", "270", "--to", "271", *IDEAL]) == 0
     captured = capsys.readouterr()
     assert float(rows(captured.out)[0]["range_m"]) == pytest.approx(0.085)
     assert captured.err.startswith("sonarhw: warning: 1 reading nearer than 0.106 m")
@@ -253,7 +257,7 @@ def test_existing_file_is_refused_without_force(tmp_path: Path, capsys: pytest.C
         ["simulate", *FIGURE_9, "--rate", "50000"],
         ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "2e6"],
         ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "nan"],
-        ["simulate", *FIGURE_9, "--noise", "0.01"],
+        ["simulate", *FIGURE_9, *IDEAL, "--noise", "0.01"],
         ["simulate", *FIGURE_9, "--receiver", "board", "--noise", "nan"],
         ["simulate", *FIGURE_9, "--sections", "3"],
         ["simulate", *FIGURE_9, "--model", "cone", "--unit", "reflect"],

@@ -127,7 +127,7 @@ def test_keys_choose_a_board_with_its_receiver_and_the_original_board_again(
     board.setFocus()
     qtbot.keyClicks(board, "lego")
     assert edits.scene.board == load_board("lego-nxt")
-    assert edits.scene.options.receiver is edits.scene.board.receiver
+    assert edits.scene.options.receiver_of(edits.scene.board) is edits.scene.board.receiver
     assert edits.labels == ["choosing board lego-nxt"]
     qtbot.keyClick(board, Qt.Key.Key_Home)
     assert edits.scene.board == own

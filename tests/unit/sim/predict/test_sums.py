@@ -62,7 +62,7 @@ def test_path_that_retraces_itself_counts_once(sequence: tuple[str, ...], openin
 def test_reading_is_that_of_the_loudest_of_its_arrival_and_has_the_level_of_the_sum() -> None:
     # an edge 1 mm of path before the wall is over the threshold only because the wall is
     room = room_of([(1.0, -2.0, 1.0, 2.0), (0.9985, 0.05, 0.9985, 2.0)])
-    scan = scan_at(room, 0.0)
+    scan = scan_at(room, 0.0, receiver=Receiver.FIRST_ECHO)
     paths = scan.paths
     assert paths.via(0, room) == ("w1/",)
     assert paths.via(int(scan.winners[0]), room) == ("w0",)
@@ -93,7 +93,8 @@ def test_sound_of_random_phase_adds_by_power_and_the_first_of_equals_is_the_loud
 def test_whole_scan_is_that_of_its_levels() -> None:
     room = load_room("rooms/laboratory.toml")
     headings = np.radians(np.arange(0.0, 360.0, 7.0))
-    scan = predict_scan(room, room.places["bench"], BOARD, headings)
+    options = PredictionOptions(receiver=Receiver.FIRST_ECHO)
+    scan = predict_scan(room, room.places["bench"], BOARD, headings, options)
     for k in range(len(headings)):
         echoes = scan.echoes(k)
         assert scan.winners[k] == (echoes[0].path if echoes else -1)

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import j1
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import EdgeStrength, Model, Unit
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
@@ -350,7 +350,7 @@ def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() ->
     out_of_plan = 0
     for position, height in (((1.53, 1.72), 0.3), ((2.67, 0.7), 0.69), ((1.06, 1.46), 0.52)):
         place = Place("here", position, height=height)
-        options = PredictionOptions(diffraction=False)  # images only
+        options = PredictionOptions(diffraction=False, receiver=Receiver.FIRST_ECHO)  # images only
         scan = predict_scan(room_of(BOX), place, board, headings, options)
         flat = predict_scan(room_of(BOX), replace(place, height=None), board, headings, options)
         exact = first_images(place, board, headings)
@@ -398,7 +398,8 @@ def lobes(x: FloatArray) -> FloatArray:
 
 
 def test_fake_scanner_uses_sections() -> None:
-    room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
+    room = load_room("rooms/doorstep.toml")
+    board = replace(load_board("polaroid-6500"), receiver=Receiver.FIRST_ECHO)  # echoes without delay
     detected = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
         Ping(math.pi / 2, 0, 0, 0.06, False)
     )

@@ -4,6 +4,8 @@ import math
 import re
 
 import pytest
+from sonarhw_sim.choices import Receiver
+from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import parse_room
 
 import sonarhw
@@ -29,5 +31,7 @@ material = "wood"
 )
 def test_the_first_echo_comes_from_the_leg_or_the_top(place: str, range_m: float) -> None:
     (table,) = re.findall(r"```toml\n(.*?)```", (CHECKOUT / "docs/how_to/rooms.md").read_text(), flags=re.DOTALL)
-    scan = sonarhw.predict(parse_room(f'name = "Table"\n{ROOM}{table}', "table.toml"), place, headings=math.pi)
+    room = parse_room(f'name = "Table"\n{ROOM}{table}', "table.toml")
+    options = PredictionOptions(receiver=Receiver.FIRST_ECHO)
+    scan = sonarhw.predict(room, place, headings=math.pi, options=options)
     assert scan.ranges[0] == pytest.approx(range_m, abs=1e-6)
