@@ -139,7 +139,8 @@ class EchoNames:
     def _tip(self, echo: NamedEcho) -> str:
         state = "reported" if echo.first else "detected later" if echo.detectable else "within blanking"
         at = f"{self._look.unit.text(echo.range)}, {echo.time * 1e3:.2f} ms"
-        return f"{echo.via}\n{at}, {echo.level_db:.1f} dB, {state}"
+        level = f"{echo.level_db:.1f} dB" + (", sum of all arrivals within one wavelength" if echo.summed else "")
+        return f"{echo.via}\n{at}, {state}\n{level}"
 
 
 def shortened(via: str, longest: int) -> str:

@@ -50,6 +50,7 @@ class NamedEcho:
     via: str
     detectable: bool  # after blanking
     first: bool  # the echo that the board reports
+    summed: bool  # whether the level is that of all arrivals within one wavelength
 
 
 @dataclass(frozen=True)
@@ -157,4 +158,4 @@ def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable
         # the prediction's levels include the ideal gain
         level += float(stepped_gain_db(np.array([time]), board)[0] - path_loss_db(np.array([length]), board)[0])
     via = ">".join(prediction.paths.via(echo.path, prediction.room))
-    return NamedEcho(time, echo.range, level, via, detectable, first)
+    return NamedEcho(time, echo.range, level, via, detectable, first, board.sum_arrivals)

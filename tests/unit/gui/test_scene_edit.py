@@ -92,13 +92,13 @@ def test_a_recording_contains_the_pose_of_the_sensor(scene: Scene, tmp_path: Pat
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
 
 
-def test_a_log_uses_the_receiver_of_its_board_profile(scene: Scene, tmp_path: Path) -> None:
-    profile = scene.board.text.replace('receiver = "board"', 'receiver = "first-echo"')
+@pytest.mark.parametrize("receiver", Receiver)
+def test_a_log_uses_the_receiver_of_its_board_profile(scene: Scene, tmp_path: Path, receiver: Receiver) -> None:
+    profile = load_board("polaroid-6500").text.replace('receiver = "board"', f'receiver = "{receiver}"')
     log, path = start_recording(tmp_path, replace(scene, board=parse_board(profile, "mine.toml")), warn=print)
     log.close()
     read = scene_of_log(read_log(path).metadata)
-    assert read.options.receiver_of(read.board) is Receiver.FIRST_ECHO
-    assert scene.options.receiver_of(scene.board) is Receiver.BOARD
+    assert read.options.receiver_of(read.board) is receiver
 
 
 def test_the_sensor_cannot_be_inside_a_post(crowded: Scene) -> None:

@@ -67,6 +67,15 @@ def _decimals(figure: str) -> int:
     return len(figure.partition(".")[2])
 
 
+def test_the_tooltip_of_an_echo_says_whether_its_level_is_a_sum(view: TraceView, shown: Shown) -> None:
+    alone = [replace(echo, summed=False) for echo in shown.trace.echoes]
+    for echoes, sums in ((shown.trace.echoes, True), (alone, False)):
+        view.names.draw(echoes, view.names._heights)
+        tips = [point.data() for point in view.names._heads.points()]
+        assert len(tips) >= 3
+        assert all(("dB, sum of all arrivals within one wavelength" in tip) == sums for tip in tips)
+
+
 def test_names_of_echoes_do_not_overlap(view: TraceView) -> None:
     names = [item for item in view.names._items if item.isVisible()]
     assert len(names) >= 3
