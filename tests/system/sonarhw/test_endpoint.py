@@ -10,6 +10,7 @@ import pytest
 
 from sonarhw.device.endpoint import Clock, Endpoint, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.server_ports import TcpServerPort
 from sonarhw.errors import InputError, LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
@@ -209,3 +210,23 @@ def test_a_disconnect_ends_the_conversation() -> None:
             assert client.recv(100)
             assert board.next_event() is not None
         wait_until(lambda: board.next_event() is None)
+
+
+def test_a_port_never_waits_for_its_client() -> None:
+    """With nothing to read, and with a client that reads nothing."""
+    port = TcpServerPort("127.0.0.1:0")
+    sent: list[int | None] = []
+
+    def converse() -> None:
+        assert port.read() == b""  # accepts the client
+        assert port.read() == b""
+        while sent[-1:] != [0]:
+            sent.append(port.write(bytes(65_536)))
+
+    with socket.create_connection(("127.0.0.1", int(port.url.rpartition(":")[2]))):
+        thread = threading.Thread(target=converse, daemon=True)
+        thread.start()
+        thread.join(HANG)
+        assert not thread.is_alive()
+    assert sent[-1] == 0
+    port.close()

@@ -222,3 +222,14 @@ def test_a_mark_is_checked_only_after_an_approach_longer_than_the_backlash(begin
 @pytest.mark.parametrize(("end", "unverified"), [(5.9, 0), (6.1, 1)])
 def test_a_mark_is_checked_only_6_degrees_behind_it(end: float, unverified: int) -> None:
     assert first_unverified(np.radians([-30, end])) == unverified
+
+
+def test_steps_lost_before_the_first_reading_are_an_error_without_angles() -> None:
+    plugged = Plugged(faulty("slip=40@6"))
+    plugged.do(homing())
+    plugged.until(lambda: plugged.now > 6.5, within=10)
+    # the turntable passes the mark at 360° on its way to the first heading
+    with pytest.raises(LostSteps) as error:
+        plugged.do(scanning(StartScan(400_000_000, 1_000_000, 3, 1, 1)))
+    assert "40 microsteps" in str(error.value)
+    assert "kept" not in str(error.value)

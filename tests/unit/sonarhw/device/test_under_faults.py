@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarError
 from sonarhw.host.actions import homing, scanning, turning
 from sonarhw.log import LogWriter, read_log
@@ -148,3 +149,25 @@ def test_a_board_with_faults_sends_no_frame_early() -> None:
             assert now - 0.011 < frame.time_us * 1e-6 <= now + 1e-6
             heartbeats += frame.type == Heartbeat.TYPE
     assert heartbeats in (3, 4)  # one every quarter of a second
+
+
+def occurrences(spec: str, method: str, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the times at which a fault reaches the board within 1000 s."""
+    times: list[float] = []
+    device = faulty(spec)
+    monkeypatch.setattr(FakeBoard, method, lambda _board, _size: times.append(now))
+    for now in np.arange(0.0, 1000.0, 0.05):
+        device.advance(float(now))
+    return times
+
+
+def test_a_repeated_fault_occurs_again_only_after_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = occurrences("wedge=5@~5", "wedge", monkeypatch)
+    apart = np.diff(times)
+    assert apart.min() >= 4.9
+    assert apart.mean() == pytest.approx(10.0, rel=0.25)
+
+
+def test_the_size_of_a_slip_is_not_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = occurrences("slip=500@~5", "slip", monkeypatch)
+    assert np.diff(times).mean() == pytest.approx(5.0, rel=0.25)

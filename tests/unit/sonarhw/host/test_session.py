@@ -258,6 +258,20 @@ def test_stopping_a_scan_while_the_link_is_lost_ends_it() -> None:
     assert scan.result is Outcome.STOPPED
 
 
+def test_stopping_a_waiting_job_while_the_link_is_lost_keeps_the_running_one() -> None:
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    waiting = bench.session.start(turning(Turn(90_000_000)), bench.now)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.pull(2.0)
+    bench.until(lambda: bench.session.state is Connection.LOST)
+    bench.session.stop(waiting, bench.now)
+    assert (waiting.done, waiting.result, scan.done) == (True, Outcome.STOPPED, False)
+    bench.until(lambda: scan.done)
+    check([*scan.readings])
+    assert bench.run(turning(Turn(0))).result is Outcome.DONE
+
+
 def test_the_session_is_moving_only_while_the_turntable_moves() -> None:
     bench = Bench().connect()
     configured = bench.session.start(configuring(TRACES), bench.now)

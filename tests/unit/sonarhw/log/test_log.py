@@ -14,7 +14,7 @@ from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
-from sonarhw.wire.messages import Finished, Hello, Message, Started, StartScan
+from sonarhw.wire.messages import Finished, Hello, Message, ReadingMessage, Started, StartScan
 from sonarhw.wire.reading_messages import reading_message
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
 
@@ -65,6 +65,24 @@ def test_a_log_returns_the_scan_that_was_written(
     for got, wanted in zip(log.readings, written, strict=True):
         fired = max(wanted.time, fired + 1e-6)
         assert_readings_close(got, replace(wanted, time=fired))
+
+
+def test_frames_of_an_encoded_scan_have_the_times_of_a_device(tmp_path: Path) -> None:
+    """A reading is sent when listening ends, and never before an earlier one."""
+    times = [0.5, 0.6, 0.8, 0.7]
+    readings = [replace(example_reading(number), time=time) for number, time in enumerate(times)]
+    write_scan(tmp_path / "scan.mcap", METADATA, readings)
+    log = read_log(tmp_path / "scan.mcap")
+    assert log.settings is not None
+    listen = log.settings.listen_us * 1e-6
+    assert listen > 0
+    sent = [(frame.time - STARTED, decode_block(frame.wire[:-1])) for frame in log.frames]
+    of_readings = [time for time, frame in sent if isinstance(frame, Frame) and frame.type == ReadingMessage.TYPE]
+    # the scan begins with its first reading
+    assert of_readings == pytest.approx([listen, 0.1 + listen, 0.3 + listen, 0.3 + listen], abs=1e-5)
+    assert [time for time, frame in sent if isinstance(frame, Frame)] == pytest.approx(
+        [frame.time_us * 1e-6 for _, frame in sent if isinstance(frame, Frame)], abs=1e-5
+    )
 
 
 def test_traces_are_kept_to_eight_bits(tmp_path: Path) -> None:
