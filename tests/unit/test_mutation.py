@@ -164,6 +164,20 @@ def test_a_test_of_a_kernel_alone_is_among_its_tests_although_no_line_is_recorde
     assert covering.tests("sonarhw/a.py", 7) == ["tests/test_other.py::two"]
 
 
+def test_a_function_with_a_cache_is_tested_by_all_that_use_it(tmp_path: Path) -> None:
+    (tmp_path / "sonarhw").mkdir()
+    (tmp_path / "sonarhw" / "a.py").write_text(
+        "@lru_cache(maxsize=4)\ndef table():\n    return 2\n\n\ndef double():\n    return 2 * table()\n"
+    )
+    data = CoverageData(str(tmp_path / "unit.coverage"))
+    for test, lines in {"tests/a.py::first": [3, 7], "tests/a.py::second": [7], "tests/a.py::other": [9]}.items():
+        data.set_context(f"{test}|run")
+        data.add_lines({str(tmp_path / "sonarhw" / "a.py"): lines})
+    data.write()
+    tests = Covering(tmp_path, tmp_path, ["sonarhw/a.py"]).tests("sonarhw/a.py", 3)
+    assert set(tests[:2]) == {"tests/a.py::first", "tests/a.py::second"}
+
+
 @pytest.mark.parametrize(("hits", "total"), [(0, 10), (85, 100), (300, 300)])
 def test_the_interval_of_a_share_is_that_of_wilson(hits: int, total: int) -> None:
     expected = binomtest(hits, total).proportion_ci(0.95, method="wilson")
