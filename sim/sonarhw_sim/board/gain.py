@@ -52,8 +52,8 @@ def _loss_at_1_m_db(board: Board) -> float:
 def stepped_gain_db(times: FloatArray, board: Board) -> FloatArray:
     """Return the gain of the 6500 at `times` (s by the board's clock), dB, same shape.
 
-    No data sheet states the level of the first step. It is chosen so that the mean difference to the ideal gain between
-    the first and the last step is zero.
+    A resistor sets the level of the first step (TL852 data sheet, Texas Instruments SLSS003), so it differs between
+    boards. It is chosen so that the mean difference to the ideal gain between the first and the last step is zero.
     """
     steps = np.searchsorted(np.array(board.gain_steps), times, side="right")
     return np.asarray(_first_gain_db(board) + board.gain_step_db * steps)
