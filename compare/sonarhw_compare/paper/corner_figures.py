@@ -1,8 +1,10 @@
 """Figures 10 to 13: the corner of two boxes in open space, with an obtuse and with a right angle."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
+from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,6 +22,9 @@ OBLIQUE = PaperScene("oblique_corner", "near", (-60.0, 63.0, 3.0))
 OBLIQUE_FAR = replace(OBLIQUE, place="far")
 RIGHT = PaperScene("right_corner", "figure12", (-30.0, 123.0, 3.0))
 RIGHT_NEARER = replace(RIGHT, place="figure13")
+Parts: TypeAlias = tuple[tuple[str, ...], ...]  # the paths of neighbouring readings, by heading; (): silence
+_RIGHT_PARTS: Parts = (("right",), (), ("upper", "right"), (), ("upper",))
+_OBLIQUE_PARTS: Parts = (("lower",), (), ("upper",))
 
 
 def walls_do_not_meet(scene: PaperScene = OBLIQUE) -> Claim:
@@ -59,6 +64,11 @@ def lower_is_seen_behind_upper(scene: PaperScene = OBLIQUE) -> Claim:
     )
 
 
+def oblique_almost_unchanged(scene: PaperScene = OBLIQUE_FAR, nearer: PaperScene = OBLIQUE) -> Claim:
+    """Check that the walls and the silence between them are almost as wide from a nearer place."""
+    return _unchanged(scene, nearer, _OBLIQUE_PARTS)
+
+
 def oblique_walls_are_lost_off_the_axis(scene: PaperScene = OBLIQUE) -> Claim:
     """Check that no wall returns an echo beyond the critical angle."""
     return _lost_beyond_the_critical_angle(scene, (("upper",), ("lower",)))
@@ -79,26 +89,29 @@ def corner_is_a_tangential_wall(scene: PaperScene = RIGHT) -> Claim:
 
 def hole_at_each_side(scene: PaperScene = RIGHT) -> Claim:
     """Check that there is silence between the corner and each wall."""
-    seen = _shape(scene)
-    found = f"{seen.before} silent headings before it, {seen.after} after it" if seen else "no corner between two walls"
+    seen = _widths(scene, _RIGHT_PARTS)
+    found = f"{seen[1]} silent headings before it, {seen[3]} after it" if seen else "no corner between two walls"
     return Claim("with one hole on each side", found, seen is not None)
 
 
 def almost_unchanged_from_nearer(scene: PaperScene = RIGHT, nearer: PaperScene = RIGHT_NEARER) -> Claim:
-    """Check that the picture is almost the same from a nearer place."""
-    first, second = _shape(scene), _shape(nearer)
+    """Check that corner and holes are almost as wide from a nearer place."""
+    return _unchanged(scene, nearer, _RIGHT_PARTS)
+
+
+def _unchanged(scene: PaperScene, nearer: PaperScene, parts: Parts) -> Claim:
+    first, second = _widths(scene, parts), _widths(nearer, parts)
     if first is None or second is None:
         return Claim(_UNCHANGED, "no corner between two walls", False)
     moved = math.dist(scene.scan.place.position, _vertex(scene)) - math.dist(
         nearer.scan.place.position, _vertex(nearer)
     )
-    step = scene.degrees[2]
-    wide = (first.corner * step, second.corner * step)
+    names = [" > ".join(via) or "silence" for via in parts]
+    before, after = (", ".join(f"{name} {wide}" for name, wide in zip(names, w, strict=True)) for w in (first, second))
     return Claim(
         _UNCHANGED,
-        f"{moved:.3f} m nearer: the corner's wall {wide[0]:g}° and {wide[1]:g}° wide, the holes "
-        f"{first.before} and {first.after}, then {second.before} and {second.after} headings",
-        moved > 0.3 and first.differs_from(second) <= 1,
+        f"{moved:.3f} m nearer; headings of each part: {before}; then {after}",
+        moved > 0.3 and largest_difference(first, second) <= 1,
     )
 
 
@@ -110,30 +123,19 @@ def right_walls_are_lost_off_the_axis(scene: PaperScene = RIGHT) -> Claim:
     return _lost_beyond_the_critical_angle(scene, (("upper",), ("right",), ("upper", "right")))
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """A corner between two holes, in headings."""
-
-    before: int
-    corner: int
-    after: int
-
-    def differs_from(self, other: "_Shape") -> int:
-        """Return the largest difference of the three parts."""
-        return max(abs(self.before - other.before), abs(self.corner - other.corner), abs(self.after - other.after))
-
-
-def _shape(scene: PaperScene) -> _Shape | None:
-    """Return the sizes of hole, corner, hole between two walls; None if the readings have another shape."""
+def _widths(scene: PaperScene, parts: Parts) -> list[int] | None:
+    """Return the number of headings of each part, in order; None if the readings have other parts."""
     runs = [(via, len(list(run))) for via, run in groupby(reading.via for reading in scene.readings)]
     while runs and runs[0][0] == ():
         runs.pop(0)
     while runs and runs[-1][0] == ():
         runs.pop()
-    paths = [via for via, _ in runs]
-    if paths != [("right",), (), ("upper", "right"), (), ("upper",)]:
-        return None
-    return _Shape(runs[1][1], runs[2][1], runs[3][1])
+    return [wide for _, wide in runs] if tuple(via for via, _ in runs) == parts else None
+
+
+def largest_difference(first: Sequence[int], second: Sequence[int]) -> int:
+    """Return the largest difference of two widths of the same part."""
+    return max(abs(one - other) for one, other in zip(first, second, strict=True))
 
 
 def _corner(scene: PaperScene) -> list[PredictedReading]:
@@ -225,7 +227,12 @@ EXHIBITS = (
         "box extends behind the upper one.",
         (OBLIQUE, OBLIQUE_FAR),
         _draw_oblique,
-        (walls_do_not_meet, lower_is_seen_behind_upper, oblique_walls_are_lost_off_the_axis),
+        (
+            walls_do_not_meet,
+            lower_is_seen_behind_upper,
+            oblique_almost_unchanged,
+            oblique_walls_are_lost_off_the_axis,
+        ),
     ),
     Exhibit(
         "figure12_13",

@@ -26,19 +26,21 @@ ROBOT = replace(FIGURE_9, place="0.574,0.237", board="paper-b12", reach=2.0)
 _HEIGHT = 0.742  # m, of the room
 _NEAR_CIRCLE = 0.005  # m beyond blanking
 _VERY_CLOSE = 0.6  # m
+_WAVE = 0.05  # m: how far a corner must be behind the wall
 
 
 def very_close_at_the_right(scene: PaperScene = FIGURE_7) -> Claim:
-    """Check that sound travels between the right wall and the face until blanking ends."""
+    """Check for very close readings over a span of headings, by sound between the right wall and the face."""
     reading = scene.at(0.0)
     wall, face = reading.via.count("right"), reading.via.count("unit")
     around = _within(scene, 15.0)
     close = [distance for distance in ranges(around) if distance < _VERY_CLOSE]
     return Claim(
         'on the right the unit reads "very close", where the paper\'s simulation returned infinity',
-        f"{_metres(reading)} at 0°: the wall, 94 mm away, {wall} times and the unit's face {face} times; very close at "
-        f"{len(close)} of the {len(around)} headings within 15°, because an oblique face reflects the sound sideways",
-        reading.range is not None and reading.range < _VERY_CLOSE and face > 0 and wall == face + 1,
+        f"{_metres(reading)} at 0°: the wall {wall} times and the unit's face {face} times; very close at {len(close)} "
+        f"of the {len(around)} headings within 15°: our face is a mirror, which reflects the sound sideways when it is "
+        "turned, and a real face, 5.5 wavelengths wide, also spreads it",
+        len(close) > len(around) / 2 and wall == face + 1,
     )
 
 
@@ -61,20 +63,30 @@ def circle_of_minimum_range(scene: PaperScene = FIGURE_7_BOARD) -> Claim:
 
 def far_wall_is_wavy(scene: PaperScene = FIGURE_8) -> Claim:
     """Check for two corners and the wall between them."""
-    upper, wall, lower = (
-        scene.readings_via("top", "left"),
-        scene.readings_via("left"),
-        scene.readings_via("bottom", "left"),
+    return Claim("the far wall is wavy: two corners, and the wall between them", *_wave(scene))
+
+
+def far_wall_is_wavy_again(scene: PaperScene = FIGURE_9) -> Claim:
+    """Check for the same wave from a place beside the lower wall."""
+    found, wavy = _wave(scene)
+    beside = scene.scan.place.position[1]
+    why = "" if wavy else f"; the lower wall is only {beside * 1000:.0f} mm aside, so that corner hardly stands back"
+    return Claim("the far wall is wavy again", found + why, wavy)
+
+
+def _wave(scene: PaperScene) -> tuple[str, bool]:
+    """Return the readings of two corners and the far wall between them, and whether both corners are behind it."""
+    parts = [scene.readings_via(*via) for via in (("top", "left"), ("left",), ("bottom", "left"))]
+    if not all(parts):
+        return "one of its three parts is not detected", False
+    upper, wall, lower = (ranges(part)[0] for part in parts)
+    found = "; ".join(f"{ranges(part)[0]:.3f} m over {span(part)}" for part in parts)
+    behind = (upper - wall, lower - wall)
+    in_order = parts[0][-1].degrees < parts[1][0].degrees and parts[1][-1].degrees < parts[2][0].degrees
+    return (
+        f"{found}: the corners are {behind[0] * 1000:.0f} and {behind[1] * 1000:.0f} mm behind the wall",
+        in_order and min(behind) > _WAVE,
     )
-    if not (upper and wall and lower):
-        return Claim(_WAVY, "one of its three parts is not detected", False)
-    parts = [(part, ranges(part)[0]) for part in (upper, wall, lower)]
-    found = "; ".join(f"{distance:.3f} m over {span(part)}" for part, distance in parts)
-    in_order = upper[-1].degrees < wall[0].degrees and wall[-1].degrees < lower[0].degrees
-    return Claim(_WAVY, found, in_order and min(parts[0][1], parts[2][1]) > parts[1][1] + 0.05)
-
-
-_WAVY = "the far wall is wavy: two corners, and the wall between them"
 
 
 def nothing_near_at_the_right(scene: PaperScene = FIGURE_8) -> Claim:
@@ -222,6 +234,12 @@ EXHIBITS = (
         "also 85 mm from the lower wall when it points there.",
         (FIGURE_9, ROBOT),
         _draw_9,
-        (upper_wall_is_true, lower_wall_is_false, corridor_of_twice_the_width, body_removes_the_false_wall),
+        (
+            upper_wall_is_true,
+            far_wall_is_wavy_again,
+            lower_wall_is_false,
+            corridor_of_twice_the_width,
+            body_removes_the_false_wall,
+        ),
     ),
 )

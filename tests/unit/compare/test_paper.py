@@ -47,7 +47,6 @@ BROKEN: list[Callable[[], Claim]] = [
         theirs=replace(single_reflections.RAY_FOLLOWING, model=Model.NEAREST),
     ),
     partial(single_reflections.several_reflections_are_missing, theirs=single_reflections.RAY_FOLLOWING),
-    partial(simple_room.very_close_at_the_right, simple_room.FIGURE_8),
     partial(simple_room.circle_of_minimum_range, simple_room.FIGURE_8),
     partial(simple_room.far_wall_is_wavy, simple_room.FIGURE_9),
     partial(simple_room.nothing_near_at_the_right, replace(simple_room.FIGURE_8, unit=Unit.PASS)),
@@ -57,6 +56,7 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(simple_room.body_removes_the_false_wall, simple_room.FIGURE_9),
     partial(corners.walls_do_not_meet, corners.RIGHT),
     partial(corners.lower_is_seen_behind_upper, replace(corners.OBLIQUE, place="0.3,-0.3")),
+    partial(corners.oblique_almost_unchanged, nearer=replace(corners.OBLIQUE, place="0.15,0.3")),
     partial(corners.oblique_walls_are_lost_off_the_axis, replace(corners.OBLIQUE, model=Model.NEAREST)),
     partial(corners.corner_is_a_tangential_wall, replace(corners.RIGHT, model=Model.KUC_SIEGEL)),
     partial(corners.hole_at_each_side, replace(corners.RIGHT, board="hc-sr04")),
@@ -70,12 +70,18 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(corridor.errors_are_correlated_between_places, NEAREST_WITH_NOISE),
 ]
 
+# each claim that the model does not show, with a scene for which it is true
+NOT_SHOWN: list[Callable[[], Claim]] = [
+    partial(simple_room.very_close_at_the_right, replace(simple_room.FIGURE_7, place="0.45,0.345")),
+    partial(simple_room.far_wall_is_wavy_again, simple_room.FIGURE_8),
+]
+
 
 @pytest.mark.parametrize(("figure", "claim"), CLAIMS, ids=lambda value: getattr(value, "__name__", value))
-def test_the_figure_shows_what_the_paper_says(figure: str, claim: Callable[[], Claim]) -> None:
+def test_the_page_tells_whether_the_figure_shows_what_the_paper_says(figure: str, claim: Callable[[], Claim]) -> None:
     shown = claim()
-    assert shown.holds, f"{figure}: {shown.says}: {shown.measured}"
-    assert f"| {shown.says} | {shown.measured} | yes |\n" in PAGE
+    assert shown.holds == (claim not in _claims_of(NOT_SHOWN)), f"{figure}: {shown.says}: {shown.measured}"
+    assert f"| {shown.says} | {shown.measured} | {'yes' if shown.holds else '**no**'} |\n" in PAGE
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.func.__name__)
@@ -84,8 +90,18 @@ def test_a_claim_fails_for_another_scene(broken: Callable[[], Claim]) -> None:
     assert not shown.holds, shown.measured
 
 
+@pytest.mark.parametrize("claim", NOT_SHOWN, ids=lambda claim: claim.func.__name__)
+def test_a_claim_that_the_model_does_not_show_holds_for_another_scene(claim: Callable[[], Claim]) -> None:
+    shown = claim()
+    assert shown.holds, shown.measured
+
+
 def test_every_claim_is_tested_with_another_scene() -> None:
-    assert {broken.func for broken in BROKEN} == {claim for _, claim in CLAIMS}  # type: ignore[attr-defined]
+    assert _claims_of(BROKEN) | _claims_of(NOT_SHOWN) == {claim for _, claim in CLAIMS}
+
+
+def _claims_of(scenes: list[Callable[[], Claim]]) -> set[Callable[[], Claim]]:
+    return {scene.func for scene in scenes}  # type: ignore[attr-defined]
 
 
 def test_robot_without_its_body_detects_the_false_wall_again() -> None:
@@ -102,15 +118,10 @@ def test_single_readings_must_all_be_in_the_other_model() -> None:
     assert not shown.holds
 
 
-def test_two_shapes_differ_by_the_largest_difference_of_their_parts() -> None:
-    shape = corners._Shape(5, 6, 7)
-    for other, apart in (
-        (shape, 0),
-        (corners._Shape(3, 6, 7), 2),
-        (corners._Shape(5, 9, 6), 3),
-        (corners._Shape(4, 6, 11), 4),
-    ):
-        assert shape.differs_from(other) == other.differs_from(shape) == apart
+def test_widths_differ_by_the_largest_difference_of_their_parts() -> None:
+    widths = (5, 6, 7)
+    for other, apart in (((5, 6, 7), 0), ((3, 6, 7), 2), ((5, 9, 6), 3), ((4, 6, 11), 4)):
+        assert corners.largest_difference(widths, other) == corners.largest_difference(other, widths) == apart
 
 
 def test_correlation_of_random_noise_is_small() -> None:
