@@ -242,6 +242,18 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         ("self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1) → pass",),
         "the same bytes a little later",
     ),
+    (
+        "compare/sonarhw_compare/paper/simple_room_figures.py",
+        "parts = [(part, ranges(part)[0]) for part in (upper, wall, lower)]",
+        ("0 → (1)", "0 → (-1)"),
+        "all readings of one path from one place have the same range",
+    ),
+    (
+        "compare/sonarhw_compare/fit/likelihood/echo_likelihood.py",
+        "break",
+        ("break → continue",),
+        "all paths after this one are too long, too",
+    ),
 ]
 _KNOWN = {(path, text, change) for path, text, changes, _ in _EQUIVALENTS for change in changes}
 

@@ -144,7 +144,8 @@ def _mutable(node: ast.AST, drawing: bool = False) -> Iterator[ast.expr | ast.st
     if isinstance(node, _UNCHANGED) or _is_type_checking(node) or _is_appearance(node) or _is_seed(node):
         return
     # a figure in a function that draws is a size or a place on the paper, and a choice of words is an alignment
-    if drawing and isinstance(node, ast.Constant) and not isinstance(node.value, bool):
+    figure = node.operand if isinstance(node, ast.UnaryOp) else node
+    if drawing and isinstance(figure, ast.Constant) and not isinstance(figure.value, bool):
         return
     if drawing and isinstance(node, ast.IfExp) and _is_text(node.body):
         return

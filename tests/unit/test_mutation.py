@@ -62,7 +62,9 @@ def test_large_numbers_change_much_and_tolerances_for_rounding_errors_do_not_cha
 
 
 def test_sizes_of_a_picture_are_not_changed_but_its_data_are() -> None:
-    source = b"def draw(axes: Axes, x: list[float]) -> None:\n    show(axes, 3)\n    axes.plot(x)\n    y = x[0] + 2\n"
+    source = (
+        b"def draw(axes: Axes, x: list[float]) -> None:\n    show(axes, 3)\n    axes.plot(x)\n    y = x[0] + 2, -3\n"
+    )
     assert [mutant.after for mutant in mutants_of("a.py", source)] == ["(x[0] - 2)"]
 
 

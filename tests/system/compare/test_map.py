@@ -133,8 +133,17 @@ def test_a_wall_behind_a_wall_is_an_image() -> None:
 
 @pytest.mark.parametrize(
     ("x", "behind", "possible"),
-    [(0.45, 1.0, True), (0.45, 0.05, False), (0.45, -0.4, False), (1.5, 1.0, False)],
-    ids=["seen through", "at the wall", "before the wall", "beside the wall"],
+    [
+        (0.45, 1.0, True),
+        (0.06, 1.0, True),
+        (0.04, 1.0, False),
+        (0.84, 1.0, True),
+        (0.86, 1.0, False),
+        (0.45, 0.11, True),
+        (0.45, 0.09, False),
+        (0.45, -0.4, False),
+        (1.5, 1.0, False),
+    ],
 )
 def test_a_wall_through_which_a_scan_detects_echoes_is_possible_only(x: float, behind: float, possible: bool) -> None:
     centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]

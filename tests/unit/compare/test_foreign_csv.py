@@ -21,6 +21,7 @@ def written(folder: Path, header: str) -> Path:
         ("time_s,heading_deg,range_m", CsvColumns("heading_deg", "range_m", "time_s"), 1.0),
         ("t,Angle,Distance (mm)", CsvColumns("Angle", "Distance (mm)", "t"), 0.001),
         ("n,deg,cm", CsvColumns("deg", "cm"), 0.01),
+        ("max_range,angle,range_min,distance_min", CsvColumns("angle", "range_min"), 1.0),
         ("n,bearing,range", CsvColumns("bearing", "range"), 1.0),
     ],
 )

@@ -17,6 +17,7 @@ from sonarhw_compare.paper import plate_figures as plates
 from sonarhw_compare.paper import ray_figures as rays
 from sonarhw_compare.paper import simple_room_figures as simple_room
 from sonarhw_compare.paper import single_reflection_figures as single_reflections
+from sonarhw_compare.paper.drawing import label_walls, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_sim.choices import Model, Unit
 
@@ -155,3 +156,18 @@ def test_pulses_of_the_beam_figure_last_as_long_as_the_burst_and_the_delay_acros
         heard = times[np.abs(pressure - pressure[0]) > 1e-6]
         across = 2 * 0.0192 * np.sin(np.radians(degrees)) / 343.2
         assert np.ptp(heard) == pytest.approx(1e6 * (16 / 49_412 + across), abs=1.0)
+
+
+def test_names_stand_along_their_walls_on_the_side_away_from_the_sensor() -> None:
+    scene = simple_room.FIGURE_9
+    room, sensor = scene.scan.room, np.array(scene.scan.place.position)
+    axes = sheet(4, 3).add_subplot()
+    label_walls(axes, scene, ("top", "left", "bottom"))
+    for text, name in zip(axes.texts, ("top", "left", "bottom"), strict=True):
+        start, end = room.walls[room.names.index(name)].reshape(2, 2)
+        assert text.get_text() == name
+        away, along = np.array(text.xyann), end - start  # type: ignore[attr-defined]
+        assert away @ ((start + end) / 2 - sensor) > 0
+        assert away @ along == pytest.approx(0.0, abs=1e-9)
+        turned = np.radians(text.get_rotation())
+        assert abs(np.cos(turned) * along[1] - np.sin(turned) * along[0]) < 1e-6

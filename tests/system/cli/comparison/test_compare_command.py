@@ -1,10 +1,13 @@
 """`sonarhw compare`: JSON with every reading, warnings, and scans from coordinates."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
+
+from sonarhw.log import read_log
 
 ROOM = "rooms/simple.toml"
 
@@ -127,6 +130,9 @@ def test_report_fits_like_compare_and_shows_the_temperature_of_the_ranges(
     assert f"<td>{figures['offset_m'] * 1000:+.1f} mm</td>" in text
     assert "heading in steps of 0.5°; offset within 60 mm in steps of 5 mm" in text
     assert "<td>temperature for this speed</td><td>31.0 °C</td>" in text
+    # the thermometer of the fake scanner, about the 20 °C of the room
+    (measured,) = {round(one.temperature_c or math.nan, 1) for one in read_log(scan).readings}
+    assert f"<td>thermometer</td><td>{measured:.1f} °C</td>" in text
     assert run(["report", scan, "--fit", "colour", "--out", str(page), "--force"]) == 2
     assert "fit colour: unknown" in capsys.readouterr().err
 

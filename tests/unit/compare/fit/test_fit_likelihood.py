@@ -193,6 +193,28 @@ def objective_of(
     return problem.near(problem.start())
 
 
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [("reflectances", 0.7), ("threshold", -37.5), ("offset", 0.01), ("aperture", 0.018), ("heading", 0.1)],
+)
+def test_a_likelihood_does_not_depend_on_the_values_at_which_paths_were_searched(word: str, value: float) -> None:
+    headings = np.radians(np.arange(0.0, 360.0, 6.0))
+    scan = predict_scan(ARENA, Place("", HERE), BOARD, headings)
+    readings = [
+        Reading(k, 0, 0, float(heading), 0.0, () if math.isnan(one) else (2 * one / 343.0,), 343.0)
+        for k, (heading, one) in enumerate(zip(headings, scan.ranges.tolist(), strict=True))
+    ]
+    free = free_parameters((word,), [""], ARENA, BOARD)
+    options = PredictionOptions(max_bounces=3, receiver=Receiver.FIRST_ECHO)
+    problem = make_problem([PlacedScan(readings, Place("", HERE))], ARENA, BOARD, free, options, False)
+    start = problem.start()
+    other = start.copy()
+    other[: len(free)] = value
+    here, there = problem.near(start), problem.near(other)
+    assert here(other) == pytest.approx(there(other), abs=0.3)
+    assert abs(here(other) - here(start)) > 1.0
+
+
 NOISE = ReadingNoise(0.004, 1.0, 0.05, 0.02, 0.05)
 
 

@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood.objective import Objective, Problem
-from sonarhw_compare.fit.search.refine import climb, covariance_of, directions_of, widths_of
+from sonarhw_compare.fit.search.refine import climb, covariance_of, directions_of, refined, widths_of
 from sonarhw_compare.fit.search.ridges import underestimated
 
 from sonarhw.readings import FloatArray
@@ -79,6 +79,21 @@ def test_a_climb_ends_at_the_maximum_within_the_bounds() -> None:
     bounded = Normal(lower=off_top(1.0, -1e3, -1e3))
     expected = off_top(1.0, *(COVARIANCE[1:, 0] / COVARIANCE[0, 0]))
     assert climb(bounded.objective, off_top(2.0, 1.0, 0.3), ALL, 30) == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("away", [3.0, -3.0])
+def test_paths_are_searched_again_until_the_sensor_moves_less_than_half_a_step(away: float) -> None:
+    """The climb ends at the maximum at once, so the second search of each stage is the last."""
+    target = Normal()
+    moving, still = (SimpleNamespace(quantity=SimpleNamespace(moves_paths=moves)) for moves in (True, False))
+    target.problem.parameters, target.problem.noises = (moving, still, still), ()
+    target.problem.near = lambda _values, _prediction: target
+    target.problem.with_noise = lambda values, _noise: values
+    ticks: list[None] = []
+    found = refined(cast(Problem, target.problem), off_top(away, 0.0, 0.0), tick=lambda: ticks.append(None))
+    assert found == pytest.approx(TOP, abs=0.05)
+    # three stages, of which only the first moves
+    assert len(ticks) == 2 + 1 + 1
 
 
 def test_a_climb_changes_only_what_is_movable() -> None:

@@ -9,6 +9,7 @@ from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit.plain_fit import Fit, all_round, best_agreement, fit_scan
 from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import load_room
 
@@ -106,6 +107,12 @@ def test_other_classes_are_explained() -> None:
     assert sentence(90, None) == "no echo at 90.0°: the model predicts 0.657 m by one reflection, top"
     assert sentence(90, 0.5).startswith("0.500 m at 90.0°: nearer than the model's 0.657 m by one reflection, top;")
     assert "a later echo, " in sentence(90, 1.399)
+
+
+def test_a_reading_of_the_model_that_is_noise_has_no_path() -> None:
+    comparison = compare_readings([reading(0, math.pi / 2, 0.5)], ROOM, PLACE, PAPER)
+    noise = replace(comparison.prediction, winners=np.array([-1]), receiver=Receiver.BOARD)
+    assert "no path: noise, or the board's own burst" in explain_reading(replace(comparison, prediction=noise), 0)
 
 
 def test_a_sentence_mentions_small_margins() -> None:

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
 from sonarhw_compare.report import report_pictures
-from sonarhw_compare.report.report_pictures import CLASSES, plan_svg, ranges_svg
+from sonarhw_compare.report.report_pictures import CLASSES, bscan_png, plan_svg, ranges_svg
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, Trace
 
 ROOM = load_room("rooms/simple.toml")
 PLACE = ROOM.places["figure9"]
@@ -103,3 +103,30 @@ def test_the_plan_has_the_points_in_the_room_and_counts_those_outside(
     outside = ((drawn_points < low) | (drawn_points > high)).any(axis=1).sum()
     assert 0 < outside < len(drawn_points) == len(comparison.rows)
     assert axes.get_title(loc="right") == f"{outside} of {len(comparison.rows)} are outside this plan"
+
+
+def test_measured_traces_are_drawn_above_predicted_ones_on_the_same_scale(
+    drawn: Callable[[Callable[[Comparison], bytes | None], Comparison], Figure],
+) -> None:
+    """Traces every 90°, each with one echo; the rest of the circle has none."""
+    angles, rate = np.radians([0.0, 90.0, 180.0, 270.0]), 50_000.0
+    readings = []
+    for number, angle in enumerate(angles):
+        samples = np.zeros(600)
+        samples[200 + 100 * number] = 0.5
+        trace = Trace(samples, rate, 0.0)
+        readings.append(Reading(number, 0, 0, float(angle), 0.0, (0.004,), SPEED, trace=trace))
+    comparison = compare_readings(readings, ROOM, PLACE, BOARD, heading=0.0)
+    measured, predicted, bar = drawn(bscan_png, comparison).axes
+    reach = 600 / rate * SPEED / 2
+    for axes in (measured, predicted):
+        (image,) = axes.images
+        assert image.get_extent() == pytest.approx((0.0, 360.0, 0.0, reach), rel=0.01)
+        assert image.get_clim()[1] == 0.0
+    assert bar.get_ylabel() == "dB of full scale"
+    levels = np.ma.filled(measured.images[0].get_array(), np.nan)
+    for number, degrees in enumerate((0.5, 90.0, 180.0, 270.0)):
+        column = levels[:, int(degrees / 360 * levels.shape[1])]
+        loudest = (np.nanargmax(column) + 0.5) / len(column) * reach
+        assert loudest == pytest.approx((200 + 100 * number) / rate * SPEED / 2, abs=0.02)
+        assert np.nanmax(column) == pytest.approx(20 * math.log10(0.5), abs=0.01)

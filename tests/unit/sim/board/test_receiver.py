@@ -248,6 +248,13 @@ def lowest_level(board: Board) -> float:
     return high
 
 
+def test_without_an_echo_there_is_no_winner() -> None:
+    silent = detect_echoes(walls((2.0, -200.0), (3.0, -200.0)), LEVEL, SPEED)
+    assert (len(silent.times), silent.winner) == (0, -1)
+    loud = detect_echoes(walls((2.0, -200.0), (3.0, -20.0)), LEVEL, SPEED)
+    assert (len(loud.times), loud.winner) == (1, 1)
+
+
 def test_pulses_are_summed_after_the_gain_within_a_window() -> None:
     """Three pulses of two samples in four samples of gain; the window begins at the second sample."""
     some = np.array([[1.0, 2j], [3.0, 4.0], [5.0, 6.0]], np.complex128)

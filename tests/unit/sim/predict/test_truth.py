@@ -62,6 +62,20 @@ def test_noise_differs_between_sweeps_and_seeds() -> None:
     assert ping(source, 90) != ping(RoomEchoes(ROOM, PLACE, BOARD, seed=5), 90)
 
 
+def test_noise_differs_between_headings_and_repeats_after_a_turn() -> None:
+    """Timing alone is disturbed; the error of a reading is its echo minus that of the exact source."""
+    exact = RoomEchoes(ROOM, PLACE, BOARD, disturbance=EXACT)
+    noisy = RoomEchoes(ROOM, PLACE, BOARD, seed=4, disturbance=replace(EXACT, timing=1e-5))
+
+    def error(degrees: float) -> float:
+        return ping(noisy, degrees).echo_times[0] - ping(exact, degrees).echo_times[0]
+
+    errors = [error(degrees) for degrees in range(60, 120, 2)]
+    assert len({round(one, 12) for one in errors}) == len(errors)
+    assert 3e-6 < np.std(errors) < 3e-5
+    assert error(90.0 + 360.0) == pytest.approx(error(90.0), abs=1e-12)
+
+
 def test_disturbed_ranges_are_near_the_prediction_but_not_equal() -> None:
     source = RoomEchoes(ROOM, PLACE, BOARD, seed=2)
     distances = [ping(source, 90, sweep).echo_times[0] * 343.987 / 2 for sweep in range(5)]

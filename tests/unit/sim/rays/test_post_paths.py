@@ -70,6 +70,15 @@ def test_every_path_by_a_post_is_found_and_no_other(seed: int) -> None:
         assert paths[sequence] == pytest.approx(expected[sequence], abs=1e-6)
 
 
+def test_all_edges_are_reached_by_way_of_a_post() -> None:
+    """Each end of four walls, none of which blocks another, with a post beside the sensor."""
+    walls = np.array([[2.0, -2.0, 2.0, -1.0], [2.0, -0.5, 2.0, 0.5], [2.0, 1.0, 2.0, 2.0], [2.0, 2.5, 2.0, 3.0]])
+    room = scene(walls, np.array([[-0.5, 0.1, 0.2]]))
+    paths = find_paths(room, HERE, PathSearch(12.0, WAVELENGTH, max_bounces=2, faintest_diffraction=1e-9))
+    by_post = [k for k in range(len(paths)) if (paths.surfaces[k] == len(walls)).any() and paths.edges[k] >= 0]
+    assert {int(paths.edges[k]) for k in by_post} == set(range(8))
+
+
 @pytest.mark.parametrize("distance", [3.0, 8.0])
 def test_a_wire_is_heard_at_every_bearing(distance: float) -> None:
     # a fan of rays alone passes 38 to 68 % of these
