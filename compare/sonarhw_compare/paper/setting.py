@@ -40,6 +40,7 @@ class PaperScene:
     model: Model = Model.RAY_FOLLOWING
     edge_strength: EdgeStrength | None = None  # None: that of the board
     seed: int | None = None
+    noise: float = 0.0  # of the trace, root mean square; 1 is full scale
     reach: float | None = None  # largest range, m; None: that of the board
 
     @property
@@ -70,6 +71,8 @@ class PaperScene:
             words.append(f"--seed {self.seed}")
         if self.reach is not None:
             words.append(f"  # here only to {self.reach:g} m")
+        if self.noise:
+            words.append(f"  # here with noise of {self.noise:g} in the trace")
         return " ".join(words)
 
     def at(self, degrees: float) -> PredictedReading:
@@ -89,7 +92,11 @@ def _scan(scene: PaperScene) -> PredictedScan:
     start, stop, step = scene.degrees
     order = ScanOrder(math.radians(start), math.radians(step), headings_between(start, stop, step))
     options = PredictionOptions(
-        unit=scene.unit, edge_strength=scene.edge_strength, receiver=scene.receiver, seed=scene.seed
+        unit=scene.unit,
+        edge_strength=scene.edge_strength,
+        receiver=scene.receiver,
+        noise=scene.noise,
+        seed=scene.seed,
     )
     return predict_with(scene.model, room, room.place(scene.place), board, order.angles(), options)
 
