@@ -31,7 +31,7 @@ RISE_CYCLES = 1.5
 OWN_BURST_DB = 12.0  # dB over full scale
 # REC needs 3 to 16 cycles (from memory), and a barely detected echo is some 45 mm later than a strong one: about 8
 INTEGRATION_CYCLES = 8.0
-GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; no data sheet states it
+GAIN_STEP_DB = 4.0  # assumed: 44 dB for a wall from 0.41 to 6.5 m in 11 steps
 _CHIRP_REACH = 30e3  # Hz; signals contain 60 kHz to each side of the carrier (sonarhw_sim.board.burst)
 REARM = 0.44e-3  # s, shortest time for which BLNK is high (6500 data sheet)
 
