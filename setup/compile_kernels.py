@@ -20,7 +20,7 @@ from sonarhw.readings import FloatArray, Reading
 OPTIONS = (
     PredictionOptions(Unit.REFLECT),
     PredictionOptions(Unit.BLOCK, receiver=Receiver.FIRST_ECHO),
-    PredictionOptions(receiver=Receiver.BOARD, noise=0.01),
+    PredictionOptions(Unit.BLOCK, receiver=Receiver.BOARD, noise=0.01),
 )
 
 
@@ -34,6 +34,7 @@ def compile_kernels() -> None:
     for options in OPTIONS:
         predict_scan(room, place, board, headings, options)
     predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
+    scan.echo_times_at(0)
     scan.signal_at(0, 0.01).rf(RATE)
     RoomEchoes(room, place, board).prepare()
     readings = readings_of(headings, scan.ranges, room.air.speed_of_sound)
