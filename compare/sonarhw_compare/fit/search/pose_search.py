@@ -72,7 +72,7 @@ def score_positions(
     """
     headings = np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
     scores = np.full((len(positions), HEADINGS), -math.inf)
-    first = scan.ranges[:, 0]
+    first = np.ascontiguousarray(scan.ranges[:, 0])  # one type of array, so one kernel
     farthest = min(board.max_range, float(np.nanmax(first, initial=0.0)) + 3 * spacing)
     search = replace(search_for(room, board, QUICK), max_length=2 * farthest)
     ka = board.wavenumber(room.air) * board.aperture_radius
