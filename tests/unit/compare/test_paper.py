@@ -37,7 +37,6 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(plates.strongest_is_reflected_by_the_plate, plates.TRANSDUCER_TURNED),
     partial(laboratory.near_wall_over_a_short_span, EMPTY_TABLE),
     partial(laboratory.blackboard_moves_the_wall, laboratory.BESIDE_THE_BLACKBOARD),
-    partial(laboratory.protruding_corner_is_strong, corner="bead-back"),
     partial(laboratory.person_is_strong, TOO_CLOSE_TO_THE_PERSON),
     partial(laboratory.pillar_is_half_lost, pillar="person"),
     partial(beam.burst_off_the_axis, radius=0.016),
@@ -73,6 +72,7 @@ BROKEN: list[Callable[[], Claim]] = [
 # each claim that the model does not show, with a scene for which it is true
 NOT_SHOWN: list[Callable[[], Claim]] = [
     partial(plates.small_echo_vanishes, turned=plates.TRANSDUCER_TURNED),
+    partial(laboratory.protruding_corner_is_strong, laboratory.BESIDE_THE_CLOSET),
     partial(simple_room.very_close_at_the_right, replace(simple_room.FIGURE_7, place="0.45,0.345")),
     partial(simple_room.far_wall_is_wavy_again, simple_room.FIGURE_8),
 ]
