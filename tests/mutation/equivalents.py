@@ -243,12 +243,6 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "the same bytes a little later",
     ),
     (
-        "compare/sonarhw_compare/paper/simple_room_figures.py",
-        "parts = [(part, ranges(part)[0]) for part in (upper, wall, lower)]",
-        ("0 → (1)", "0 → (-1)"),
-        "all readings of one path from one place have the same range",
-    ),
-    (
         "compare/sonarhw_compare/fit/likelihood/echo_likelihood.py",
         "break",
         ("break → continue",),
