@@ -19,7 +19,12 @@ from sonarhw_compare.paper import simple_room_figures as simple_room
 from sonarhw_compare.paper import single_reflection_figures as single_reflections
 from sonarhw_compare.paper.drawing import label_walls, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
+from sonarhw_compare.paper.setting import PaperScene
+from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.choices import Model, Unit
+from sonarhw_sim.room.model import parse_room
+
+from sonarhw.readings import FloatArray
 
 PAGE = Path("docs/figures/figures.md").read_text(encoding="utf-8")
 CLAIMS = [(exhibit.name, claim) for exhibit in page.EXHIBITS for claim in exhibit.claims]
@@ -43,9 +48,9 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(beam.loss_grows_to_the_first_null, radius=0.016),
     partial(
         single_reflections.single_readings_are_theirs,
-        theirs=replace(single_reflections.RAY_FOLLOWING, model=Model.NEAREST),
+        model=lambda scene: replace(scene, model=Model.NEAREST).scan.ranges,
     ),
-    partial(single_reflections.several_reflections_are_missing, theirs=single_reflections.RAY_FOLLOWING),
+    partial(single_reflections.several_reflections_are_missing, model=lambda scene: scene.scan.ranges),
     partial(simple_room.circle_of_minimum_range, simple_room.FIGURE_8),
     partial(simple_room.far_wall_is_wavy, simple_room.FIGURE_9),
     partial(simple_room.nothing_near_at_the_right, replace(simple_room.FIGURE_8, unit=Unit.PASS)),
@@ -113,10 +118,25 @@ def test_robot_without_its_body_detects_the_false_wall_again() -> None:
 
 def test_single_readings_must_all_be_in_the_other_model() -> None:
     """The other model has an echo for some of them only, and where it has one, it agrees."""
-    near = replace(single_reflections.RAY_FOLLOWING, reach=1.2)
-    shown = single_reflections.single_readings_are_theirs(theirs=near)
+
+    def near(scene: PaperScene) -> FloatArray:
+        found = single_reflections.single_reflections(scene)
+        return np.where(found > 1.2, np.nan, found)
+
+    shown = single_reflections.single_readings_are_theirs(model=near)
     assert "differs by at most 0.0 mm" in shown.measured
     assert not shown.holds
+
+
+def test_independent_model_hears_the_nearer_of_two_walls_up_to_the_critical_angle() -> None:
+    """The nearer wall hides the farther one; without it, the farther one is heard. A disc of 19.2 mm, 11.0°."""
+    far = "[[walls]]\nname = '2.0'\npoints = [[2.0, -1.0], [2.0, 1.0]]\nmaterial = 'm'\n"
+    near = far.replace("2.0", "1.0")
+    for walls, expected in ((far, 2.0), (near + far, 1.0)):
+        room = parse_room("name = 'r'\n[materials.m]\nreflectance = 1.0\n" + walls, "r.toml")
+        headings = np.radians([-11.2, -10.8, 0.0, 10.8, 11.2, 180.0])
+        found = single_reflections.single_reflection_ranges(room, load_board("paper"), (0.0, 0.0), headings)
+        np.testing.assert_allclose(found, [np.nan, expected, expected, expected, np.nan, np.nan])
 
 
 def test_widths_differ_by_the_largest_difference_of_their_parts() -> None:
