@@ -25,11 +25,15 @@ from sonarhw_sim.choices import Model, Unit
 from sonarhw_sim.room.model import parse_room
 
 from sonarhw.readings import FloatArray
+from tests.checkout import CHECKOUT
 
 PAGE = Path("docs/figures/figures.md").read_text(encoding="utf-8")
 CLAIMS = [(exhibit.name, claim) for exhibit in page.EXHIBITS for claim in exhibit.claims]
 
 NEAREST_WITH_NOISE = tuple(replace(scene, model=Model.NEAREST, seed=seed) for seed, scene in enumerate(corridor.WALK))
+# 0.3 m from a wall, which is within blanking
+WITHIN_BLANKING = tuple(replace(scene, place=f"{scene.place.split(',')[0]},0.3") for scene in corridor.WALK)
+OPEN_SPACE = tuple(replace(scene, room="oblique_corner", place="near") for scene in corridor.WALK)
 SLANTED = tuple(replace(scene, model=Model.CONE) for scene in corridor.WALK)
 TOO_CLOSE_TO_THE_PERSON = tuple(replace(scene, place="3.5,1.6") for scene in laboratory.SCANS)
 EMPTY_TABLE = tuple(replace(scene, room="simple", place="figure9") for scene in laboratory.SCANS)
@@ -41,6 +45,13 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(plates.many_echoes, replace(plates.PARALLEL, unit=Unit.PASS)),
     partial(plates.strongest_is_reflected_by_the_plate, plates.TRANSDUCER_TURNED),
     partial(laboratory.near_wall_over_a_short_span, EMPTY_TABLE),
+    # wide beams
+    partial(
+        laboratory.near_wall_over_a_short_span, tuple(replace(scene, board="hc-sr04") for scene in laboratory.SCANS)
+    ),
+    partial(
+        laboratory.near_wall_over_a_short_span, tuple(replace(scene, board="lego-nxt") for scene in laboratory.SCANS)
+    ),
     partial(laboratory.blackboard_moves_the_wall, laboratory.BESIDE_THE_BLACKBOARD),
     partial(laboratory.person_is_strong, TOO_CLOSE_TO_THE_PERSON),
     partial(laboratory.pillar_is_half_lost, pillar="person"),
@@ -49,6 +60,10 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(
         single_reflections.single_readings_are_theirs,
         model=lambda scene: replace(scene, model=Model.NEAREST).scan.ranges,
+    ),
+    # 0.5 m from an edge, which is then above the threshold
+    partial(
+        single_reflections.single_readings_are_theirs, replace(single_reflections.RAY_FOLLOWING, place="1.85,0.95")
     ),
     partial(single_reflections.several_reflections_are_missing, model=lambda scene: scene.scan.ranges),
     partial(simple_room.circle_of_minimum_range, simple_room.FIGURE_8),
@@ -62,14 +77,16 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(corners.lower_is_seen_behind_upper, replace(corners.OBLIQUE, place="0.3,-0.3")),
     partial(corners.oblique_almost_unchanged, nearer=replace(corners.OBLIQUE, place="0.15,0.3")),
     partial(corners.oblique_walls_are_lost_off_the_axis, replace(corners.OBLIQUE, model=Model.NEAREST)),
-    partial(corners.corner_is_a_tangential_wall, replace(corners.RIGHT, model=Model.KUC_SIEGEL)),
+    partial(corners.corner_is_a_tangential_wall, corners.OBLIQUE),
     partial(corners.hole_at_each_side, replace(corners.RIGHT, board="hc-sr04")),
     partial(corners.almost_unchanged_from_nearer, nearer=replace(corners.RIGHT, place="0.6,0.2")),
     partial(corners.right_walls_are_lost_off_the_axis, replace(corners.RIGHT, model=Model.NEAREST)),
     partial(rays.legs_of_the_reading, replace(rays.READING, unit=Unit.BLOCK)),
     partial(rays.level_is_the_product_of_reflectances, replace(rays.READING, degrees=(276.0, 277.0, 1.0))),
     partial(corridor.right_at_right_angles, NEAREST_WITH_NOISE),
+    partial(corridor.right_at_right_angles, WITHIN_BLANKING),
     partial(corridor.long_ahead_and_behind, SLANTED),
+    partial(corridor.long_ahead_and_behind, OPEN_SPACE),
     partial(corridor.errors_are_correlated_between_headings, NEAREST_WITH_NOISE),
     partial(corridor.errors_are_correlated_between_places, NEAREST_WITH_NOISE),
 ]
@@ -108,6 +125,25 @@ def test_every_claim_is_tested_with_another_scene() -> None:
 
 def _claims_of(scenes: list[Callable[[], Claim]]) -> set[Callable[[], Claim]]:
     return {scene.func for scene in scenes}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("claim", "scene"),
+    [
+        (corners.oblique_walls_are_lost_off_the_axis, corners.OBLIQUE),
+        (corners.right_walls_are_lost_off_the_axis, corners.RIGHT),
+    ],
+    ids=["oblique", "right"],
+)
+def test_rough_walls_are_not_lost_beyond_the_critical_angle(
+    claim: Callable[[PaperScene], Claim], scene: PaperScene, tmp_path: Path
+) -> None:
+    room = (CHECKOUT / "rooms" / f"{scene.room}.toml").read_text(encoding="utf-8")
+    rough = tmp_path / "rough.toml"
+    rough.write_text(room.replace("reflectance = 0.95", "reflectance = 0.95\nscatter = 0.5"), encoding="utf-8")
+    shown = claim(replace(scene, room=str(rough)))
+    assert not shown.holds
+    assert "; 0 of " in shown.measured  # headings are silent
 
 
 def test_robot_without_its_body_detects_the_false_wall_again() -> None:
