@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise, _legs
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise, _late, _legs
 from sonarhw_compare.fit.likelihood.echo_paths import (
     BENT,
     EVEN,
@@ -116,6 +116,20 @@ def test_a_post_reflects_along_its_radius_before_and_after_an_edge() -> None:
                 assert normal == pytest.approx((touch - (x, y)) / radius, abs=1e-6)
                 seen.add(k - int(paths.bends[path]))
     assert {-1, 0} <= seen  # the last before the edge, and the first after it
+
+
+@compiled
+def late(over: float, lateness: FloatArray) -> float:
+    return _late(over, lateness)
+
+
+def test_lateness_between_levels_is_interpolated_and_constant_beyond() -> None:
+    table = np.array([0.05, 0.03, 0.02, 0.018])  # at 0, 0.5, 1 and 1.5 dB
+    levels = [-3.0, 0.0, 0.25, 0.5, 0.6, 1.0, 1.25, 1.499]
+    expected = np.interp(levels, [0.0, 0.5, 1.0, 1.5], table)
+    assert [late(level, table) for level in levels] == pytest.approx(expected.tolist(), abs=1e-5)
+    assert late(99.0, table) == pytest.approx(0.018, abs=1e-5)
+    assert late(1.0, np.empty(0)) == 0.0
 
 
 def test_paths_after_moves_of_walls_equal_those_of_a_new_search() -> None:

@@ -109,6 +109,13 @@ def test_other_classes_are_explained() -> None:
     assert "a later echo, " in sentence(90, 1.399)
 
 
+def test_the_offset_is_added_to_measured_ranges() -> None:
+    (row,) = compare_readings([reading(0, math.pi / 2, 0.6)], ROOM, PLACE, PAPER, offset=0.057).rows
+    assert row.measured == pytest.approx(0.657)
+    assert row.kind is Kind.MATCH
+    assert compare_readings([reading(0, math.pi / 2, 0.6)], ROOM, PLACE, PAPER).rows[0].kind is not Kind.MATCH
+
+
 def test_a_reading_of_the_model_that_is_noise_has_no_path() -> None:
     comparison = compare_readings([reading(0, math.pi / 2, 0.5)], ROOM, PLACE, PAPER)
     noise = replace(comparison.prediction, winners=np.array([-1]), receiver=Receiver.BOARD)

@@ -82,6 +82,11 @@ def test_bounds_are_those_of_the_room_and_the_board(word: str, bounds: tuple[flo
     assert (found.lower, found.upper) == pytest.approx(bounds)
 
 
+def test_no_threshold_is_over_the_echo_of_a_perfect_wall() -> None:
+    (found,) = free_parameters(["threshold"], [""], ROOM, replace(BOARD, threshold_db=-12.0))
+    assert (found.lower, found.upper) == (-32.0, 0.0)
+
+
 def test_bounds_of_the_face_are_as_far_to_both_sides_of_its_present_place() -> None:
     ahead, aside, offset = free_parameters(["ahead", "aside", "offset"], [""], ROOM, BOARD)
     reach = offset.upper
