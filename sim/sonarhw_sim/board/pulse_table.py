@@ -23,6 +23,7 @@ from sonarhw_sim.board.weighing import beam_table
 _REACH = 40e3  # Hz to each side of the carrier: bursts have hardly any sound beyond
 _MORE = 6  # nodes above the least possible number
 _ANGLES = 10  # out and back, with which the table is fitted
+_RIDGE = 1e-9  # keeps shares small that no direction determines
 
 
 class PulseTable(NamedTuple):
@@ -64,11 +65,34 @@ def pulse_table(board: Board, speed_of_sound: float) -> PulseTable:
 def _pulses(burst: Burst, nodes: FloatArray, carrier: float, wavenumber: float) -> ComplexArray:
     """Return the pulse of each node, (q, length) complex, fitted to beams of many directions and delays."""
     at_nodes, wanted = (_beams(frequencies, carrier, wavenumber) for frequencies in (nodes, burst.frequencies))
-    shares = np.linalg.lstsq(at_nodes, wanted, rcond=1e-9)[0]
+    shares = _least_squares(at_nodes, wanted)
     bins = np.zeros((len(nodes), burst.length), dtype=np.complex128)
     rows = np.round(burst.frequencies * burst.length / RATE).astype(np.intp)
     bins[:, rows] = shares * burst.spectrum * np.exp(-1j * math.tau * burst.frequencies * burst.lead / RATE)
     return np.asarray(ifft(bins, axis=1, norm="forward"))
+
+
+def _least_squares(matrix: ComplexArray, wanted: ComplexArray) -> ComplexArray:
+    """Return x with the least |`matrix` x − `wanted`|² + |`_RIDGE` x|², by modified Gram-Schmidt.
+
+    LAPACK may add in another order on each processor and with each number of threads. Studies promise equal files.
+    """
+    count, several = matrix.shape[1], wanted.shape[1]
+    q = np.concatenate((matrix, _RIDGE * np.eye(count, dtype=np.complex128)))
+    rest = np.concatenate((wanted, np.zeros((count, several), dtype=np.complex128)))
+    upper = np.zeros((count, count), dtype=np.complex128)
+    parts = np.zeros((count, several), dtype=np.complex128)
+    for k in range(count):
+        upper[k, k] = np.sqrt((np.abs(q[:, k]) ** 2).sum())
+        along = q[:, k : k + 1] / upper[k, k]
+        upper[k, k + 1 :] = (along.conj() * q[:, k + 1 :]).sum(axis=0)
+        q[:, k + 1 :] = q[:, k + 1 :] - along * upper[k, k + 1 :]
+        parts[k] = (along.conj() * rest).sum(axis=0)
+        rest = np.asarray(rest - along * parts[k])
+    found = np.zeros_like(parts)
+    for k in reversed(range(count)):
+        found[k] = (parts[k] - (upper[k, k + 1 :, None] * found[k + 1 :]).sum(axis=0)) / upper[k, k]
+    return found
 
 
 def _beams(frequencies: FloatArray, carrier: float, wavenumber: float) -> ComplexArray:
