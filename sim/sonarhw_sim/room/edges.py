@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.room.grid import IntArray, Listing, cells_at, lay_wall_grid, whole_numbers
 from sonarhw_sim.room.room_file import MEETING
 
@@ -83,51 +82,44 @@ def _crossings(walls: FloatArray, ends: FloatArray) -> FloatArray:
     if (np.diff(starts).astype(np.int64) ** 2).sum() > len(walls) ** 2:
         # walls share most cells: one cell is enough
         starts, numbers = np.array([0, len(walls)], np.int32), np.arange(len(walls), dtype=np.int32)
-    points = np.vstack((ends, _crossings_in_cells(np.ascontiguousarray(walls), starts, numbers)))
+    points = np.vstack((ends, *_crossings_in_cells(walls, starts, numbers)))
     # found in several cells, by several pairs, or at an end: with different rounding
     _, first = np.unique(np.round(points / (2 * MEETING)), axis=0, return_index=True)
     return np.asarray(points[first[first >= len(ends)]])
 
 
-@compiled
-def _crossings_in_cells(walls: FloatArray, starts: IntArray, numbers: IntArray) -> FloatArray:
-    """Return where walls that are listed in one cell cross, (c, 2) m, some several times."""
-    points = np.empty((0, 2))
-    for filling in (False, True):
-        found = 0
-        for cell in range(starts.shape[0] - 1):
-            for one in range(starts[cell], starts[cell + 1]):
-                for other in range(one + 1, starts[cell + 1]):
-                    along = _crossing(walls[numbers[one]], walls[numbers[other]])
-                    if along > 0.0 and filling:
-                        wall = walls[numbers[one]]
-                        points[found, 0] = wall[0] + along * (wall[2] - wall[0])
-                        points[found, 1] = wall[1] + along * (wall[3] - wall[1])
-                    found += along > 0.0
-        if not filling:
-            points = np.empty((found, 2))
-    return points
+def _crossings_in_cells(walls: FloatArray, starts: IntArray, numbers: IntArray) -> Iterator[FloatArray]:
+    """Yield where walls that are listed in one cell cross, (c, 2) m, some several times and some at a time."""
+    ends = np.repeat(starts[1:], np.diff(starts)).astype(np.intp)
+    after = np.arange(1, len(numbers) + 1)
+    for some in _at_once(ends - after):
+        one, other = whole_numbers(after[some], ends[some] - 1)
+        crossed, crossing = walls[numbers[some[one]]], walls[numbers[other]]
+        along = _crossing(crossed, crossing)[:, None]
+        yield np.asarray((crossed[:, :2] + along * (crossed[:, 2:] - crossed[:, :2]))[along[:, 0] > 0.0])
 
 
-@compiled_part
-def _crossing(one: FloatArray, other: FloatArray) -> float:
-    """Return where a wall crosses another one, as a share of its length; 0 if it does not, or only at an end."""
-    ex, ey = one[2] - one[0], one[3] - one[1]
-    fx, fy = other[2] - other[0], other[3] - other[1]
-    rx, ry = other[0] - one[0], other[1] - one[1]
-    area = ex * fy - ey * fx
-    at, on = rx * fy - ry * fx, rx * ey - ry * ex
-    if area < 0.0:
-        area, at, on = -area, -at, -on
-    if not (0.0 < at < area and 0.0 < on < area):
-        return 0.0
-    length, other_length = math.hypot(ex, ey), math.hypot(fx, fy)
+def _at_once(counts: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return the rows of `counts` in parts with about `_AT_ONCE` objects each; `counts` are the objects of each row."""
+    return np.split(np.arange(len(counts)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_ONCE)) + 1)
+
+
+def _crossing(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return where walls (p, 4) cross others, as a share of their length; 0 if they do not, or only at an end."""
+    e, f, r = one[:, 2:] - one[:, :2], other[:, 2:] - other[:, :2], other[:, :2] - one[:, :2]
+    area, at, on = _cross(e, f), _cross(r, f), _cross(r, e)
+    side = np.where(area < 0.0, -1.0, 1.0)
+    area, at, on = side * area, side * at, side * on
+    length, other_length = np.hypot(*e.T), np.hypot(*f.T)
     # nearer to an end, that end is the vertex
     margin, other_margin = 2.0 * MEETING / length * area, 2.0 * MEETING / other_length * area
-    if area <= _FLUSH * length * other_length or not margin < at < area - margin:
-        return 0.0
-    along: float = at / area if other_margin < on < area - other_margin else 0.0
-    return along
+    crosses = (area > _FLUSH * length * other_length) & (margin < at) & (at < area - margin)
+    crosses &= (other_margin < on) & (on < area - other_margin)
+    return np.divide(at, area, out=np.zeros(len(area)), where=crosses)
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
 
 def edges_on_walls(edges: Edges, walls: FloatArray) -> Listing:
@@ -189,7 +181,8 @@ def _pairs_near(
         inside = listing.numbers[listing.starts[cell] : listing.starts[cell + 1]]
         yield from _pairs_near(rows[at == cell], numbers[inside], vertices, walls)
     alone = np.flatnonzero(~crowded)
-    for some in np.split(alone, np.flatnonzero(np.diff(np.cumsum(near[alone]) // _AT_ONCE)) + 1):
+    for part in _at_once(near[alone]):
+        some = alone[part]
         first = listing.starts[at[some]].astype(np.intp)
         row, place = whole_numbers(first, first + near[some] - 1)
         yield rows[some[row]], numbers[listing.numbers[place]]
