@@ -19,7 +19,7 @@ import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.traces import received
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.prediction import paths_for, received_by, weigh_paths
+from sonarhw_sim.predict.prediction import paths_for, weigh_paths
 from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import follow_fan
 
@@ -73,7 +73,7 @@ def rows() -> Iterator[Row]:
     paths = paths_for(small, PLACE, BOARD, OPTIONS)
     for receiver in Receiver:
         options = replace(OPTIONS, receiver=receiver)
-        readings = seconds(lambda o=options: received_by(weigh_paths(small, PLACE, BOARD, HEADINGS, paths), o))  # type: ignore[misc]
+        readings = seconds(lambda o=options: weigh_paths(small, PLACE, BOARD, HEADINGS, paths, o))  # type: ignore[misc]
         yield at_most(f"readings from known paths, 64 walls, {receiver}: ms", 15, readings * 1e3)
     larger = seconds(lambda: scan(large))
     yield at_most("whole scan, 1 000 walls: times that of 64 walls", 3, larger / whole)

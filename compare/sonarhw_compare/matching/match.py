@@ -11,7 +11,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, received_by, weigh_paths
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, weigh_paths
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 
@@ -131,7 +131,7 @@ def compare_readings(
     options = options or PredictionOptions()
     place = replace(place, heading=heading)
     if paths is not None and paths_serve_all_headings(board, options.unit):
-        prediction = received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
+        prediction = weigh_paths(room, place, board, headings, paths, options)
     else:
         prediction = predict_with(model, room, place, board, headings, options)
     ranges = prediction.ranges

@@ -12,7 +12,7 @@ import numpy as np
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, received_by, search_for, weigh_paths
+from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.rays.sight import distances_ahead
 from sonarhw_sim.vertical.sections import cut, spanning_at
@@ -69,7 +69,7 @@ def predict_case(case: Case, cache: PathCache) -> PredictedScan:
     """Return the predicted scan of a case."""
     room, place, board, options = case.room, case.place, case.board, case.options
     if case.model is Model.RAY_FOLLOWING and paths_serve_all_headings(board, options.unit):
-        return received_by(weigh_paths(room, place, board, case.headings, cache.of(case), options.unit), options)
+        return weigh_paths(room, place, board, case.headings, cache.of(case), options)
     return predict_with(case.model, room, place, board, case.headings, options)
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.burst import RATE, burst_of
+from sonarhw_sim.board.burst import RATE
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.pulse_table import PulseTable, pulse_table
 from sonarhw_sim.board.receiver import SHARE, charge_of_burst, integration_samples, kept_charge
-from sonarhw_sim.board.traces import FAINTEST, Arrivals, before_gain, gain_at_samples, loudest_beam, pulses
+from sonarhw_sim.board.traces import FAINTEST, Arrivals, before_gain, gain_at_samples, loudest_beam, own_burst
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import disc, meets_face
 from sonarhw_sim.choices import Receiver
@@ -68,25 +68,33 @@ def first_echoes(
     table, detector = pulse_table(board, speed_of_sound), _detector(board, speed_of_sound)
     straight = Arrivals(sound.times, sound.amplitudes, np.empty(0), np.empty(0))
     before = before_gain(straight, board, speed_of_sound, Receiver.BOARD).amplitudes.astype(np.complex128)
-    at, winners = _first_echoes(
-        np.ascontiguousarray(headings, dtype=np.float64), sound, np.abs(sound.amplitudes), before, table, detector
-    )
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
+    at, winners = np.full(len(headings), np.nan), np.full(len(headings), -1, dtype=np.intp)
+    work = _work(len(detector.gain), len(sound.times), *table.real.shape)
+    _first_echoes(headings, sound, np.abs(sound.amplitudes), before, table, detector, work, at, winners)
     return at / RATE, winners
 
 
 def _detector(board: Board, speed_of_sound: float) -> _Detector:
     ends = 2 * board.max_range / speed_of_sound * RATE
     count = math.ceil(ends) + 3
-    burst = burst_of(board, speed_of_sound)
-    own = Arrivals(np.zeros(1), np.full(1, 10 ** (board.own_burst_db / 20)), np.ones(1), np.ones(1))
-    pulse, first = pulses(own, board, burst, speed_of_sound)
     return _Detector(
         board.blanking_end / (1 + board.clock_error) * RATE,
         ends,
         max(10 ** (board.threshold_db / 20), 1e-300) * charge_of_burst(board, speed_of_sound),
         integration_samples(board),
-        np.ascontiguousarray(pulse[0, -int(first[0]) :])[:count],
+        own_burst(board, speed_of_sound)[:count],
         gain_at_samples(count, board, Receiver.BOARD),
+    )
+
+
+def _work(samples: int, paths: int, nodes: int, length: int) -> _Work:
+    return _Work(
+        np.zeros(samples),
+        np.zeros(samples),
+        np.zeros(paths, np.intp),
+        np.zeros((paths, nodes), np.complex128),
+        np.zeros((2, length)),
     )
 
 
@@ -98,22 +106,14 @@ def _first_echoes(
     before_gain: ComplexArray,
     table: PulseTable,
     detector: _Detector,
-) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return the sample number, with its fraction, and the path of the first echo at each heading; NaN and -1: none."""
-    count, paths = detector.gain.shape[0], sound.times.shape[0]
-    nodes, length = table.real.shape
-    work = _Work(
-        np.zeros(count),
-        np.zeros(count),
-        np.zeros(paths, np.intp),
-        np.zeros((paths, nodes), np.complex128),
-        np.zeros((2, length)),
-    )
-    found, winners = np.full(headings.shape[0], np.nan), np.full(headings.shape[0], -1, np.intp)
+    work: _Work,
+    found: FloatArray,
+    winners: NDArray[np.intp],
+) -> None:
+    """Fill in sample number, with its fraction, and path of the first echo at each heading, which are NaN and -1."""
     for row in range(headings.shape[0]):
         x, y = math.cos(headings[row]), math.sin(headings[row])
         found[row], winners[row] = _first_echo(x, y, sound, loudness, before_gain, table, detector, work)
-    return found, winners
 
 
 @compiled_part
@@ -135,7 +135,9 @@ def _first_echo(
     # earlier samples have no effect
     opens = math.ceil(detector.opens)
     unheard = opens - _window(detector.constant)
-    at, charge, used, written, found = opens, 0.0, 0, own, math.nan
+    at, charge, written, found = opens, 0.0, own, math.nan
+    # a plain 0 has a type of its own, for which `_loudest` would be compiled once more
+    used: int = np.int64(0)  # type: ignore[assignment]
     for path in range(sound.times.shape[0] + 1):
         begin = count
         if path < sound.times.shape[0]:

@@ -105,11 +105,17 @@ def received(
     for k in range(0, len(arrivals), _AT_ONCE):
         _add(samples, *pulses(arrivals.select(slice(k, k + _AT_ONCE)), board, burst, speed_of_sound), gain)
     # the transmit burst bypasses the gain and overdrives the receiver until the transducer has decayed
-    own = Arrivals(np.zeros(1), np.full(1, 10 ** (board.own_burst_db / 20)), np.ones(1), np.ones(1))
-    _add(samples, *pulses(own, board, burst, speed_of_sound), gain_at_samples(len(samples), board, Receiver.FIRST_ECHO))
+    own = own_burst(board, speed_of_sound)[: len(samples)]
+    samples[: len(own)] += own
     if noise is not None and noise.level > 0:
         samples += _noise(len(samples), board, noise)
     return Signal(samples, board.frequency, duration)
+
+
+def own_burst(board: Board, speed_of_sound: float) -> ComplexArray:
+    """Return the transmit burst as the detector receives it, from the start of transmission on, (k,) complex."""
+    burst = burst_of(board, speed_of_sound)
+    return 10 ** (board.own_burst_db / 20) * np.ascontiguousarray(burst.samples[burst.lead :])
 
 
 def pulses(

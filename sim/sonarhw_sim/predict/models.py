@@ -14,7 +14,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model, Receiver
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
+from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, received_by
 from sonarhw_sim.rays.kernel import first_hit
 from sonarhw_sim.rays.paths import Paths
@@ -97,7 +97,7 @@ def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
     distances = scan.paths.lengths / 2
     drawn = np.array([_range_error(seed, float(heading)) for heading in scan.headings[scan.only_at]])
     errors = drawn * (SPREAD + SPREAD_BY_RANGE * distances)
-    return with_first_echoes(replace(scan, lateness=2 * np.maximum(errors, -distances)))
+    return replace(scan, lateness=2 * np.maximum(errors, -distances))
 
 
 def _range_error(seed: int, heading: float) -> float:
@@ -108,7 +108,7 @@ def _range_error(seed: int, heading: float) -> float:
 
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
-    """Return a scan with one path for each heading: to the nearest surface within heading + `cone`, and back."""
+    """Return a scan without readings: at each heading, the path to the nearest surface within heading + `cone`."""
     starts = np.array([board.mounting.pose(place, float(heading)).receiver for heading in headings])
     spanning = spanning_at(room, place.height)
     section = cut(room, spanning)
@@ -128,7 +128,7 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
         elevations=np.zeros((len(rows), 2)),
         points=_there_and_back(starts[rows], directions, distances),
     )
-    return with_first_echoes(silent_scan(room, place, board, headings, paths, rows))
+    return silent_scan(room, place, board, headings, paths, rows)
 
 
 @compiled

@@ -13,7 +13,14 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
 from sonarhw_sim.board.transducer import ComplexArray
-from sonarhw_sim.board.weighing import BoolArray, all_meeting_face, sums_of_arrivals, together
+from sonarhw_sim.board.weighing import (
+    BoolArray,
+    all_meeting_face,
+    beam_table,
+    first_detected,
+    sums_of_arrivals,
+    together,
+)
 from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths, turned
@@ -99,7 +106,7 @@ class PredictedScan:
         """
         winner = int(self.winners[index])
         levels, loudest = self.arrivals_at(index)
-        detected = np.flatnonzero((loudest == winner) & self._in_time & (levels >= self.board.threshold_db))
+        detected = np.flatnonzero((loudest == winner) & self.in_time & (levels >= self.board.threshold_db))
         first_echo = self.receiver is Receiver.FIRST_ECHO and len(detected)
         return float(levels[detected[0] if first_echo else winner])
 
@@ -110,7 +117,7 @@ class PredictedScan:
         Below 0 there is no echo; -inf where nothing arrives within the beam and in time. The higher the level, the more
         certain is an echo at any range.
         """
-        loudest = [self.levels_at(k)[self._in_time].max(initial=-np.inf) for k in range(len(self.headings))]
+        loudest = [self.levels_at(k)[self.in_time].max(initial=-np.inf) for k in range(len(self.headings))]
         return np.array(loudest, dtype=np.float64) - self.board.threshold_db
 
     def signal_at(self, index: int, duration: float) -> Signal:
@@ -230,7 +237,7 @@ class PredictedScan:
         return tuple(echoes)
 
     @property
-    def _in_time(self) -> BoolArray:
+    def in_time(self) -> BoolArray:
         """Which paths arrive after blanking and within range, (p,) bool."""
         return ~self.blanked & (self.apparent_lengths <= 2 * self.board.max_range + SLACK)
 
@@ -241,16 +248,39 @@ def silent_scan(
     board: Board,
     headings: FloatArray,
     paths: Paths,
-    only_at: NDArray[np.intp],
+    only_at: NDArray[np.intp] | None = None,
     unit: Unit = Unit.PASS,
 ) -> PredictedScan:
-    """Return a scan of paths that exist at one heading each, still without readings."""
+    """Return a scan without readings."""
     winners, distances = np.full(len(headings), -1, dtype=np.intp), np.full(len(headings), np.nan)
     return PredictedScan(room, place, board, headings, paths, unit, winners, distances, only_at)
 
 
+def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
+    """Return the scan with the first arrival over the threshold as its readings, if all paths exist at all headings."""
+    room, board, in_time = scan.room, scan.board, np.flatnonzero(scan.in_time)
+    paths, ka = scan.paths.select(in_time), board.wavenumber(room.air) * board.aperture_radius
+    first = first_detected(
+        scan.headings,
+        paths.leaving,
+        paths.arriving,
+        strengths(room, board, paths),
+        together(paths.lengths, paths.phases, board.wavelength(room.air), board),
+        paths.points - np.array(scan.place.position),
+        board.aperture_radius if scan.unit is Unit.BLOCK else 0.0,
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
+    # row -1, "no echo", selects the appended value
+    return _with_winners(scan, np.append(in_time, -1)[first])
+
+
 def with_first_echoes(scan: PredictedScan) -> PredictedScan:
-    """Return the scan with the first echo at each heading as its reading."""
+    """Return the scan with the first of its `echoes` at each heading as its readings."""
     firsts = [scan.echoes(k)[:1] for k in range(len(scan.headings))]
-    winners = np.array([first[0].path if first else -1 for first in firsts], dtype=np.intp)
+    return _with_winners(scan, np.array([first[0].path if first else -1 for first in firsts], dtype=np.intp))
+
+
+def _with_winners(scan: PredictedScan, winners: NDArray[np.intp]) -> PredictedScan:
     return replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)

@@ -14,13 +14,12 @@ from sonarhw_sim.board.gain import largest_gain
 from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time
-from sonarhw_sim.board.weighing import beam_table, first_detected, together
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.predict.by_heading import HeadingPaths, SensorPair, find_by_heading
-from sonarhw_sim.predict.levels import faintest_kept, is_blanked, loud_enough, path_amplitudes, strengths
-from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
+from sonarhw_sim.predict.by_heading import SensorPair, find_by_heading
+from sonarhw_sim.predict.levels import faintest_kept, loud_enough, path_amplitudes
+from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_arrivals, with_first_echoes
 from sonarhw_sim.rays.detectable import TransducerAxes
-from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
+from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
@@ -57,17 +56,37 @@ def predict_scan(
     """
     options = options or PredictionOptions()
     if len(headings) and not paths_serve_all_headings(board, options.unit):
-        return received_by(_predict_by_heading(room, place, board, headings, options), options)
-    paths = paths_for(room, place, board, options)
-    return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
+        return received_by(_scan_by_heading(room, place, board, headings, options), options)
+    return weigh_paths(room, place, board, headings, paths_for(room, place, board, options), options)
+
+
+def weigh_paths(
+    room: Room,
+    place: Place,
+    board: Board,
+    headings: FloatArray,
+    paths: Paths,
+    options: PredictionOptions | None = None,
+) -> PredictedScan:
+    """Return the scan of known paths that serve all headings, without paths that are too faint at every heading."""
+    options = options or PredictionOptions()
+    return received_by(scan_of_paths(room, place, board, headings, paths, options.unit), options)
+
+
+def scan_of_paths(
+    room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
+) -> PredictedScan:
+    """Return the scan of `weigh_paths` without readings."""
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
+    return silent_scan(room, place, board, headings, paths.select(loud_enough(room, board, paths)), None, unit)
 
 
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
-    """Return a scan of the paper's receiver as reported by the receiver of `options`, with their noise."""
+    """Return a scan without readings as the receiver of `options` reports it, with their noise."""
     receiver = options.receiver_of(scan.board)
     scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0)
     if receiver is Receiver.FIRST_ECHO:
-        return scan
+        return with_first_arrivals(scan) if scan.only_at is None else with_first_echoes(scan)
     times, winners = scan.first_detected()
     distances = counted_time(times, scan.board) * scan.room.air.speed_of_sound / 2
     return replace(scan, winners=winners, distances=distances)
@@ -112,7 +131,7 @@ def _paths(
     return paths.select(np.flatnonzero(paths.bounces + (paths.edges >= 0) <= 1)) if options.single else paths
 
 
-def _predict_by_heading(
+def _scan_by_heading(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
 ) -> PredictedScan:
     headings = np.ascontiguousarray(headings, dtype=np.float64)
@@ -132,35 +151,5 @@ def _predict_by_heading(
         return paths.select(np.flatnonzero(np.abs(amplitudes) >= faintest))
 
     found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
-    return _scan_of(found, place, board, headings, options.unit)
-
-
-def _scan_of(found: HeadingPaths, place: Place, board: Board, headings: FloatArray, unit: Unit) -> PredictedScan:
-    scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, unit)
-    return with_first_echoes(replace(scan, sender_headings=found.sender_headings, lateness=found.lateness))
-
-
-def weigh_paths(
-    room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
-) -> PredictedScan:
-    """Return the scan of known paths at `headings` (n,) rad, without paths that are too faint at every heading."""
-    headings = np.ascontiguousarray(headings, dtype=np.float64)
-    paths = paths.select(loud_enough(room, board, paths))
-    in_time = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
-    ka = board.wavenumber(room.air) * board.aperture_radius
-    first = first_detected(
-        headings,
-        paths.leaving[in_time],
-        paths.arriving[in_time],
-        strengths(room, board, paths)[in_time],
-        together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(room.air), board),
-        paths.points[in_time] - np.array(place.position),
-        board.aperture_radius if unit is Unit.BLOCK else 0.0,
-        10 ** (board.threshold_db / 20),
-        ka,
-        beam_table(ka),
-    )
-    # row -1, "no echo", selects the appended value
-    winners = np.append(in_time, -1)[first]
-    distances = np.append(paths.lengths, np.nan)[winners] / 2
-    return PredictedScan(room, place, board, headings, paths, unit, winners, distances)
+    scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, options.unit)
+    return replace(scan, sender_headings=found.sender_headings, lateness=found.lateness)

@@ -21,8 +21,8 @@ from sonarhw_sim.predict.prediction import (
     PredictionOptions,
     paths_serve_all_headings,
     predict_scan,
+    scan_of_paths,
     search_for,
-    weigh_paths,
 )
 from sonarhw_sim.rays.kernel import first_hit
 from sonarhw_sim.rays.paths import Paths
@@ -106,7 +106,7 @@ class RoomEchoes:
         room, place, paths = self._truth()
         if paths is None:
             return self._turned(heading)
-        scan = weigh_paths(room, place, self._board, np.array([heading]), paths)
+        scan = scan_of_paths(room, place, self._board, np.array([heading]), paths)
         return replace(scan, receiver=self._board.receiver)
 
     def _predict(self, heading: float) -> PredictedScan:

@@ -1,22 +1,22 @@
 """Edge diffraction: paths source → walls → edge → walls → receiver, joined from the paths to each edge.
 
-Each pair of a path from the source and a reversed path from the receiver gives one diffracted path. Compiled by numba.
+Each pair of a path from the source and a reversed path from the receiver gives one diffracted path.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import loudest_by_separation
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.partial_paths import PartialPaths
-from sonarhw_sim.rays.wedge import by_wedge, fresnel_table, most_by_wedge
+from sonarhw_sim.rays.wedge import by_wedge, most_by_wedge
 from sonarhw_sim.room.edges import Edges, inside_wedge
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
@@ -65,8 +65,7 @@ class EdgeDiffraction:
         return np.array([edge_gain(one, other, self.wavelength) for one, other in legs], dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class EdgePaths:
+class EdgePaths(NamedTuple):
     """Paths to edges, in order of edge and then of length; one row each."""
 
     edges: IntArray  # (n,): row in the room's edges
@@ -91,10 +90,13 @@ def diffracted_paths(
     first, second, gains, phases = join_at_edges(out_edges, back_edges, room.edges, faces, edge_diffraction, max_length)
     few = np.flatnonzero(out.bends[first] + back.bends[second] <= max_bounces)
     first, second, gains, phases = first[few], second[few], gains[few], phases[few]
-    most = int((out.bends[first] + back.bends[second]).max(initial=0))
-    path_table.check_size(len(first), most + 3)
-    surfaces, points = np.full((len(first), most), -1, np.int32), np.full((len(first), most + 3, 2), np.nan)
-    _concatenate(first, second, out.surfaces, out.points, back.surfaces, back.points, surfaces, points)
+    before, after = out.bends[first], back.bends[second]
+    most = int((before + after).max(initial=0))
+    path_table.check_size(len(first), most + _FEWEST_POINTS)
+    surfaces = np.full((len(first), most), -1, np.int32)
+    points = np.full((len(first), most + _FEWEST_POINTS, 2), np.nan)
+    _fill(surfaces, out.surfaces, first, before, back.surfaces, second, after)
+    _fill(points, out.points, first, before + 2, back.points, second, after + 1)
     lengths = out.lengths[first] + back.lengths[second]
     return PartialPaths(lengths, gains, phases, surfaces, out.edges[first], out.bends[first], points)
 
@@ -117,34 +119,24 @@ def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, Edge
     return paths, EdgePaths(paths.edges, paths.lengths, paths.gains, angles, departures)
 
 
-@compiled
-def _concatenate(
+def _fill(
+    table: NDArray[Any],
+    one: NDArray[Any],
     first: NDArray[np.intp],
+    count: IntArray,
+    other: NDArray[Any],
     second: NDArray[np.intp],
-    out_surfaces: IntArray,
-    out_points: FloatArray,
-    back_surfaces: IntArray,
-    back_points: FloatArray,
-    surfaces: IntArray,
-    points: FloatArray,
+    other_count: IntArray,
 ) -> None:
-    """Fill in surfaces (all -1) and points (all NaN) of paths that consist of one path and another one, reversed."""
-    for path in range(first.shape[0]):
-        i, j = first[path], second[path]
-        b = 0
-        while b < out_surfaces.shape[1] and out_surfaces[i, b] >= 0:
-            surfaces[path, b] = out_surfaces[i, b]
-            b += 1
-        for k in range(b + 2):
-            points[path, k, 0], points[path, k, 1] = out_points[i, k, 0], out_points[i, k, 1]
-        back = 0
-        while back < back_surfaces.shape[1] and back_surfaces[j, back] >= 0:
-            back += 1
-        for k in range(back):
-            surfaces[path, b + k] = back_surfaces[j, back - 1 - k]
-        for k in range(back + 1):
-            points[path, b + 2 + k, 0] = back_points[j, back - k, 0]
-            points[path, b + 2 + k, 1] = back_points[j, back - k, 1]
+    """Fill each row of `table` from the left: `count` columns of a row of `one`, then a row of `other`, reversed.
+
+    `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used.
+    """
+    column, total = np.arange(table.shape[1]), count + other_count
+    row, k = np.nonzero(column < count[:, None])
+    table[row, k] = one[first[row], k]
+    row, k = np.nonzero((column >= count[:, None]) & (column < total[:, None]))
+    table[row, k] = other[second[row], total[row] - 1 - k]
 
 
 def join_at_edges(
@@ -160,76 +152,83 @@ def join_at_edges(
     `faces` (e, 2) are the reflectances of both faces of each edge. Raises InputError if these paths are too many
     for the memory.
     """
-    count, pairs, amplitudes = _join(
-        (out.edges, out.lengths, out.gains, out.angles, out.departures),
-        (back.edges, back.lengths, back.gains, back.angles, back.departures),
-        np.searchsorted(back.edges, out.edges),
-        (edges.openings / math.pi, faces),
-        edge_diffraction.wavelength,
-        max_length,
-        edge_diffraction.faintest,
-        edge_diffraction.beams,
-        [*EdgeStrength].index(edge_diffraction.strength),
-        fresnel_table(),
-        path_table.MOST_POINTS // _FEWEST_POINTS,
-    )
+    starts, wedges = np.searchsorted(back.edges, out.edges), edges.openings / math.pi
+    limits = edge_diffraction.wavelength, max_length, edge_diffraction.faintest
+    strength = [*EdgeStrength].index(edge_diffraction.strength)
+    most, beams = path_table.MOST_POINTS // _FEWEST_POINTS, edge_diffraction.beams
+    none, no_bounds = np.empty((0, 2), np.intp), np.empty((0, 2))
+    count = _join(out, back, starts, wedges, limits, beams, strength, most, none, no_bounds)
     path_table.check_size(count, _FEWEST_POINTS)
-    return pairs[:, 0], pairs[:, 1], np.abs(amplitudes), np.angle(amplitudes)
+    pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
+    _join(out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
+    return _loud_enough(out, back, pairs, bounds, wedges, faces, edge_diffraction)
 
 
-_EdgeColumns = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
-_Wedges = tuple[FloatArray, FloatArray]  # opening over π, (e,), and reflectances of the faces, (e, 2)
+def _loud_enough(
+    out: EdgePaths,
+    back: EdgePaths,
+    pairs: NDArray[np.intp],
+    bounds: FloatArray,
+    wedges: FloatArray,
+    faces: FloatArray,
+    edge_diffraction: EdgeDiffraction,
+) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
+    """Return the result of `join_at_edges` from the pairs (m, 2) of `_join` and their bounds (m, 2)."""
+    (first, second), (legs, factors) = pairs.T, bounds.T
+    if edge_diffraction.strength is EdgeStrength.UNIFORM:
+        edge = out.edges[first]
+        angles, lengths = (out.angles[first], back.angles[second]), (out.lengths[first], back.lengths[second])
+        amplitudes = by_wedge(*angles, wedges[edge], faces[edge], *lengths, edge_diffraction.wavelength)
+    else:
+        amplitudes = factors.astype(np.complex128)
+    loud = np.flatnonzero(legs * np.abs(amplitudes) >= edge_diffraction.faintest)
+    first, second, amplitudes = first[loud], second[loud], amplitudes[loud]
+    gains = out.gains[first] * back.gains[second] * np.abs(amplitudes)
+    return first, second, gains, np.angle(amplitudes)
+
+
 _UNIFORM, _KELLER, _PAPER = range(3)  # in the order of EdgeStrength
 
 
 @compiled
 def _join(
-    out: _EdgeColumns,
-    back: _EdgeColumns,
+    out: EdgePaths,
+    back: EdgePaths,
     starts: NDArray[np.intp],
-    wedges: _Wedges,
-    wavelength: float,
-    max_length: float,
-    faintest: float,
+    wedges: FloatArray,
+    limits: tuple[float, float, float],
     beams: FloatArray,
     strength: int,
-    table: FloatArray,
     most: int,
-) -> tuple[int, NDArray[np.intp], ComplexArray]:
-    """Return the number of row pairs that form a path, these pairs (m, 2), and their amplitudes (m,).
+    pairs: NDArray[np.intp],
+    bounds: FloatArray,
+) -> int:
+    """Return how many pairs of rows may form a path, and fill in the first of these pairs (m, 2) and of `bounds`.
 
-    More than `most` pairs are not returned, and not all counted. `starts` (o,) is the first row of `back` at the edge
-    of each row of `out`.
+    More than `most` pairs are not all counted. `starts` (o,) is the first row of `back` at the edge of each row of
+    `out`, `wedges` (e,) the opening of each edge over π, `limits` wavelength, longest path and faintest amplitude. The
+    `bounds` (m, 2) are the amplitude of a pair with a perfect edge at its best heading, and the most of its edge.
     """
+    wavelength, max_length, faintest = limits
     found = 0
-    pairs, amplitudes = np.empty((0, 2), np.intp), np.empty(0, np.complex128)
-    for filling in (False, True):
+    for i in range(out.edges.shape[0]):
+        edge, to_edge = out.edges[i], out.lengths[i]
+        for j in range(starts[i], back.edges.shape[0]):
+            if back.edges[j] != edge or to_edge + back.lengths[j] > max_length:
+                break
+            legs = out.gains[i] * back.gains[j] * _by_separation(out.departures[i], back.departures[j], beams)
+            # a bound first, because most pairs are too faint
+            if legs < faintest:
+                continue
+            factor = _most(out.angles[i], back.angles[j], wedges[edge], to_edge, back.lengths[j], wavelength, strength)
+            if legs * factor < faintest:
+                continue
+            if found < pairs.shape[0]:
+                pairs[found, 0], pairs[found, 1], bounds[found, 0], bounds[found, 1] = i, j, legs, factor
+            found += 1
         if found > most:
             break
-        if filling:
-            pairs, amplitudes, found = np.empty((found, 2), np.intp), np.empty(found, np.complex128), 0
-        for i in range(out[0].shape[0]):
-            edge, to_edge = out[0][i], out[1][i]
-            n, faces = wedges[0][edge], wedges[1][edge]
-            for j in range(starts[i], back[0].shape[0]):
-                if back[0][j] != edge or to_edge + back[1][j] > max_length:
-                    break
-                legs, heard = out[2][i] * back[2][j], _by_separation(out[4][i], back[4][j], beams)
-                # a bound first, because most pairs are too faint
-                if heard * legs < faintest:
-                    continue
-                if heard * legs * _most(out[3][i], back[3][j], n, to_edge, back[1][j], wavelength, strength) < faintest:
-                    continue
-                if filling:
-                    angles = out[3][i], back[3][j]
-                    amplitude = legs * _factor(angles, n, faces, to_edge, back[1][j], wavelength, strength, table)
-                    if heard * abs(amplitude) < faintest:
-                        continue
-                    pairs[found, 0], pairs[found, 1], amplitudes[found] = i, j, amplitude
-                found += 1
-            if found > most:
-                break
-    return found, pairs[:found], amplitudes[:found]
+    return found
 
 
 @compiled_part
@@ -245,28 +244,11 @@ def _by_separation(departure: float, arrival: float, beams: FloatArray) -> float
 def _most(
     one: float, other: float, n: float, to_edge: float, from_edge: float, wavelength: float, strength: int
 ) -> float:
-    """Return an upper bound of |`_factor`|."""
+    """Return an upper bound of the amplitude of an edge relative to a reflection; exact but for the uniform theory."""
     if strength == _UNIFORM:
         return most_by_wedge(one, other, n, to_edge, from_edge, wavelength)
     gain = edge_gain(to_edge, from_edge, wavelength)
     return min(1.0, gain * keller(one, other, n)) if strength == _KELLER else gain
-
-
-@compiled_part
-def _factor(
-    angles: tuple[float, float],
-    n: float,
-    faces: FloatArray,
-    to_edge: float,
-    from_edge: float,
-    wavelength: float,
-    strength: int,
-    table: FloatArray,
-) -> complex:
-    """Return the amplitude of a diffracted path relative to a reflected one of its length, for its two legs (m)."""
-    if strength == _UNIFORM:
-        return by_wedge(angles[0], angles[1], n, faces, to_edge, from_edge, wavelength, table)
-    return complex(_most(angles[0], angles[1], n, to_edge, from_edge, wavelength, strength), 0.0)
 
 
 @compiled
