@@ -117,6 +117,15 @@ def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: 
     return Together(begins, np.searchsorted(lengths, lengths + wavelength, side="right"), phasors)
 
 
+def sum_of_arrival(amplitudes: FloatArray, sets: Together, path: int) -> float:
+    """Return the amplitude of the arrival that begins with one path."""
+    members = slice(sets.begins[path], sets.ends[path])
+    phasors = sets.phasors[members]
+    random = np.isnan(phasors)
+    power = (amplitudes[members][random] ** 2).sum()
+    return math.sqrt(abs((amplitudes[members] * np.where(random, 0.0, phasors)).sum()) ** 2 + float(power))
+
+
 @compiled_part
 def _sum_of(amplitudes: FloatArray, phasors: ComplexArray, begin: int, end: int) -> float:
     """Return the magnitude of the sum of the paths from row `begin` to `end`."""

@@ -15,9 +15,11 @@ from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import (
     BoolArray,
+    Together,
     all_meeting_face,
     beam_table,
     first_detected,
+    sum_of_arrival,
     sums_of_arrivals,
     together,
 )
@@ -86,18 +88,27 @@ class PredictedScan:
 
     def arrivals_at(self, index: int) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return `levels_at`, and the loudest path of each arrival, (p,) rows of `paths`."""
-        here, paths = self._present_at(index)
-        heading, senders = float(self.headings[index]), self.sender_headings
-        present = path_amplitudes(self.room, self.board, heading, paths, None if senders is None else senders[here])
-        present[self._meets_face(paths, heading)] = 0.0
-        lengths = self.apparent_lengths[here]
-        sums, loudest = sums_of_arrivals(
-            present, together(lengths, paths.phases, self.board.wavelength(self.room.air), self.board)
-        )
+        here, present, sets = self._arriving_at(index)
+        sums, loudest = sums_of_arrivals(present, sets)
         amplitudes, members = np.zeros(len(self.paths)), np.arange(len(self.paths))
         amplitudes[here], members[here] = sums, here[loudest]
-        with np.errstate(divide="ignore"):
-            return np.asarray(20 * np.log10(amplitudes)), members
+        return _decibels(amplitudes), members
+
+    def _arriving_at(self, index: int) -> tuple[NDArray[np.intp], FloatArray, Together]:
+        """Return the rows of the paths at heading `index`, their amplitudes, and which arrive together."""
+        here, paths = self._present_at(index)
+        heading, senders = float(self.headings[index]), self.sender_headings
+        amplitudes = path_amplitudes(self.room, self.board, heading, paths, None if senders is None else senders[here])
+        amplitudes[self._meets_face(paths, heading)] = 0.0
+        return here, amplitudes, self._together if self.only_at is None else self._together_in(here)
+
+    @cached_property
+    def _together(self) -> Together:
+        return self._together_in(np.arange(len(self.paths)))
+
+    def _together_in(self, rows: NDArray[np.intp]) -> Together:
+        lengths, wavelength = self.apparent_lengths[rows], self.board.wavelength(self.room.air)
+        return together(lengths, self.paths.phases[rows], wavelength, self.board)
 
     def level_of_reading(self, index: int) -> float:
         """Return the level of the arrival that gave the reading at heading `index`, dB; expects a winner.
@@ -105,10 +116,12 @@ class PredictedScan:
         For the board's own receiver, it is the arrival that begins with the winner.
         """
         winner = int(self.winners[index])
+        if self.receiver is Receiver.BOARD:
+            here, amplitudes, sets = self._arriving_at(index)
+            return float(_decibels(sum_of_arrival(amplitudes, sets, int(np.searchsorted(here, winner)))))
         levels, loudest = self.arrivals_at(index)
         detected = np.flatnonzero((loudest == winner) & self.in_time & (levels >= self.board.threshold_db))
-        first_echo = self.receiver is Receiver.FIRST_ECHO and len(detected)
-        return float(levels[detected[0] if first_echo else winner])
+        return float(levels[detected[0] if len(detected) else winner])
 
     @cached_property
     def over_threshold(self) -> FloatArray:
@@ -240,6 +253,11 @@ class PredictedScan:
     def in_time(self) -> BoolArray:
         """Which paths arrive after blanking and within range, (p,) bool."""
         return ~self.blanked & (self.apparent_lengths <= 2 * self.board.max_range + SLACK)
+
+
+def _decibels(amplitudes: float | FloatArray) -> FloatArray:
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10(amplitudes))
 
 
 def silent_scan(
