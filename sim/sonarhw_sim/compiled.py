@@ -42,11 +42,25 @@ def compiled_part(kernel: _Kernel) -> _Kernel:
         # without the registration for calls by Python, which would call address 0
         dispatcher.overloads[tuple(result.signature.args)] = result
 
+    dispatcher.add_overload, dispatcher._compile_for_args = add, _refuse(dispatcher)
+    return cast(_Kernel, dispatcher)
+
+
+def inlined(kernel: _Kernel) -> _Kernel:
+    """Return `kernel`, for calls by one other kernel: it becomes a part of that one and is not compiled by itself.
+
+    A call by Python raises TypeError.
+    """
+    dispatcher: Any = _njit(inline="always")(kernel)
+    dispatcher._compile_for_args = _refuse(dispatcher)
+    return cast(_Kernel, dispatcher)
+
+
+def _refuse(dispatcher: Any) -> Callable[..., None]:
     def refuse(*_arguments: Any, **_named: Any) -> None:
         raise TypeError(f"{dispatcher.__name__} can be called by kernels only; decorate it with @compiled instead")
 
-    dispatcher.add_overload, dispatcher._compile_for_args = add, refuse
-    return cast(_Kernel, dispatcher)
+    return refuse
 
 
 def _compiled(kernel: _Kernel, **options: Any) -> _Kernel:

@@ -20,7 +20,7 @@ from sonarhw_sim.board.traces import FAINTEST, Arrivals, before_gain, gain_at_sa
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import disc, meets_face
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 
 _AS_LOUD = 1.0 + 1e-9  # of arrivals that are equally loud, the first is reported
 
@@ -116,7 +116,7 @@ def _first_echoes(
         found[row], winners[row] = _first_echo(x, y, sound, loudness, before_gain, table, detector, work)
 
 
-@compiled_part
+@inlined
 def _first_echo(
     x: float,
     y: float,
@@ -171,7 +171,7 @@ def _first_echo(
     return found, winner
 
 
-@compiled_part
+@inlined
 def _matters(leaving: float, arriving: float, loudness: float, table: PulseTable) -> bool:
     """Return whether sound may be detected, or change what is detected."""
     if leaving <= 0.0 or arriving <= 0.0:
@@ -187,7 +187,7 @@ def _window(constant: float) -> int:
     return max(2, math.ceil(constant))
 
 
-@compiled_part
+@inlined
 def _listened(
     at: int, end: int, charge: float, written: int, detector: _Detector, work: _Work
 ) -> tuple[float, int, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
@@ -319,7 +319,7 @@ def _reflected(
     return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
 
 
-@compiled_part
+@inlined
 def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return both arrays with twice the capacity; numba would need a second to compile a concatenation."""
     count = misses.shape[0]
@@ -390,7 +390,7 @@ def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: I
     return True
 
 
-@compiled_part
+@inlined
 def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
     larger = np.empty(4 * slots.shape[0], np.int32)
     for k in range(larger.shape[0]):
@@ -400,7 +400,7 @@ def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: I
     return larger
 
 
-@compiled_part
+@inlined
 def _hash(candidate: IntArray, touched: IntArray) -> int:
     ray, bounces, target = candidate
     # targets and surfaces have similar numbers, so the target is scrambled first to avoid collisions

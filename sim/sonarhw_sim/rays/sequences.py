@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.kernel import post_distance, reflect
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
@@ -80,7 +80,7 @@ def _solve(
         real[c] = solved and lengths[c] <= longest[target] and path_is_free(path, surfaces)
 
 
-@compiled_part
+@inlined
 def _touches_post(sequence: IntArray, walls: int) -> bool:
     for surface in sequence:  # noqa: SIM110  numba compiles no generators
         if surface >= walls:
@@ -114,14 +114,14 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     return True
 
 
-@compiled_part
+@inlined
 def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
     return x - 2.0 * aside * ey, y + 2.0 * aside * ex
 
 
-@compiled_part
+@inlined
 def _refine(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float]:
@@ -201,7 +201,7 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
     return True
 
 
-@compiled_part
+@inlined
 def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
     """Return whether no surface blocks any leg of a path (k, 2), apart from surfaces at its points."""
     for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
@@ -232,7 +232,7 @@ def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     return True
 
 
-@compiled_part
+@inlined
 def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: FloatArray) -> bool:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     across = dx * ey - dy * ex
@@ -245,7 +245,7 @@ def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: 
     return crosses
 
 
-@compiled_part
+@inlined
 def _crosses_post(start: FloatArray, dx: float, dy: float, length: float, post: FloatArray) -> bool:
     ahead = (post[0] - start[0]) * dx + (post[1] - start[1]) * dy
     ahead = min(max(ahead, 0.0), length)

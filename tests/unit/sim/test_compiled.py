@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 
 from sonarhw.readings import FloatArray
 
@@ -14,6 +14,11 @@ from sonarhw.readings import FloatArray
 @compiled_part
 def _half(value: float) -> float:
     return value / 2
+
+
+@inlined
+def _third(value: float) -> float:
+    return value / 3
 
 
 @compiled
@@ -24,12 +29,29 @@ def _sum_of_halves(values: FloatArray) -> float:
     return total
 
 
+@compiled
+def _sum_of_thirds(values: FloatArray) -> float:
+    total = 0.0
+    for value in values:
+        total += _third(value)
+    return total
+
+
 def test_a_part_is_called_by_kernels_and_refuses_calls_by_python() -> None:
     with pytest.raises(TypeError, match="_half can be called by kernels only"):
         _half(3.0)
     assert _sum_of_halves(np.array([1.0, 2.0])) == 1.5
     with pytest.raises(TypeError, match="_half can be called by kernels only"):
         _half(3.0)
+
+
+def test_an_inlined_kernel_is_not_compiled_by_itself_and_refuses_calls_by_python() -> None:
+    with pytest.raises(TypeError, match="_third can be called by kernels only"):
+        _third(3.0)
+    assert _sum_of_thirds(np.array([1.5, 3.0])) == 1.5
+    assert not _third.overloads  # type: ignore[attr-defined]
+    with pytest.raises(TypeError, match="_third can be called by kernels only"):
+        _third(3.0)
 
 
 @compiled

@@ -20,9 +20,9 @@ CPU = ("x86_64", "some", "+avx")
 CONSTANTS = "from typing import NamedTuple\n\nLENGTH = {constant}\n\n\nclass Point(NamedTuple):\n    {fields}\n"
 CALLEE = """
 from keys_under_test.constants import LENGTH, Point
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import {decorator}
 
-@compiled
+@{decorator}
 def factor(point):
     {comment}
     return point.x * LENGTH {operator} 2.0
@@ -36,7 +36,13 @@ from sonarhw_sim.compiled import compiled
 def scaled(x, y):
     return factor(Point(x, y))
 """
-AS_WRITTEN = {"constant": "1.0", "fields": "x: float\n    y: float", "comment": "# one", "operator": "+"}
+AS_WRITTEN = {
+    "constant": "1.0",
+    "fields": "x: float\n    y: float",
+    "comment": "# one",
+    "operator": "+",
+    "decorator": "compiled",
+}
 Key = Callable[..., str]
 
 
@@ -74,8 +80,11 @@ def _key(kernel: Any, signature: Any = (float64, float64), processor: tuple[str,
     [{"operator": "-"}, {"constant": "1.5"}, {"constant": "-0.0"}, {"fields": "y: float\n    x: float"}],
     ids=str,
 )
-def test_the_key_changes_with_what_a_kernel_uses_from_other_files(key: Key, change: dict[str, str]) -> None:
-    assert key(**change) != key()
+@pytest.mark.parametrize("decorator", ["compiled", "inlined"])
+def test_the_key_changes_with_what_a_kernel_uses_from_other_files(
+    key: Key, change: dict[str, str], decorator: str
+) -> None:
+    assert key(decorator=decorator, **change) != key(decorator=decorator)
 
 
 def test_the_key_does_not_change_with_a_comment(key: Key) -> None:
