@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.predict.predicted_scan import PredictedScan
     from sonarhw_sim.predict.prediction import PredictionOptions
-    from sonarhw_sim.room.model import Place
+    from sonarhw_sim.room.model import Place, Room
 
     from sonarhw.readings import FloatArray, ScanOrder
 
@@ -90,6 +90,10 @@ def simulate(
         int | None,
         typer.Option(min=0, help="Seed of random values; without one, --model nearest has no random errors."),
     ] = None,
+    grain: Annotated[
+        int | None,
+        typer.Option(min=0, help="Seed of the speckle of rough surfaces; default: the mean power of all speckles."),
+    ] = None,
     out: Annotated[
         str, typer.Option(help="FILE.csv, .npz, .png, .pdf, .svg, .mcap, or - for CSV on standard output.")
     ] = "-",
@@ -111,9 +115,10 @@ def simulate(
     order = order_in_degrees(start, stop, step)
     room = open_room(room_name)
     here, chosen = chosen_place(room, place), load_board(board)
-    options = replace(_options(receiver, unit, edge_strength, noise, seed), sections=sections)
+    options = replace(_options(receiver, unit, edge_strength, noise, seed), sections=sections, grain=grain)
     _check_noise(noise, options.receiver_of(chosen, model), settings)
     _check_effect(model, options, here)
+    _check_grain(grain, room, model)
     headings = _headings(order, chosen, here)
     if settings is not None:
         check_trace_size(settings, kind, listening_time(chosen, room.air), len(headings))
@@ -165,6 +170,15 @@ def _check_effect(model: Model, options: "PredictionOptions", place: "Place") ->
         raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
     if not model.follows_sound and options.unit is not Unit.PASS:
         raise InputError(f"--unit {options.unit}: has no effect with --model {model}; leave it out")
+
+
+def _check_grain(grain: int | None, room: "Room", model: Model) -> None:
+    if grain is None:
+        return
+    if not room.scattered.any():
+        raise InputError(f"--grain {grain}: has no effect: no surface of room {room.name!r} has scatter; leave it out")
+    if not model.follows_sound:
+        raise InputError(f"--grain {grain}: has no effect with --model {model}; leave it out")
 
 
 def _warn_of_near_field(scan: "PredictedScan") -> None:

@@ -78,7 +78,7 @@ def steps(prediction: PredictedScan, index: int) -> tuple[Step, ...]:
     rows = rows[np.argsort(lengths[rows], kind="stable")]
     before = np.maximum.accumulate(np.append(-math.inf, levels[rows]))[:-1]
     records = rows[levels[rows] > before]
-    ranges = prediction.board.reported(lengths[loudest[records]] / 2)
+    ranges = prediction.board.reported(prediction.lengths_of_arrivals(loudest)[records] / 2)
     above = before[levels[rows] > before]
     return tuple(
         Step(int(loudest[first]), float(distance), float(levels[first]), float(least))

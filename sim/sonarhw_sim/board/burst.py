@@ -45,6 +45,11 @@ class Burst:
         return np.asarray(ifft(bins, norm="forward"))
 
 
+def covered_by_burst(board: Board, speed_of_sound: float) -> float:
+    """Return by how much the lengths of paths differ that a board receives at one instant, m."""
+    return speed_of_sound * sum(tone.cycles / tone.frequency for tone in board.burst)
+
+
 @lru_cache(maxsize=16)
 def burst_of(board: Board, speed_of_sound: float) -> Burst:
     """Return the burst of a board in air with this speed of sound, m/s."""

@@ -5,15 +5,16 @@
 
 Every echo is the burst, convolved with h_R at its angle of departure and at its angle of arrival. The convolution is a
 product of spectra, and the spectrum of h_R is 2 J₁(x)/x cos α. An echo is therefore computed as a short spectrum around
-the carrier, where its exact time of flight is a phase.
+the carrier, where its exact time of flight is a phase. Patches of rough surfaces have random phases, so their powers
+add up.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.fft import ifft
+from numpy.fft import ifft, irfft, rfft
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray, Trace
@@ -29,7 +30,29 @@ ENVELOPE_RATE = 50_000.0  # Hz
 CONVERTER_RATE = 16e6 / 16 / 13  # Hz: an ATmega's converter at 16 MHz / 16, 13 clocks per sample
 _CONVERTER_STEPS = 128  # to each side of zero: 8 bits
 FAINTEST = 1e-4  # amplitude; an echo that is always below this is omitted, because noise hides it
+_NOTHING = 1e-12  # share of the whole power that rounding may leave
 _AT_ONCE = 128  # echoes computed at a time, so that memory does not grow with their number
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The patches that a transducer receives at one heading, one row each, in any order."""
+
+    lengths: FloatArray  # (k,), m, of the path by way of the middle
+    spreads: FloatArray  # (k,), m, by how much the ways over a patch differ
+    amplitudes: FloatArray  # (k,), with the beam
+
+    def power_between(self, begins: FloatArray, ends: FloatArray) -> FloatArray:
+        """Return the power of all sound with paths between `begins` and `ends` (m), same shape."""
+        audible = np.flatnonzero(self.amplitudes)
+        powers, spreads = self.amplitudes[audible] ** 2, self.spreads[audible]
+        at = np.concatenate((self.lengths[audible] - spreads / 2, self.lengths[audible] + spreads / 2, [0.0]))
+        rates = np.concatenate((powers / spreads, -powers / spreads, [0.0]))
+        order = np.argsort(at, kind="stable")
+        at = at[order]
+        until = np.append(0.0, np.cumsum(np.cumsum(rates[order])[:-1] * np.diff(at)))
+        power = np.interp(ends, at, until) - np.interp(begins, at, until)
+        return np.asarray(np.where(power > _NOTHING * powers.sum(), power, 0.0))
 
 
 @dataclass(frozen=True)
@@ -41,13 +64,14 @@ class Arrivals:
     amplitudes: FloatArray | ComplexArray
     leaving: FloatArray  # (n,), cosine of the angle between the axis and the departure
     arriving: FloatArray  # (n,), cosine of the angle between the axis and the direction of arrival
+    patches: Patches | None = None  # of rough surfaces, whose mean power is added; None: none
 
     def __len__(self) -> int:
         return len(self.times)
 
     def select(self, rows: slice | NDArray[np.intp] | NDArray[np.bool_]) -> "Arrivals":
         """Return only these rows."""
-        return Arrivals(self.times[rows], self.amplitudes[rows], self.leaving[rows], self.arriving[rows])
+        return Arrivals(self.times[rows], self.amplitudes[rows], self.leaving[rows], self.arriving[rows], self.patches)
 
 
 @dataclass(frozen=True)
@@ -104,6 +128,10 @@ def received(
     gain = gain_at_samples(len(samples), board, receiver)
     for k in range(0, len(arrivals), _AT_ONCE):
         _add(samples, *pulses(arrivals.select(slice(k, k + _AT_ONCE)), board, burst, speed_of_sound), gain)
+    if arrivals.patches is not None:
+        power = _power_at_samples(arrivals.patches, board, speed_of_sound, len(samples))
+        lost = _lost(np.arange(len(samples)) / RATE, board, speed_of_sound, receiver)
+        samples = _with_power(samples, power * (lost * gain) ** 2)
     # the transmit burst bypasses the gain and overdrives the receiver until the transducer has decayed
     own = own_burst(board, speed_of_sound)[: len(samples)]
     samples[: len(own)] += own
@@ -172,12 +200,15 @@ def loudest_beam(cosine: float, half: float) -> float:
 
 def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receiver: Receiver) -> Arrivals:
     """Return the arrivals at the input of the gain; for the ideal gain without the loss that it compensates."""
+    return replace(arrivals, amplitudes=arrivals.amplitudes * _lost(arrivals.times, board, speed_of_sound, receiver))
+
+
+def _lost(times: FloatArray, board: Board, speed_of_sound: float, receiver: Receiver) -> FloatArray:
+    """Return the amplitude, at the input of the gain, of sound at `times` (s), same shape; 1 before an ideal gain."""
     if not is_stepped(board, receiver):
-        return arrivals
+        return np.ones(times.shape)
     # sound that returns at once is blanked, and its loss is negligible
-    lengths = np.maximum(arrivals.times * speed_of_sound, 1e-3)
-    lost = 10 ** (-path_loss_db(lengths, board) / 20)
-    return Arrivals(arrivals.times, arrivals.amplitudes * lost, arrivals.leaving, arrivals.arriving)
+    return np.asarray(10 ** (-path_loss_db(np.maximum(times * speed_of_sound, 1e-3), board) / 20))
 
 
 @lru_cache(maxsize=16)
@@ -189,6 +220,27 @@ def gain_at_samples(count: int, board: Board, receiver: Receiver) -> FloatArray:
         gain = np.asarray(10 ** (stepped_gain_db(clock, board) / 20))
     gain.flags.writeable = False
     return gain
+
+
+def _power_at_samples(patches: Patches, board: Board, speed_of_sound: float, count: int) -> FloatArray:
+    """Return the mean power of patches at each sample of a signal, (count,), at the input of the gain if it is ideal.
+
+    The burst has the shape of its echo straight ahead.
+    """
+    burst = burst_of(board, speed_of_sound)
+    limits = np.asarray((np.arange(count + burst.lead + 1) - 0.5) / RATE * speed_of_sound, dtype=np.float64)
+    power = patches.power_between(limits[:-1], limits[1:])
+    shape = np.abs(burst.samples) ** 2
+    size = 1 << (len(power) + len(shape)).bit_length()
+    received = irfft(rfft(power, size) * rfft(shape, size), size)[burst.lead : burst.lead + count]
+    return np.asarray(np.maximum(received, 0.0))
+
+
+def _with_power(samples: ComplexArray, power: FloatArray) -> ComplexArray:
+    """Return samples (n,) whose magnitudes contain this power, too, with the phases that they have."""
+    sizes = np.abs(samples)
+    phasors = np.divide(samples, sizes, out=np.ones_like(samples), where=sizes > 0)
+    return np.asarray(phasors * np.sqrt(sizes**2 + power))
 
 
 def is_stepped(board: Board, receiver: Receiver) -> bool:

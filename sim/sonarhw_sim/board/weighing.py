@@ -100,7 +100,7 @@ class Together(NamedTuple):
 
     begins: NDArray[np.intp]  # (p,): the first of them
     ends: NDArray[np.intp]  # (p,): the row after the last
-    phasors: ComplexArray  # (p,), of the carrier at arrival, magnitude 1; NaN: random phase, its power is added
+    phasors: ComplexArray  # (p,), of the carrier at arrival, magnitude 1
 
 
 def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: Board) -> Together:
@@ -129,13 +129,10 @@ def sum_of_arrival(amplitudes: FloatArray, sets: Together, path: int) -> float:
 @compiled_part
 def _sum_of(amplitudes: FloatArray, phasors: ComplexArray, begin: int, end: int) -> float:
     """Return the magnitude of the sum of the paths from row `begin` to `end`."""
-    total, power = 0.0j, 0.0
+    total = 0.0j
     for path in range(begin, end):
-        if math.isnan(phasors[path].real):
-            power += amplitudes[path] * amplitudes[path]
-        else:
-            total += amplitudes[path] * phasors[path]
-    magnitude: float = math.sqrt(total.real * total.real + total.imag * total.imag + power)
+        total += amplitudes[path] * phasors[path]
+    magnitude: float = math.sqrt(total.real * total.real + total.imag * total.imag)
     return magnitude
 
 

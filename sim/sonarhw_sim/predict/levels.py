@@ -57,9 +57,13 @@ def faintest_kept(board: Board) -> float:
 
 
 def loud_enough(room: Room, board: Board, paths: Paths) -> NDArray[np.intp]:
-    """Return the rows of the paths that are at most 20 dB below the threshold at their best heading, (k,) int."""
+    """Return the rows of the paths that are at most 20 dB below the threshold at their best heading, (k,) int.
+
+    Patches of rough surfaces are always among them, because many faint ones are loud together.
+    """
     loudest = loudest_by_separation(board.wavenumber(room.air) * board.aperture_radius)
     cosines = np.clip((paths.leaving * paths.arriving).sum(axis=1), -1, 1)
     # the next smaller separation, so that the bound is never too low
     rows = (np.arccos(cosines) / math.pi * (len(loudest) - 1)).astype(np.intp)
-    return np.flatnonzero(strengths(room, board, paths) * loudest[rows] >= faintest_kept(board))
+    loud = strengths(room, board, paths) * loudest[rows] >= faintest_kept(board)
+    return np.flatnonzero(loud | paths.scattered)

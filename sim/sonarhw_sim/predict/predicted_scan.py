@@ -1,6 +1,7 @@
 """The predicted scan: the reading at each heading, and all levels, echoes and receive signals there."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.board.burst import covered_by_burst
 from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
+from sonarhw_sim.board.receiver import SHARE, ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import (
@@ -26,6 +28,7 @@ from sonarhw_sim.board.weighing import (
 from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths, turned
+from sonarhw_sim.predict.scattered import ScatteredSound, scattered_sound
 from sonarhw_sim.rays.paths import SLACK, Paths
 from sonarhw_sim.room.model import Place, Room
 
@@ -37,6 +40,7 @@ class Echo:
     path: int  # row in the scan's paths, of the loudest
     range: float  # m, as the board reports it
     level_db: float  # of their sum, at the detector, relative to a perfect wall straight ahead
+    length: float  # m, apparent length of its path; of scattered sound, when it is loud enough
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ class PredictedScan:
     receiver: Receiver = Receiver.FIRST_ECHO
     noise: float = 0.0  # of every signal, root mean square; 1 is full scale
     seed: int = 0  # of the noise
+    grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
 
     @property
     def ranges(self) -> FloatArray:
@@ -88,18 +93,22 @@ class PredictedScan:
 
     def arrivals_at(self, index: int) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return `levels_at`, and the loudest path of each arrival, (p,) rows of `paths`."""
-        here, present, sets = self._arriving_at(index)
-        sums, loudest = sums_of_arrivals(present, sets)
+        here, amplitudes, sets = self._arriving_at(index)
+        sums, loudest = sums_of_arrivals(amplitudes, sets)
+        scattered = self._scattered_at(index)
+        if scattered is not None:
+            sums, loudest = scattered.added_to(sums, loudest, self.apparent_lengths[here])
         amplitudes, members = np.zeros(len(self.paths)), np.arange(len(self.paths))
         amplitudes[here], members[here] = sums, here[loudest]
         return _decibels(amplitudes), members
 
     def _arriving_at(self, index: int) -> tuple[NDArray[np.intp], FloatArray, Together]:
-        """Return the rows of the paths at heading `index`, their amplitudes, and which arrive together."""
+        """Return the rows of the paths at heading `index`, their amplitudes, and which arrive together.
+
+        Patches of rough surfaces have an amplitude of 0 here.
+        """
         here, paths = self._present_at(index)
-        heading, senders = float(self.headings[index]), self.sender_headings
-        amplitudes = path_amplitudes(self.room, self.board, heading, paths, None if senders is None else senders[here])
-        amplitudes[self._meets_face(paths, heading)] = 0.0
+        amplitudes = np.where(paths.scattered, 0.0, self._amplitudes_at(index, here, paths))
         return here, amplitudes, self._together if self.only_at is None else self._together_in(here)
 
     @cached_property
@@ -108,7 +117,7 @@ class PredictedScan:
 
     def _together_in(self, rows: NDArray[np.intp]) -> Together:
         lengths, wavelength = self.apparent_lengths[rows], self.board.wavelength(self.room.air)
-        return together(lengths, self.paths.phases[rows], wavelength, self.board)
+        return together(lengths, np.nan_to_num(self.paths.phases[rows]), wavelength, self.board)
 
     def level_of_reading(self, index: int) -> float:
         """Return the level of the arrival that gave the reading at heading `index`, dB; expects a winner.
@@ -116,12 +125,52 @@ class PredictedScan:
         For the board's own receiver, it is the arrival that begins with the winner.
         """
         winner = int(self.winners[index])
+        if self.paths.scattered[winner]:
+            scattered = self._scattered_at(index)
+            assert scattered is not None
+            # the board's own receiver detects sound while it arrives, the paper's at its begin
+            begin = 2 * float(self.distances[index]) - (self._burst if self.receiver is Receiver.BOARD else 0.0)
+            return scattered.level_from(begin)
         if self.receiver is Receiver.BOARD:
             here, amplitudes, sets = self._arriving_at(index)
             return float(_decibels(sum_of_arrival(amplitudes, sets, int(np.searchsorted(here, winner)))))
         levels, loudest = self.arrivals_at(index)
         detected = np.flatnonzero((loudest == winner) & self.in_time & (levels >= self.board.threshold_db))
         return float(levels[detected[0] if len(detected) else winner])
+
+    def lengths_of_arrivals(self, loudest: NDArray[np.intp]) -> FloatArray:
+        """Return the apparent path length of the arrival that begins with each path, (p,) m.
+
+        It is that of the loudest path of the arrival (`arrivals_at`), or for scattered sound, which builds up while the
+        burst passes, that of the path itself.
+        """
+        return np.where(self.paths.scattered[loudest], self.apparent_lengths, self.apparent_lengths[loudest])
+
+    @cached_property
+    def _burst(self) -> float:
+        return covered_by_burst(self.board, self.room.air.speed_of_sound)
+
+    def _amplitudes_at(self, index: int, here: NDArray[np.intp], paths: Paths) -> FloatArray:
+        """Return the signed amplitude of each of the paths at heading `index`, (k,)."""
+        heading, senders = float(self.headings[index]), self.sender_headings
+        present = path_amplitudes(self.room, self.board, heading, paths, None if senders is None else senders[here])
+        present[self._meets_face(paths, heading)] = 0.0
+        return present
+
+    def _scattered_at(self, index: int) -> ScatteredSound | None:
+        """Return the sound of rough surfaces at heading `index`; rows are those of the paths that exist there."""
+        here, paths = self._present_at(index)
+        seed: tuple[int, ...] = () if self.grain is None else (self.grain, 5)
+        # patches that exist at one heading only have a grain of their own
+        if seed and self.only_at is not None:
+            seed += (_microdegrees(self.headings[index]),)
+        rough = np.flatnonzero(paths.scattered)
+        if not len(rough):
+            return None
+        amplitudes = self._amplitudes_at(index, here[rough], paths.select(rough))
+        return scattered_sound(
+            self.apparent_lengths[here[rough]], paths.spreads[rough], amplitudes, rough, self._burst, seed
+        )
 
     @cached_property
     def over_threshold(self) -> FloatArray:
@@ -152,8 +201,8 @@ class PredictedScan:
 
     def first_detected(self) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return time, (n,) s, NaN without an echo, and path, (n,), of the first echo of the board's own receiver."""
-        if self.noise:
-            return self._first_in_noise()
+        if self.noise or self.paths.scattered.any():
+            return self._first_one_by_one()
         speed, every = self.room.air.speed_of_sound, np.arange(len(self.paths))
         if self.only_at is None:
             times, rows = first_echoes(self.headings, self._sound(every, self.paths.leaving), self.board, speed)
@@ -168,7 +217,7 @@ class PredictedScan:
             winners[k] = np.append(here[in_order], -1)[row[0]]
         return times, winners
 
-    def _first_in_noise(self) -> tuple[FloatArray, NDArray[np.intp]]:
+    def _first_one_by_one(self) -> tuple[FloatArray, NDArray[np.intp]]:
         found = [self.first_detected_at(k) for k in range(len(self.headings))]
         times = [one.times[0] if len(one.times) else np.nan for one in found]
         return np.array(times, dtype=np.float64), np.array([one.winner for one in found], dtype=np.intp)
@@ -187,15 +236,28 @@ class PredictedScan:
         )
 
     def _phased(self, paths: Paths) -> ComplexArray:
-        # sound of random phase gets the phase of its length
-        return np.asarray(strengths(self.room, self.board, paths) * np.exp(1j * np.nan_to_num(paths.phases)))
+        phasors = np.where(paths.scattered, 0.0, np.exp(1j * np.nan_to_num(paths.phases)))
+        return np.asarray(strengths(self.room, self.board, paths) * phasors)
 
     def first_detected_at(self, index: int) -> ReceivedEchoes:
         """Return the first echo of the board's own receiver, in its noise; `winner` is a row of `paths`."""
         speed, noise = self.room.air.speed_of_sound, self._noise_at(index)
         detected = detect_first_echo(self.sound_at(index), self.board, speed, noise)
+        here, paths = self._present_at(index)
+        # rows beyond the paths are scatterers of a grain
+        winner = detected.winner if detected.winner < len(here) else -1
+        scattered = self._scattered_at(index)
+        if scattered is not None and len(detected.times):
+            coherent = float(np.abs(self._amplitudes_at(index, here, paths)[winner])) if winner >= 0 else 0.0
+            patch = scattered.responsible_at(float(detected.times[0]) * speed, max(coherent, self._unheard))
+            winner = patch if patch >= 0 else winner
         # winner -1, "no path", selects the appended -1
-        return replace(detected, winner=int(np.append(self._present_at(index)[0], -1)[detected.winner]))
+        return replace(detected, winner=int(np.append(here, -1)[winner]))
+
+    @property
+    def _unheard(self) -> float:
+        """Amplitude below which sound does not cause a detection."""
+        return SHARE * 10 ** (self.board.threshold_db / 20)
 
     def _present_at(self, index: int) -> tuple[NDArray[np.intp], Paths]:
         """Return the rows of the paths that exist at heading `index`, and the paths."""
@@ -213,41 +275,66 @@ class PredictedScan:
     def sound_at(self, index: int) -> Arrivals:
         """Return all sound that arrives at heading `index`, before the effect of the transducer."""
         heading, (here, paths) = float(self.headings[index]), self._present_at(index)
-        amplitudes = self._phased(paths)
-        amplitudes[self._meets_face(paths, heading)] = 0.0
+        amplitudes, lengths = self._phased(paths), self.apparent_lengths[here]
+        meets_face = self._meets_face(paths, heading)
+        amplitudes[meets_face] = 0.0
         sender_headings = heading if self.sender_headings is None else self.sender_headings[here]
         leaving = paths.leaving[:, 0] * np.cos(sender_headings) + paths.leaving[:, 1] * np.sin(sender_headings)
         arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
-        times = self.apparent_lengths[here] / self.room.air.speed_of_sound
-        return Arrivals(times, amplitudes, leaving, arriving)
+        speed = self.room.air.speed_of_sound
+        arrivals = Arrivals(lengths / speed, amplitudes, leaving, arriving)
+        scattered = self._scattered_at(index)
+        if scattered is None:
+            return arrivals
+        if scattered.grain is None:
+            return replace(arrivals, patches=scattered.patches)
+        rows = scattered.rows[scattered.grain.rows]
+        grain = strengths(self.room, self.board, paths)[rows] * scattered.grain.factors
+        grain[meets_face[rows]] = 0.0
+        return Arrivals(
+            np.concatenate((arrivals.times, scattered.grain.lengths / speed)),
+            np.concatenate((amplitudes, grain)),
+            np.concatenate((leaving, leaving[rows])),
+            np.concatenate((arriving, arriving[rows])),
+        )
 
     def _noise_at(self, index: int) -> Noise:
         # a function of the heading, independent of the other headings
-        microdegrees = round(math.degrees(self.headings[index]) * 1e6) % 360_000_000
-        return Noise(self.noise, (self.seed, microdegrees))
+        return Noise(self.noise, (self.seed, _microdegrees(self.headings[index])))
 
     def echoes(self, index: int) -> tuple[Echo, ...]:
         """Return all arrivals after blanking that are loud enough at heading `index`, earliest first."""
-        return self._loud(index, ~self.blanked)
+        return tuple(self._loud(index, ~self.blanked))
 
     def blanked_echoes(self, index: int) -> tuple[Echo, ...]:
         """Return all arrivals within blanking that are loud enough at heading `index`, earliest first."""
-        return self._loud(index, self.blanked)
+        return tuple(self._loud(index, self.blanked))
 
-    def _loud(self, index: int, among: BoolArray) -> tuple[Echo, ...]:
+    def first_echo(self, index: int) -> Echo | None:
+        """Return the first of `echoes`, or None without any."""
+        return next(self._loud(index, ~self.blanked), None)
+
+    def _loud(self, index: int, among: BoolArray) -> Iterator[Echo]:
         levels, loudest = self.arrivals_at(index)
+        lengths, scattered = self.lengths_of_arrivals(loudest), self._scattered_at(index)
         within = self.apparent_lengths <= 2 * self.board.max_range + SLACK
         loud = np.flatnonzero((levels >= self.board.threshold_db) & np.isfinite(levels) & within & among)
         span = self.board.wavelength(self.room.air) if self.board.sum_arrivals else -1.0
-        echoes: list[Echo] = []
-        until = -math.inf  # the end of the last arrival, whose paths begin no other one
+        until, until_scattered = -math.inf, -math.inf  # ends of the last arrivals
         for first in loud.tolist():
-            if self.apparent_lengths[first] <= until:
+            begin, path = float(self.apparent_lengths[first]), int(loudest[first])
+            length, level = float(lengths[first]), float(levels[first])
+            # paths within an arrival begin no other one
+            if begin <= until:
                 continue
-            until, path = self.apparent_lengths[first] + span, int(loudest[first])
-            distance = float(self.board.reported(self.apparent_lengths[path : path + 1] / 2)[0])
-            echoes.append(Echo(path, distance, float(levels[first])))
-        return tuple(echoes)
+            if scattered is None or not self.paths.scattered[path]:
+                until = until_scattered = begin + span
+            elif begin <= until_scattered:
+                continue
+            else:
+                length = scattered.reaches(self.board.threshold_db, begin)
+                level, until_scattered = scattered.level_from(length), length + self._burst
+            yield Echo(path, float(self.board.reported(np.array([length / 2]))[0]), level, length)
 
     @property
     def in_time(self) -> BoolArray:
@@ -275,7 +362,7 @@ def silent_scan(
 
 
 def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
-    """Return the scan with the first arrival over the threshold as its readings, if all paths exist at all headings."""
+    """Return what `with_first_echoes` returns, if all paths exist at all headings and no surface is rough."""
     room, board, in_time = scan.room, scan.board, np.flatnonzero(scan.in_time)
     paths, ka = scan.paths.select(in_time), board.wavenumber(room.air) * board.aperture_radius
     first = first_detected(
@@ -291,14 +378,17 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
         beam_table(ka),
     )
     # row -1, "no echo", selects the appended value
-    return _with_winners(scan, np.append(in_time, -1)[first])
+    winners = np.append(in_time, -1)[first]
+    return replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
 
 
 def with_first_echoes(scan: PredictedScan) -> PredictedScan:
     """Return the scan with the first of its `echoes` at each heading as its readings."""
-    firsts = [scan.echoes(k)[:1] for k in range(len(scan.headings))]
-    return _with_winners(scan, np.array([first[0].path if first else -1 for first in firsts], dtype=np.intp))
+    firsts = [scan.first_echo(k) for k in range(len(scan.headings))]
+    winners = np.array([first.path if first else -1 for first in firsts], dtype=np.intp)
+    lengths = np.array([first.length if first else np.nan for first in firsts], dtype=np.float64)
+    return replace(scan, winners=winners, distances=lengths / 2)
 
 
-def _with_winners(scan: PredictedScan, winners: NDArray[np.intp]) -> PredictedScan:
-    return replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
+def _microdegrees(heading: float) -> int:
+    return round(math.degrees(heading) * 1e6) % 360_000_000

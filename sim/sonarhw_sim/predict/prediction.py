@@ -25,6 +25,7 @@ from sonarhw_sim.vertical.sections import paths_from
 
 # dB. The number of diffracted paths is infinite; only those are searched that are at most so far below the threshold.
 DIFFRACTED_BELOW_THRESHOLD = 3.0
+_PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class PredictionOptions:
     noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; no effect on the paper's receiver
     seed: int | None = None  # of random numbers; None: 0 for `noise`, and no random range errors
     single: bool = False  # only paths of one reflection or one edge
+    grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     sections: int = 1  # number of horizontal sections across the face, for a place with a height
 
     def receiver_of(self, board: Board, model: Model = Model.RAY_FOLLOWING) -> Receiver:
@@ -84,9 +86,10 @@ def scan_of_paths(
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
     """Return a scan without readings as the receiver of `options` reports it, with their noise."""
     receiver = options.receiver_of(scan.board)
-    scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0)
+    scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0, grain=options.grain)
     if receiver is Receiver.FIRST_ECHO:
-        return with_first_arrivals(scan) if scan.only_at is None else with_first_echoes(scan)
+        at_once = scan.only_at is None and not scan.paths.scattered.any()
+        return with_first_arrivals(scan) if at_once else with_first_echoes(scan)
     times, winners = scan.first_detected()
     distances = counted_time(times, scan.board) * scan.room.air.speed_of_sound / 2
     return replace(scan, winners=winners, distances=distances)
@@ -148,7 +151,7 @@ def _scan_by_heading(
         paths = _paths(room_with_faces, start, board, search_pair, options, None if start.position == end else end)
         sender_headings = np.full(len(paths), pair.sender.heading)
         amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
-        return paths.select(np.flatnonzero(np.abs(amplitudes) >= faintest))
+        return paths.select(np.flatnonzero(np.abs(amplitudes) >= np.where(paths.scattered, _PATCH, 1.0) * faintest))
 
     found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
     scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, options.unit)

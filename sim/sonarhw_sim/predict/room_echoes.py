@@ -149,7 +149,7 @@ class RoomEchoes:
         count = len(scan.paths)
         levels, loudest = scan.arrivals_at(0)
         levels += random.normal(0, self._disturbance.level_db, count)
-        lengths = scan.apparent_lengths[loudest] + 2 * self._board.range_offset
+        lengths = scan.lengths_of_arrivals(loudest) + 2 * self._board.range_offset
         times = lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
         detected = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []

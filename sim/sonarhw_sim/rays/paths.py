@@ -56,6 +56,7 @@ class Paths(PathTable):
     arrivals: FloatArray  # (n,), rad: direction from which the sound arrives
     gains: FloatArray  # (n,): reflectances, edge factor and curvature; no directivity, spreading, absorption
     phases: FloatArray  # (n,), rad, beyond that of the length: of uniform edges; NaN: random, the sound adds by power
+    spreads: FloatArray  # (n,), m: by how much the ways over a patch of a rough surface differ; 0 for other paths
     surfaces: IntArray  # (n, b): reflecting surfaces, in order, padded with -1
     edges: IntArray  # (n,): diffracting edge, a row of the room's edges; -1: none
     bends: IntArray  # (n,): number of reflections before that edge; without an edge, of all
@@ -66,6 +67,11 @@ class Paths(PathTable):
     def bounces(self) -> IntArray:
         """Number of reflections of each path, (n,) int."""
         return np.asarray((self.surfaces >= 0).sum(axis=1), dtype=np.int32)
+
+    @cached_property
+    def scattered(self) -> NDArray[np.bool_]:
+        """Which paths are patches of rough surfaces, (n,) bool: their sound adds by power."""
+        return np.isnan(self.phases)
 
     @cached_property
     def leaving(self) -> FloatArray:
@@ -186,6 +192,7 @@ def _paths_of(paths: PartialPaths) -> Paths:
         np.arctan2(home[:, 1], home[:, 0]),
         paths.gains,
         paths.phases,
+        np.zeros(len(rows)),
         paths.surfaces,
         paths.edges,
         paths.bends,

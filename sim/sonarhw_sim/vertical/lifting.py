@@ -68,6 +68,7 @@ def lifted(view: SectionQuery, plane: Plane, section: Section, found: Paths) -> 
         arrivals=arrivals,
         gains=found.gains[rows] * [math.prod(event.gain for event in path.events) for path in paths],
         phases=found.phases[rows] + np.array([sum(event.phase for event in path.events) for path in paths]),
+        spreads=np.zeros(len(rows)),
         surfaces=surfaces,
         edges=np.array([path.edge for path in paths], dtype=np.int32),
         bends=np.array([path.bend for path in paths], dtype=np.int32),

@@ -30,6 +30,7 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import (
 )
 from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, moved, with_reverses
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
+from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.fit.values.parameters import Parameter, applied, start_of
@@ -163,7 +164,8 @@ class Problem:
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
         found = []
         for place in places:
-            paths = with_reverses(paths_from(room, place, search, None, board.aperture_radius), board)
+            found_here = paths_from(room, place, search, None, board.aperture_radius)
+            paths = with_reverses(with_summed_patches(found_here, room, board), board)
             paths = paths.select(
                 loud_enough(room, replace(board, threshold_db=board.threshold_db + _THRESHOLD_RAISE), paths)
             )

@@ -21,6 +21,7 @@ from sonarhw_sim.vertical.sections import paths_from
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ScanArrays
 from sonarhw_compare.fit.likelihood.echo_paths import with_reverses
+from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 
 HEADINGS = 180  # 2° apart
 QUICK = PredictionOptions(rays=720, max_bounces=3)
@@ -81,7 +82,7 @@ def score_positions(
     for row, (x, y) in enumerate(positions.tolist()):
         tick()
         paths = paths_from(room, Place("", (x, y), height=height), search, None, board.aperture_radius)
-        paths = with_reverses(paths, board)
+        paths = with_reverses(with_summed_patches(paths, room, board), board)
         paths = paths.select(np.flatnonzero(~is_blanked(paths.lengths, board, room)))
         if len(paths):
             level = 20 * np.log10(np.maximum(strengths(room, board, paths), 1e-12)) - board.threshold_db

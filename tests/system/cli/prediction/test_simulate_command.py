@@ -177,6 +177,29 @@ def test_noise_is_the_same_for_the_same_seed(tmp_path: Path) -> None:
     assert np.std(noisy - trace()) == pytest.approx(0.01, rel=0.2)
 
 
+def test_grain_changes_the_sound_of_rough_surfaces_only(capsys: pytest.CaptureFixture[str]) -> None:
+    def reading(degrees: str, *options: str) -> str:
+        place = ["rooms/doorstep.toml", "--place", "tripod", "--from", degrees, "--to", degrees + ".5"]
+        assert run(["simulate", *place, *options]) == 0
+        return capsys.readouterr().out
+
+    rug, north = "25", "90"
+    assert len({reading(rug, *options) for options in ((), ("--grain", "1"), ("--grain", "2"))}) == 3
+    assert reading(north, "--grain", "1") == reading(north)
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (FIGURE_9, "no surface of room 'Simple room' has scatter"),
+        (["rooms/doorstep.toml", "--place", "plan", "--model", "cone"], "has no effect with --model cone"),
+    ],
+)
+def test_grain_without_effect_is_refused(capsys: pytest.CaptureFixture[str], command: list[str], message: str) -> None:
+    assert run(["simulate", *command, "--grain", "1"]) == 2
+    assert message in capsys.readouterr().err
+
+
 def test_log_contains_envelopes_and_every_echo_of_the_board(tmp_path: Path) -> None:
     out = tmp_path / "scan.mcap"
     few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board", "--traces", "envelope"]

@@ -18,14 +18,16 @@ from sonarhw_compare.fit.likelihood.echo_paths import (
     with_reverses,
 )
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
+from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.vertical.sections import paths_from
 
 from sonarhw.readings import FloatArray, Reading
 from tests.fixtures.rooms_for_tests import room_of
@@ -54,6 +56,22 @@ def test_moved_paths_equal_those_of_a_new_search() -> None:
     for row, other in pairs:
         assert np.hypot(*out[row]) + np.hypot(*back[row]) == pytest.approx(there.lengths[other], abs=1e-12)
         assert out[row] / np.hypot(*out[row]) == pytest.approx(there.leaving[other], abs=1e-12)
+
+
+def test_a_patch_in_a_likelihood_is_as_loud_as_all_that_are_received_with_it() -> None:
+    room = room_of([(-200.0, 1.0, 200.0, 1.0)])
+    room, here = replace(room, scattered=np.array([0.5, 0.0])[: len(room.names)]), Place("here", (0.0, 0.0))
+    every = paths_from(room, here, SEARCH)
+    few = with_summed_patches(every, room, BOARD)
+    assert len(every) > 3 * len(few)
+    assert not few.scattered.any()
+    for row in np.flatnonzero((few.lengths > 2.1) & (few.lengths < 4))[::5].tolist():
+        towards = few.departures[row : row + 1]
+        scan = weigh_paths(room, here, BOARD, towards, every)
+        levels, loudest = scan.arrivals_at(0)
+        same = int(np.abs(scan.paths.lengths - few.lengths[row]).argmin())
+        assert scan.paths.scattered[loudest[same]]
+        assert 20 * math.log10(few.gains[row]) == pytest.approx(levels[same], abs=0.1)
 
 
 def test_each_path_and_its_reverse_become_one_of_twice_the_amplitude() -> None:
