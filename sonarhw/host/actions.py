@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from sonarhw.errors import LostSteps, NoAnswer
-from sonarhw.host.conversation import Conversation
+from sonarhw.host.conversation import Conversation, broken_protocol
 from sonarhw.host.job import Job, Script
 from sonarhw.lost_steps import MARK_APPROACH, MARK_OVERRUN, lost_steps_clause, nearest_mark, unverified_clause
 from sonarhw.readings import FloatArray
@@ -22,6 +22,7 @@ from sonarhw.wire.messages import (
     Turn,
 )
 from sonarhw.wire.reading_messages import scan_order
+from sonarhw.wire.reading_rules import broken_settings_rule
 from sonarhw.wire.units import degrees_c, microdegrees_of, millimetres_per_second_of, radians_of
 
 _MAX_WITHOUT_PROGRESS = 3  # consecutive scan commands without a new reading
@@ -75,6 +76,9 @@ def home(talk: Conversation, job: Job | None) -> Script[Outcome]:
 
 def _configure(talk: Conversation, request: Configure) -> Script[Settings]:
     settings = yield from talk.request_typed(request, Settings)
+    # a replayed log has no capabilities, and answers with its own settings
+    if talk.device.capabilities and (rule := broken_settings_rule(request, settings)):
+        raise broken_protocol(talk.device.where, rule)
     talk.device.settings, talk.device.configured = settings, request
     return settings
 

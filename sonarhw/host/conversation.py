@@ -120,6 +120,8 @@ class Conversation:
         if job:
             job.moving = True
         yield from self._follow(command, job, math.inf if scan else self.now + MOVE_WITHIN)
+        if command.broken:
+            raise broken_protocol(self.device.where, command.broken)
         outcome = self._outcome(command)
         if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
             # the device stopped by itself, because it received nothing from the host for too long: repeat the command
@@ -132,7 +134,7 @@ class Conversation:
         def over() -> bool:
             return command.finished is not None and self.driver.scan_complete
 
-        yield Wait(lambda: over() or self._is_enough(job), deadline)
+        yield Wait(lambda: over() or self._is_enough(job) or command.broken is not None, deadline)
         if command.finished is None:
             stop = self.send(Stop())
             yield Wait(lambda: over() and stop.settled)
@@ -155,6 +157,11 @@ class Conversation:
             self.device.homed = False
             raise LostSteps(f"{where}: {finished.text or 'steps were lost'}")
         raise DeviceError(f"{where}: {command.name} failed: {finished.text or 'the board gave no reason'}")
+
+
+def broken_protocol(where: str, rule: str) -> DeviceError:
+    """Return the error for firmware that breaks a rule of the protocol."""
+    return DeviceError(f"{where}: its firmware breaks the protocol: {rule}; see firmware_protocol.md")
 
 
 def settled(command: Command, until: float = math.inf) -> Wait:

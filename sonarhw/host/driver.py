@@ -37,6 +37,7 @@ from sonarhw.wire.messages import (
     TraceChunk,
     unpack_message,
 )
+from sonarhw.wire.reading_rules import broken_reading_rule, broken_start_rule
 from sonarhw.wire.units import microseconds_of
 
 ANSWER_WITHIN = 0.5  # s; the command is then sent again
@@ -71,6 +72,7 @@ class Command:
         self.answer: AnswerMessage | None = None
         self.answered_us = 0  # time of the answer on the device's clock
         self.finished: Finished | None = None
+        self.broken: str | None = None  # clause with the first rule of the protocol that its messages broke
 
     @property
     def name(self) -> str:
@@ -101,6 +103,8 @@ class Driver:
         self.where = where  # for error messages
         self.info: Info | None = None
         self.kept = KEPT_READINGS  # newest readings that the device can send again
+        self._checked = False  # whether orders and readings must agree; a replayed log plays another scan
+        self._fired: tuple[int, int] | None = None  # device time (µs) and number of the newest reading
         self.device_statistics: Statistics | None = None
         self._counted: Counter[str] = Counter()
         self._round_trip: float | None = None  # s, smoothed
@@ -259,6 +263,8 @@ class Driver:
             case ReadingMessage():
                 if not self._expects(message) or not self._arrivals.arrived(message.number):
                     return
+                if self._breaks_rules(message):
+                    return
             case TraceChunk():
                 if self._action is None:
                     return
@@ -285,12 +291,12 @@ class Driver:
                 self.info = message
             case Capabilities():
                 self.kept = max(1, min(message.readings_kept, KEPT_READINGS))
+                self._checked = True
             case Statistics():
                 self.device_statistics = message
                 self._round_trip = smoothed(self._round_trip, now - command.sent_at)
             case Started():
-                # a replayed log plays its own readings, even if another sector was requested
-                self._arrivals.total = message.first + message.readings
+                self._started(command, message)
             case Refused():
                 self._refused(command, message)
         if command is self._resend:
@@ -298,6 +304,24 @@ class Driver:
             if isinstance(message, Refused):
                 self._arrivals.give_up()
         return True
+
+    def _started(self, command: Command, message: Started) -> None:
+        if self._checked and isinstance(command.message, StartScan):
+            command.broken = command.broken or broken_start_rule(command.message, message)
+        else:  # a replayed log plays its own readings, even if another sector was requested
+            self._arrivals.total = message.first + message.readings
+
+    def _breaks_rules(self, message: ReadingMessage) -> bool:
+        """Check a reading. The first broken rule is stored in the command, which the caller must then end."""
+        action, fired, broken = self._action, self._fired, None
+        self._fired = message.fired_us, message.number
+        if fired and fired[0] == message.fired_us and fired[1] != message.number:
+            broken = f"readings {fired[1]} and {message.number} have the same fired_us; the device clock must not stop"
+        elif self._checked and action and isinstance(action.message, StartScan) and self.info:
+            broken = broken_reading_rule(message, action.message, self.assembler.settings, self.info.microsteps)
+        if action and broken:
+            action.broken = action.broken or broken
+        return broken is not None
 
     def _refused(self, command: Command, message: Refused) -> None:
         if self._action is command:
@@ -318,6 +342,7 @@ class Driver:
         order = command.message
         self._lost_before += self._arrivals.lost
         self._arrivals = self._expected(order) if isinstance(order, StartScan) else ReadingArrivals(0)
+        self._fired = None
         if self._resend:
             self.forget(self._resend)
         self._resend, self._resend_tries = None, (None, 0)

@@ -68,7 +68,7 @@ class Job:
             return
         if self.began is None:
             self.began = clock.continued(self.command.answered_us)
-        if not self.progress.received:
+        if not self.progress.received and self.command.broken is None:
             # a replayed log plays its own readings, even if another sector was requested
             self.progress.total = self.command.answer.first + self.command.answer.readings
 

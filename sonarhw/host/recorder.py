@@ -5,7 +5,7 @@ from typing import Protocol
 
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import frame_type
-from sonarhw.wire.messages import Hello, Info
+from sonarhw.wire.messages import Capabilities, Hello, Info
 
 
 class Recorder(Protocol):
@@ -33,7 +33,7 @@ class JobRecording:
         self.failure: BaseException | None = None
         self._wanted = wanted
         self._recorder: Recorder | None = None
-        self._greeting: list[tuple[bool, float, bytes]] = []  # the newest Hello, and its Info if received
+        self._greeting: list[tuple[bool, float, bytes]] = []  # the newest Hello, and the Info and Capabilities received
 
     def use(self, recorder: Recorder | None) -> None:
         """Record with `recorder` from now on. None ends the recording. Raises what `recorder` raises."""
@@ -49,6 +49,8 @@ class JobRecording:
             self._greeting = [(received, time, wire)]
         elif kind == Info.TYPE and received:
             self._greeting = [*self._greeting[:1], (received, time, wire)]
+        elif kind == Capabilities.TYPE and received:
+            self._greeting = [*self._greeting[:2], (received, time, wire)]
         self._record(lambda recorder: recorder.frame(received, time, wire))
 
     def reading(self, reading: Reading) -> None:

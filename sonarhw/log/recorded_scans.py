@@ -14,6 +14,7 @@ from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import Frame, decode_block, frame_payload, frame_type
 from sonarhw.wire.messages import (
     Accepted,
+    Capabilities,
     Finished,
     Hello,
     Home,
@@ -29,6 +30,7 @@ from sonarhw.wire.messages import (
     TraceChunk,
     unpack_message,
 )
+from sonarhw.wire.reading_rules import broken_reading_rule, readings_requested
 
 _NUMBER = struct.Struct("<I")  # first field of a TraceChunk; decoding all fields would double the time to read a log
 _TRACES_AHEAD = 4  # traces kept without their readings, which were lost and may be sent again
@@ -83,6 +85,7 @@ class ScanDecoder:
         self.info: Info | None = None
         self.settings: Settings | None = None
         self.frames = 0
+        self._checked = False  # whether readings must agree with their order; a replayed log plays another scan
         self._clock = DeviceClock()
         self._assembler = ReadingAssembler(self._clock)
         self._scans: list[DecodedScan] = []
@@ -144,7 +147,9 @@ class ScanDecoder:
     def _from_device(self, frame: Frame, message: Message) -> list[Reading]:
         match message:
             case Info():
-                self.info = message
+                self.info, self._checked = message, False
+            case Capabilities():
+                self._checked = True
             case Settings():
                 self.settings = message
                 # the assembler then completes a reading without its trace
@@ -155,7 +160,10 @@ class ScanDecoder:
                 scan = self._scans[-1]
                 if scan.started is None:
                     scan.started = self._clock.continued(frame.time_us)
-                scan.expected = max(scan.expected or 0, message.first + message.readings)
+                if self._checked and scan.order:
+                    scan.expected = readings_requested(_whole(scan.order))
+                else:
+                    scan.expected = max(scan.expected or 0, message.first + message.readings)
                 return []
             case Refused() if self._is_current(message.command) and not self._scans[-1].answered:
                 self._scans.pop()
@@ -163,7 +171,15 @@ class ScanDecoder:
                 self._finish(self._scans[-1], message)
             case ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
                 return []
+            case ReadingMessage() if self._breaks_rules(message):
+                return []
         return self._assembler.feed(message)
+
+    def _breaks_rules(self, message: ReadingMessage) -> bool:
+        order = self._scans[-1].order if self._scans else None
+        if not self._checked or order is None or self.info is None:
+            return False
+        return broken_reading_rule(message, order, self.settings, self.info.microsteps) is not None
 
     def _finish(self, scan: DecodedScan, message: Finished) -> None:
         # a command for a missing part has fewer readings than the whole scan

@@ -3,6 +3,8 @@
 `ReadingArrivals` covers one StartScan. `Progress` covers a whole scan, which may take several StartScans.
 """
 
+from bisect import bisect_right
+
 from sonarhw.wire.limits import KEPT_READINGS
 
 
@@ -56,13 +58,13 @@ class ReadingArrivals:
 
 
 class Progress:
-    """Progress of a scan of `total` readings over one or more StartScans. Stores the numbers of missing readings."""
+    """Progress of a scan of `total` readings over one or more StartScans. Stores the stretches of missing numbers."""
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.received = 0
         self._next = 0  # one more than the highest number that has arrived
-        self._holes: set[int] = set()  # missing numbers below _next
+        self._holes: list[range] = []  # missing numbers below _next, in order
 
     @property
     def complete(self) -> bool:
@@ -72,25 +74,30 @@ class Progress:
     @property
     def missing(self) -> int:
         """Number of missing readings with lower numbers than the highest that has arrived."""
-        return len(self._holes)
+        return self._next - self.received
 
     def take(self, number: int) -> bool:
         """Record the arrival of a reading. Return False if it arrived before or has an invalid number."""
-        if number in self._holes:
-            self._holes.discard(number)
-        elif self._next <= number < self.total:
-            self._holes.update(range(self._next, number))
+        if self._next <= number < self.total:
+            if number > self._next:
+                self._holes.append(range(self._next, number))
             self._next = number + 1
-        else:
+        elif not self._fill(number):
             return False
         self.received += 1
+        return True
+
+    def _fill(self, number: int) -> bool:
+        at = bisect_right(self._holes, number, key=lambda hole: hole.start) - 1
+        if at < 0 or number not in self._holes[at]:
+            return False
+        hole = self._holes[at]
+        rest = range(hole.start, number), range(number + 1, hole.stop)
+        self._holes[at : at + 1] = [part for part in rest if part]
         return True
 
     def next_missing(self) -> tuple[int, int] | None:
         """Return first number and count of the next consecutive missing readings, or None if all have arrived."""
         if not self._holes:
             return (self._next, self.total - self._next) if self._next < self.total else None
-        first = end = min(self._holes)
-        while end in self._holes:
-            end += 1
-        return first, end - first
+        return self._holes[0].start, len(self._holes[0])

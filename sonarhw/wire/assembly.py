@@ -148,6 +148,13 @@ class ReadingAssembler:
         trace.add(chunk)
         return self.flush() if self._waiting and self._waiting.number == chunk.number and trace.complete else []
 
+    @property
+    def _speed_of_sound(self) -> float:
+        # 0 breaks the protocol; every range would be 0
+        return (
+            sound_speed_of(self.settings.speed_of_sound) if self.settings and self.settings.speed_of_sound else math.nan
+        )
+
     def _reading(self, message: ReadingMessage) -> Reading:
         partial = self._traces.pop(message.number, None)
         time = self._clock.continued(message.fired_us)
@@ -158,7 +165,7 @@ class ReadingAssembler:
             angle=radians_of(message.angle),
             time=time,
             echo_times=tuple(map(seconds_of_nanoseconds, message.echoes)),
-            speed_of_sound=sound_speed_of(self.settings.speed_of_sound) if self.settings else math.nan,
+            speed_of_sound=self._speed_of_sound,
             temperature_c=degrees_c(message.temperature),
             trace=partial.trace() if partial else None,
             host_time=self._clock.host_time(time),

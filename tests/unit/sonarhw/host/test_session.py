@@ -368,10 +368,10 @@ def test_a_recorder_receives_nothing_between_jobs() -> None:
 
     bench, recorder = Bench().connect(), Counting()
     bench.session.recording.use(recorder)
-    assert recorder.frames == 2  # the greeting
+    assert recorder.frames == 3  # the greeting
     bench.run(homing())
     count, now = recorder.frames, bench.now
-    assert count > 4
+    assert count > 5
     bench.until(lambda: bench.now > now + 5)
     assert recorder.frames == count
 

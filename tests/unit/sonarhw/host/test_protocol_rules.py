@@ -1,0 +1,155 @@
+"""A device that breaks the document ends the scan with one line that names the rule. No wrong value becomes a range."""
+
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sonarhw.errors import DeviceError
+from sonarhw.host.actions import configuring, scanning
+from sonarhw.host.job import Job
+from sonarhw.log import LogMetadata, LogWriter, read_log
+from sonarhw.wire.arrivals import Progress
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import (
+    Configure,
+    Finished,
+    Heartbeat,
+    Message,
+    ReadingMessage,
+    Settings,
+    Started,
+    StartScan,
+    unpack_message,
+)
+from tests.fixtures.joined import rewriting
+from tests.fixtures.pulled_cables import Bench
+
+ORDER = StartScan(start=0, step=10_000_000, headings=36, sweeps=1, pings=1)
+SETTINGS = Configure(20_000, 2_380, 0, 343_200)
+
+
+def started(count: int) -> Callable[[Message], Message]:
+    """Return a change of the number of readings in Started."""
+    return lambda message: replace(message, readings=count) if isinstance(message, Started) else message
+
+
+def reading(number: int, **changes: object) -> Callable[[Message], Message]:
+    """Return a change of the reading with this number."""
+
+    def changed(message: Message) -> Message:
+        here = isinstance(message, ReadingMessage) and message.number == number
+        return replace(message, **changes) if here else message  # type: ignore[arg-type]
+
+    return changed
+
+
+CASES = {
+    "endless": (started(2**32 - 1), "Started announces 4294967295 readings from number 0; StartScan requested 36"),
+    "empty": (started(0), "Started announces 0 readings"),
+    "unordered": (reading(3, echoes=(9_000_000, 7_000_000)), "reading 3: an echo at 9 ms is before one at 7 ms"),
+    "blanked": (reading(3, echoes=(1_000_000,)), "reading 3: an echo at 1 ms, before the end of blanking at 2.38 ms"),
+    "late": (reading(3, echoes=(4_294_000_000,)), "reading 3: an echo at 4294 ms, after the end of listening at 20 ms"),
+    "turned": (reading(3, angle=120_000_000), "reading 3: angle 120 degrees; its number means 30 degrees"),
+    "swept": (reading(3, sweep=1), "reading 3: sweep 1, ping 0; its number means sweep 0, ping 0"),
+    "pinged": (reading(3, ping=2), "reading 3: sweep 0, ping 2; its number means sweep 0, ping 0"),
+}
+
+
+def scan_with(changed: Callable[[Message], Message], path: Path | None = None) -> tuple[Bench, Job]:
+    """Scan with a device whose messages are changed; record to `path`."""
+    bench = Bench().connect()
+    bench.run(configuring(SETTINGS))
+    bench.up = rewriting(changed)
+    return bench, bench.run(scanning(ORDER))
+
+
+@pytest.mark.parametrize(("changed", "rule"), CASES.values(), ids=CASES.keys())
+def test_a_broken_rule_ends_the_scan_and_is_named(changed: Callable[[Message], Message], rule: str) -> None:
+    bench, scan = scan_with(changed)
+    assert isinstance(scan.error, DeviceError)
+    assert rule in str(scan.error)
+    assert "firmware breaks the protocol" in str(scan.error)
+    assert "cable" not in str(scan.error)
+    # the readings that agree with the document are delivered, and the device does not go on
+    assert [one.number for one in scan.readings] == ([] if "Started" in rule else [0, 1, 2])
+    assert not bench.board.busy
+    bench.up = lambda data: data
+    assert len(bench.run(scanning(ORDER)).readings) == 36
+
+
+def test_a_resolution_of_the_turntable_is_no_broken_rule() -> None:
+    half_a_microstep = 360_000_000 // 3200 // 2
+    _, scan = scan_with(reading(3, angle=30_000_000 + half_a_microstep))
+    assert scan.error is None
+
+
+@pytest.mark.parametrize("echo", [2_380_000, 20_000_000])
+def test_echoes_at_both_ends_of_the_window_are_valid(echo: int) -> None:
+    _, scan = scan_with(reading(3, echoes=(echo,)))
+    assert scan.error is None
+    assert len(scan.readings) == 36
+
+
+def test_a_device_clock_that_stands_still_is_not_called_a_bad_cable() -> None:
+    def standing(data: bytes) -> bytes:
+        passed = b""
+        for frame in FrameDecoder().feed(data):
+            assert isinstance(frame, Frame)
+            message = unpack_message(frame.type, frame.payload)
+            payload = replace(message, fired_us=0).pack() if isinstance(message, ReadingMessage) else frame.payload
+            passed += encode_frame(replace(frame, time_us=0, payload=payload))
+        return passed
+
+    bench = Bench()
+    bench.up = standing
+    bench.connect()
+    scan = bench.run(scanning(ORDER))
+    assert "readings 0 and 1 have the same fired_us; the device clock must not stop" in str(scan.error)
+    assert "cable" not in str(scan.error)
+
+
+def test_a_speed_of_sound_of_0_is_refused() -> None:
+    bench = Bench().connect()
+    bench.up = rewriting(
+        lambda message: replace(message, speed_of_sound=0) if isinstance(message, Settings) else message
+    )
+    error = bench.run(configuring(SETTINGS)).error
+    assert "speed_of_sound of 0" in str(error)
+
+
+def test_a_number_far_ahead_needs_no_memory() -> None:
+    progress = Progress(2**32 - 1)
+    tracemalloc.start()
+    assert progress.take(60_000_000)
+    assert progress.take(2**32 - 2)
+    assert tracemalloc.get_traced_memory()[1] < 100_000
+    tracemalloc.stop()
+    assert progress.missing == 2**32 - 3
+    assert progress.next_missing() == (0, 60_000_000)
+
+
+@pytest.mark.parametrize("case", ["empty", "turned", "late"])
+def test_a_log_of_such_a_device_holds_no_wrong_reading(case: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    changed = CASES[case][0]
+    bench = Bench().connect()
+    with LogWriter(path, LogMetadata("scan", 0.0)) as log:
+        bench.session.recording.use(log)
+        bench.run(configuring(SETTINGS))
+        bench.up = rewriting(changed)
+        bench.run(scanning(ORDER))
+    scans = read_log(path).scans
+    assert [one.number for scan in scans for one in scan.readings] == ([0, 1, 2] if case != "empty" else [])
+    for scan in scans:
+        assert scan.expected == 36
+
+
+def test_counts_in_heartbeats_and_finished_beyond_the_scan_are_harmless() -> None:
+    def far(message: Message) -> Message:
+        return replace(message, readings=2**32 - 1) if isinstance(message, Heartbeat | Finished) else message
+
+    _, scan = scan_with(far)
+    assert len(scan.readings) == 36
