@@ -16,6 +16,7 @@ import pytest
 import sonarhw.log.writer
 from sonarhw.errors import NotALog
 from sonarhw.log import copy_log, read_log
+from sonarhw.log.index import unpack_index
 from tests.fixtures.example_logs import METADATA, write_example
 
 COUNT = 6
@@ -134,6 +135,30 @@ def test_the_declared_shape_of_an_index_is_not_believed(tmp_path: Path, monkeypa
     monkeypatch.setattr(sonarhw.log.writer, "pack_index", declaring)
     write_example(tmp_path / "scan.mcap", COUNT)
     assert len(read_log(tmp_path / "scan.mcap").readings) == COUNT
+
+
+@pytest.mark.parametrize("header", ["'''", "(" * 60, "{\n  1\n 2", "{'descr': ((", "[" * 9000])
+def test_the_header_of_a_column_is_not_evaluated(header: str) -> None:
+    columns = [BytesIO(), BytesIO()]
+    np.lib.format.write_array(columns[0], np.zeros(3))
+    text = header.encode().ljust(118)
+    columns[1].write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text)
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for number, column in enumerate(columns):
+            archive.writestr(f"{number}/angle.npy", column.getvalue())
+    assert unpack_index(packed.getvalue(), 0) is None
+
+
+def test_an_index_that_lists_the_same_bytes_many_times_is_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("head.npy", bytes(100_000))
+        archive.filelist *= 1000
+    read: list[str] = []
+    monkeypatch.setattr(zipfile.ZipFile, "read", lambda _, member: read.append(member.filename) or b"")
+    assert unpack_index(packed.getvalue(), 0) is None
+    assert read == []
 
 
 @pytest.mark.parametrize("length", [2**29, 2**40, 10**15, 2**63, 2**64 - 1])
