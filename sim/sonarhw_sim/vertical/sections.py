@@ -17,6 +17,7 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.scatter import scattered_paths
 from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.rough_levels import rough_level_paths
 from sonarhw_sim.vertical.vertical_paths import vertical_paths
 
 Receiver = tuple[float, float] | None  # position of the receiver, m; None: as the sender
@@ -48,7 +49,11 @@ def paths_from(
         (x, y), (other_x, other_y) = place.position, receiver
         middle = replace(place, position=((x + other_x) / 2, (y + other_y) / 2))
         flat_at_middle = _horizontal_paths(room, middle, search, None, strips)
-    return _by_length(Paths.join([flat, *vertical_paths(room, middle, place.height, search, flat_at_middle)]))
+    # sound does not leave the inside of a post
+    if set(room.posts_at(middle.position)) & set(spanning_at(room, place.height)):
+        return flat
+    vertical = vertical_paths(room, middle, place.height, search, flat_at_middle)
+    return _by_length(Paths.join([flat, *vertical, *rough_level_paths(room, middle, place.height, search)]))
 
 
 def _planar_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver) -> Paths:

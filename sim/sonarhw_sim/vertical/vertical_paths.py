@@ -32,8 +32,6 @@ def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, 
     """Return the paths that leave the horizontal, one table for each plane; `flat` are those of the plan."""
     if not room.levels and not np.isfinite(room.heights).any():
         return []
-    if any(room.heights[k, 0] <= height <= room.heights[k, 1] for k in room.posts_at(place.position)):
-        return []
     view = SectionQuery(room, place.position, height, search)
     planes = [Plane(0.0, ()), *_wall_planes(view), *_post_planes(view), *_edge_and_corner_planes(view, flat)]
     return [_follow(view, plane) for plane in planes]
