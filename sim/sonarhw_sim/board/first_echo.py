@@ -18,7 +18,7 @@ from sonarhw_sim.board.pulse_table import PulseTable, pulse_table
 from sonarhw_sim.board.receiver import SHARE, charge_of_burst, integration_samples, kept_charge
 from sonarhw_sim.board.traces import FAINTEST, Arrivals, before_gain, gain_at_samples, loudest_beam, own_burst
 from sonarhw_sim.board.transducer import ComplexArray
-from sonarhw_sim.board.weighing import disc, meets_face
+from sonarhw_sim.board.weighing import BoolArray, disc
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 
@@ -32,8 +32,7 @@ class Sound(NamedTuple):
     amplitudes: ComplexArray  # (p,), with phase, without the beam
     leaving: FloatArray  # (p, 2), horizontal part of the unit vector of departure
     arriving: FloatArray  # (p, 2), horizontal part of the unit vector towards the arriving sound
-    points: FloatArray  # (p, k, 2), m, relative to the sensor, padded with NaN
-    face: float  # m, half width of a face that blocks sound; 0: none does
+    blocked: BoolArray  # (n, p), at each heading, the paths that a face blocks; (0, 0): none does
 
 
 class _Detector(NamedTuple):
@@ -42,7 +41,8 @@ class _Detector(NamedTuple):
     opens: float  # samples, end of blanking
     ends: float  # samples, latest time of an echo
     full: float  # level of a continuous signal that fills REC
-    constant: float  # samples, time constant of the integration
+    kept: float  # share of its charge that REC keeps from one sample to the next
+    window: int  # samples before a detection that charged REC
     own: ComplexArray  # the transmit burst from sample 0 on
     gain: FloatArray  # (n,), factor of each sample
 
@@ -82,7 +82,8 @@ def _detector(board: Board, speed_of_sound: float) -> _Detector:
         board.blanking_end / (1 + board.clock_error) * RATE,
         ends,
         max(10 ** (board.threshold_db / 20), 1e-300) * charge_of_burst(board, speed_of_sound),
-        integration_samples(board),
+        kept_charge(board),
+        max(2, math.ceil(integration_samples(board))),
         own_burst(board, speed_of_sound)[:count],
         gain_at_samples(count, board, Receiver.BOARD),
     )
@@ -113,11 +114,12 @@ def _first_echoes(
     """Fill in sample number, with its fraction, and path of the first echo at each heading, which are NaN and -1."""
     for row in range(headings.shape[0]):
         x, y = math.cos(headings[row]), math.sin(headings[row])
-        found[row], winners[row] = _first_echo(x, y, sound, loudness, before_gain, table, detector, work)
+        found[row], winners[row] = _first_echo(row, x, y, sound, loudness, before_gain, table, detector, work)
 
 
 @inlined
 def _first_echo(
+    row: int,
     x: float,
     y: float,
     sound: Sound,
@@ -127,14 +129,14 @@ def _first_echo(
     detector: _Detector,
     work: _Work,
 ) -> tuple[float, int]:
-    """Return the sample number and the path of the first echo of a transducer that points along x, y."""
+    """Return the sample number and the path of the first echo of a transducer that points along x, y: heading `row`."""
     count, length = work.real.shape[0], table.real.shape[1]
     own = detector.own.shape[0]
     for k in range(own):
         work.real[k], work.imaginary[k] = detector.own[k].real, detector.own[k].imag
     # earlier samples have no effect
     opens = math.ceil(detector.opens)
-    unheard = opens - _window(detector.constant)
+    unheard = opens - detector.window
     at, charge, written, found = opens, 0.0, own, math.nan
     # a plain 0 has a type of its own, for which `_loudest` would be compiled once more
     used: int = np.int64(0)  # type: ignore[assignment]
@@ -148,7 +150,7 @@ def _first_echo(
             arriving = sound.arriving[path, 0] * x + sound.arriving[path, 1] * y
             if not _matters(leaving, arriving, loudness[path], table):
                 continue
-            if sound.face > 0.0 and meets_face(sound.points[path], x, y, sound.face):
+            if sound.blocked.shape[0] > 0 and sound.blocked[row, path]:
                 continue
 
         # the signal before this pulse is complete
@@ -181,12 +183,6 @@ def _matters(leaving: float, arriving: float, loudness: float, table: PulseTable
     return matters
 
 
-@compiled_part
-def _window(constant: float) -> int:
-    """Return the number of samples before a detection that charged REC."""
-    return max(2, math.ceil(constant))
-
-
 @inlined
 def _listened(
     at: int, end: int, charge: float, written: int, detector: _Detector, work: _Work
@@ -195,8 +191,7 @@ def _listened(
 
     The signal is 0 from sample `written` on.
     """
-    kept = kept_charge(detector.constant)
-    share = (1.0 - kept) / detector.full
+    kept, share = detector.kept, (1.0 - detector.kept) / detector.full
     for k in range(at, min(end, written)):
         before, charge = charge, kept * charge + share * _size(work.real[k], work.imaginary[k])
         if charge >= 1.0:
@@ -255,7 +250,7 @@ def _add(first: int, weights: ComplexArray, table: PulseTable, gain: FloatArray,
 def _loudest(found: float, used: int, times: FloatArray, table: PulseTable, detector: _Detector, work: _Work) -> int:
     """Return the path that was loudest while REC last charged, before sample `found`; -1 if none is loud enough."""
     end = math.ceil(found) + 1
-    since = max(0, end - _window(detector.constant))
+    since = max(0, end - detector.window)
     total, most, loudest = 0.0, 0.0, -1
     for k in range(since, min(end, work.real.shape[0])):
         total += _size(work.real[k], work.imaginary[k])

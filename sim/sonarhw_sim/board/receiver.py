@@ -19,7 +19,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Arrivals, Noise, before_gain, gain_at_samples, pulses, received
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import compiled
 
 _FIRST_LISTEN = 0.01  # s; most pings have an echo within this time
 _AS_LOUD = 1.0 - 1e-9  # of arrivals that are equally loud, the first is reported
@@ -101,7 +101,7 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> Fl
     # blanking ends by the board's own clock
     opens = board.blanking_end / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
-    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, integration_samples(board))
+    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, kept_charge(board))
     return np.asarray(found / RATE)
 
 
@@ -118,31 +118,22 @@ def integration_samples(board: Board) -> float:
 @lru_cache(maxsize=16)
 def charge_of_burst(board: Board, speed_of_sound: float) -> float:
     """Return the charge of REC by the echo of a perfect wall straight ahead; a continuous signal as loud gives 1."""
-    return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), integration_samples(board)).max())
+    kept, charge, most = kept_charge(board), 0.0, 0.0
+    for level in np.abs(burst_of(board, speed_of_sound).samples).tolist():
+        charge = kept * charge + (1.0 - kept) * level
+        most = max(most, charge)
+    return most
 
 
-@compiled_part
-def kept_charge(time_constant: float) -> float:
+def kept_charge(board: Board) -> float:
     """Return the share of its charge that REC keeps from one sample to the next."""
-    kept: float = math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
-    return kept
+    time_constant = integration_samples(board)
+    return math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
 
 
 @compiled
-def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
-    """Return the charge of REC after every sample, initially empty, (n,)."""
-    kept = kept_charge(time_constant)
-    charge = np.empty(levels.shape[0])
-    charge[0] = levels[0] * (1.0 - kept)
-    for k in range(1, levels.shape[0]):
-        charge[k] = kept * charge[k - 1] + (1.0 - kept) * levels[k]
-    return charge
-
-
-@compiled
-def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float) -> FloatArray:
+def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, kept: float) -> FloatArray:
     """Return the sample numbers, with fractions, at which REC is full, (k,) float."""
-    kept = kept_charge(time_constant)
     found = np.empty(0)
     charge = 0.0
     for k in range(math.ceil(opens), levels.shape[0]):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import ComplexArray, beam_gain, disc_factor, disc_slope
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 
 BoolArray = NDArray[np.bool_]
 
@@ -164,16 +164,14 @@ def first_detected(
     arriving: FloatArray,
     strengths: FloatArray,
     sets: Together,
-    points: FloatArray,
-    face: float,
+    blocked: BoolArray,
     threshold: float,
     ka: float,
     table: FloatArray,
 ) -> NDArray[np.intp]:
     """Return the loudest path of the first arrival above `threshold` (amplitude) at each heading, (n,) int; -1: none.
 
-    Paths are in the given order. `points` (p, k, 2) are the points of the paths relative to the sensor, padded with
-    NaN. If `face` (m) is above 0, a face of this half width blocks sound that meets it.
+    Paths are in the given order. `blocked` (n, p) are the paths that a face blocks at each heading; (0, 0): none.
     """
     first = np.full(headings.shape[0], -1, np.intp)
     count = strengths.shape[0]
@@ -194,7 +192,7 @@ def first_detected(
                 amplitude = strengths[member] * _signed_beam(leaving[member, 0] * x + leaving[member, 1] * y, ka, table)
                 if amplitude != 0.0:
                     amplitude *= _signed_beam(arriving[member, 0] * x + arriving[member, 1] * y, ka, table)
-                if amplitude != 0.0 and face > 0.0 and meets_face(points[member], x, y, face):
+                if blocked.shape[0] > 0 and blocked[k, member]:
                     amplitude = 0.0
                 amplitudes[member] = amplitude
             known = max(known, end)
@@ -205,8 +203,8 @@ def first_detected(
     return first
 
 
-@compiled_part
-def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bool:
+@inlined
+def _meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bool:
     """Return whether a path, points (k, 2) relative to the sensor, meets the face of a transducer along x, y.
 
     The first leg starts on the face and the last ends on it, so both are ignored.
@@ -226,9 +224,15 @@ def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bo
 
 
 @compiled
-def all_meeting_face(points: FloatArray, heading: float, half_width: float) -> BoolArray:
-    """Return `meets_face` for every path at one heading, (p,) bool."""
-    meets = np.empty(points.shape[0], np.bool_)
-    for path in range(points.shape[0]):
-        meets[path] = meets_face(points[path], math.cos(heading), math.sin(heading), half_width)
+def meeting_face(points: FloatArray, headings: FloatArray, half_width: float) -> BoolArray:
+    """Return which paths meet the face of a transducer at each heading (n,) rad, (n, p) bool.
+
+    `points` (p, k, 2) are those of the paths relative to the sensor, m, padded with NaN; `half_width` is that of the
+    face, m.
+    """
+    meets = np.empty((headings.shape[0], points.shape[0]), np.bool_)
+    for row in range(headings.shape[0]):
+        x, y = math.cos(headings[row]), math.sin(headings[row])
+        for path in range(points.shape[0]):
+            meets[row, path] = _meets_face(points[path], x, y, half_width)
     return meets

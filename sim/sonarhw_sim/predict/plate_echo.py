@@ -51,7 +51,7 @@ def _delays(board: Board, air: Air, distance: float, level: float) -> FloatArray
     """Return the delay at each angle where the board's own receiver detects the plate, NaN elsewhere, (n,) m."""
     speed, ahead = air.speed_of_sound, np.array([[1.0, 0.0]])
     loudness = np.array([10 ** (level / 20)], dtype=np.complex128)
-    sound = Sound(np.array([2 * distance / speed]), loudness, ahead, ahead, np.full((1, 3, 2), np.nan), 0.0)
+    sound = Sound(np.array([2 * distance / speed]), loudness, ahead, ahead, np.empty((0, 0), np.bool_))
     times, paths = first_echoes(_ANGLES, sound, board, speed)
     return np.where(paths == 0, times * speed / 2 - distance, np.nan)
 

@@ -18,9 +18,9 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import (
     BoolArray,
     Together,
-    all_meeting_face,
     beam_table,
     first_detected,
+    meeting_face,
     sum_of_arrival,
     sums_of_arrivals,
     together,
@@ -154,7 +154,7 @@ class PredictedScan:
         """Return the signed amplitude of each of the paths at heading `index`, (k,)."""
         heading, senders = float(self.headings[index]), self.sender_headings
         present = path_amplitudes(self.room, self.board, heading, paths, None if senders is None else senders[here])
-        present[self._meets_face(paths, heading)] = 0.0
+        present[self._blocked_at(index, paths)] = 0.0
         return present
 
     def _scattered_at(self, index: int) -> ScatteredSound | None:
@@ -225,14 +225,12 @@ class PredictedScan:
     def _sound(self, rows: NDArray[np.intp], leaving: FloatArray) -> Sound:
         """Return the sound along the paths in `rows`, in order of time, which depart along `leaving` (p, 2)."""
         paths = self.paths.select(rows)
-        blocks = self.only_at is None and self.unit is Unit.BLOCK
         return Sound(
             self.apparent_lengths[rows] / self.room.air.speed_of_sound,
             self._phased(paths),
             leaving,
             paths.arriving,
-            paths.points - np.array(self.place.position),
-            self.board.aperture_radius if blocks else 0.0,
+            self.blocked_by_face(paths, self.headings),
         )
 
     def _phased(self, paths: Paths) -> ComplexArray:
@@ -266,18 +264,21 @@ class PredictedScan:
         here = np.flatnonzero(self.only_at == index)
         return here, self.paths.select(here)
 
-    def _meets_face(self, paths: Paths, heading: float) -> BoolArray:
-        """Return which of the paths at a heading (rad) end at the face of a unit that blocks, (k,) bool."""
+    def blocked_by_face(self, paths: Paths, headings: FloatArray) -> BoolArray:
+        """Return the paths that end at the face of a unit that blocks, (n, p) bool for headings (n,); (0, 0): none."""
         if self.only_at is not None or self.unit is not Unit.BLOCK:
-            return np.zeros(len(paths), dtype=np.bool_)
-        return all_meeting_face(paths.points - np.array(self.place.position), heading, self.board.aperture_radius)
+            return np.empty((0, 0), dtype=np.bool_)
+        return meeting_face(paths.points - np.array(self.place.position), headings, self.board.aperture_radius)
+
+    def _blocked_at(self, index: int, paths: Paths) -> BoolArray:
+        blocked = self.blocked_by_face(paths, self.headings[index : index + 1])
+        return blocked[0] if len(blocked) else np.zeros(len(paths), dtype=np.bool_)
 
     def sound_at(self, index: int) -> Arrivals:
         """Return all sound that arrives at heading `index`, before the effect of the transducer."""
         heading, (here, paths) = float(self.headings[index]), self._present_at(index)
-        amplitudes, lengths = self._phased(paths), self.apparent_lengths[here]
-        meets_face = self._meets_face(paths, heading)
-        amplitudes[meets_face] = 0.0
+        amplitudes, lengths, blocked = self._phased(paths), self.apparent_lengths[here], self._blocked_at(index, paths)
+        amplitudes[blocked] = 0.0
         sender_headings = heading if self.sender_headings is None else self.sender_headings[here]
         leaving = paths.leaving[:, 0] * np.cos(sender_headings) + paths.leaving[:, 1] * np.sin(sender_headings)
         arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
@@ -290,7 +291,7 @@ class PredictedScan:
             return replace(arrivals, patches=scattered.patches)
         rows = scattered.rows[scattered.grain.rows]
         grain = strengths(self.room, self.board, paths)[rows] * scattered.grain.factors
-        grain[meets_face[rows]] = 0.0
+        grain[blocked[rows]] = 0.0
         return Arrivals(
             np.concatenate((arrivals.times, scattered.grain.lengths / speed)),
             np.concatenate((amplitudes, grain)),
@@ -371,8 +372,7 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
         paths.arriving,
         strengths(room, board, paths),
         together(paths.lengths, paths.phases, board.wavelength(room.air), board),
-        paths.points - np.array(scan.place.position),
-        board.aperture_radius if scan.unit is Unit.BLOCK else 0.0,
+        scan.blocked_by_face(paths, scan.headings),
         10 ** (board.threshold_db / 20),
         ka,
         beam_table(ka),

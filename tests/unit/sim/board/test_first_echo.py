@@ -42,7 +42,7 @@ def sound_of(scene: list[tuple[float, float, float, float, float]]) -> Sound:
     ranges, levels, phases, out, back = np.array(sorted(scene), dtype=np.float64).reshape(-1, 5).T
     leaving, arriving = (np.column_stack((np.cos(one), np.sin(one))) for one in (out, back))
     amplitudes = 10 ** (levels / 20) * np.exp(1j * phases)
-    return Sound(2 * ranges / SPEED, amplitudes, leaving, arriving, np.full((len(ranges), 3, 2), np.nan), 0.0)
+    return Sound(2 * ranges / SPEED, amplitudes, leaving, arriving, np.empty((0, 0), np.bool_))
 
 
 def arrivals_at(heading: float, sound: Sound) -> Arrivals:
