@@ -10,8 +10,10 @@ These names are public. Each is loaded when it is first used; everything else ma
 this package does not contain come from `sonarhw_sim` and `sonarhw_compare`.
 
 Scan
-- `open_scanner`: opens a serial port, `socket://HOST:PORT`, a fake scanner `fake:ROOM?place=NAME`, or a log.
+- `open_scanner`: opens a serial port, `socket://HOST:PORT`, a fake scanner `fake:ROOM?place=NAME`, a log, or a device
+  that prints text `lines:PORT?preset=NAME`.
 - `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
+- `PluginScanner`: a connected device of a plug-in. `DevicePlugin`, `DeviceIdentity`, `Measurement`: to write a plug-in.
 - `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`: the pings of a scan.
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
 

@@ -40,6 +40,8 @@ from .errors import SonarError
 from .host.recorder import Recorder
 from .host.scanner import Scanner
 from .log import Log, LogMetadata, LogWriter, read_log
+from .plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
+from .plugins.plugin_scanner import PluginScanner
 from .readings import Reading, ScanOrder, Trace, sector
 
 __version__: str
@@ -47,6 +49,8 @@ __version__: str
 __all__ = [
     "Board",
     "Comparison",
+    "DeviceIdentity",
+    "DevicePlugin",
     "EchoSource",
     "FakeBoard",
     "FaultyDevice",
@@ -56,10 +60,12 @@ __all__ = [
     "Log",
     "LogMetadata",
     "LogWriter",
+    "Measurement",
     "Ping",
     "PingResult",
     "Place",
     "PlacedScan",
+    "PluginScanner",
     "PredictedScan",
     "PredictionOptions",
     "Reading",

@@ -18,8 +18,9 @@ FRAMES_RECEIVED = "/frames/rx"
 FRAMES_SENT = "/frames/tx"
 READINGS = "/readings"
 SWEEPS = "/scan"
+BYTES = "/bytes/rx"  # as received from a device that sends no frames
 # in the order of their channel numbers, from 1, so that a log without its channel records can be read
-TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS)
+TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from sonarhw.disk_space import DiskSpaceMonitor
 from sonarhw.errors import LogError
 from sonarhw.log.appended_file import LogFile, WholeLogFile
 from sonarhw.log.contents import (
+    BYTES,
     FRAMES_RECEIVED,
     FRAMES_SENT,
     METADATA_NAME,
@@ -147,6 +148,15 @@ class LogWriter:
             self._commit()
         return readings
 
+    def received_bytes(self, time: float, data: bytes) -> None:
+        """Record bytes of a device that sends no frames, as received; `time` is in s since the epoch. Raises LogError.
+
+        They are written with the next reading.
+        """
+        with self._lock:
+            self._time = time
+            self._add(BYTES, data)
+
     def reading(self, reading: Reading) -> None:
         """Write one decoded reading, with the frames before it, to disk. Raises LogError."""
         with self._lock:
@@ -243,5 +253,6 @@ def _register_channels(writer: Writer) -> dict[str, int]:
         FRAMES_SENT: (_FRAME_ENCODING, 0),
         READINGS: (MessageEncoding.JSON, decoded),
         SWEEPS: (MessageEncoding.Protobuf, register_schema(writer, LaserScan)),
+        BYTES: ("application/octet-stream", 0),
     }
     return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from sonarhw import disk_space
 from sonarhw.errors import Incompatible, LinkError, NoAnswer, WrongDevice
-from sonarhw.host.scanner import Scanner
+from sonarhw.host.connected_scanner import ConnectedScanner
 from sonarhw.log import LogWriter
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.sound_speed import ScanAir
@@ -40,7 +40,7 @@ class ScanWatcher(Protocol):
         """Whether the scan should end before its next step. `Scanner.stop` also ends the current step."""
 
     def homed(self) -> None:
-        """Receive the news that the turntable has homed. Readings follow."""
+        """Receive the news that the turntable has homed, or that a sweep has begun. Readings follow."""
 
     def reading(self, reading: Reading) -> None:
         """Receive a new reading."""
@@ -49,7 +49,7 @@ class ScanWatcher(Protocol):
         """Receive a warning that does not end the scan."""
 
 
-def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
+def record_scan(scanner: ConnectedScanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
     """Configure the scanner, home, scan, record everything in `log`, and close it.
 
     Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
@@ -84,7 +84,7 @@ class _Progress:
         self.watcher.reading(reading)
 
 
-def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> Outcome:
+def _scan(scanner: ConnectedScanner, plan: ScanPlan, path: Path, progress: _Progress) -> Outcome:
     watcher = progress.watcher
     speed = plan.air.speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
@@ -100,7 +100,7 @@ def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> 
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
 
 
-def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
+def _warn_if_disk_is_too_small(scanner: ConnectedScanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
     settings = scanner.settings
     samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
     need, free = disk_space.log_size(plan.order.readings, samples), disk_space.free_bytes(path)

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import Verbosity, print_detail, prints
 from sonarhw_cli.console.warning_line import warn
 
@@ -13,18 +14,21 @@ if TYPE_CHECKING:
     from sonarhw_compare.scanners.scanner_url import Find
 
     from sonarhw.host.scanner import Scanner
+    from sonarhw.plugins.plugin_scanner import PluginScanner
 
 ScannerUrl = Annotated[
     str,
     typer.Argument(
-        help="Serial port, socket://HOST:PORT, 'fake:ROOM?place=NAME&seed=1' (quoted), or a log.", metavar="URL"
+        help="Serial port, socket://HOST:PORT, 'fake:ROOM?place=NAME&seed=1' (quoted), a log, or a device that prints "
+        "text, 'lines:PORT?baud=9600&preset=NAME'.",
+        metavar="URL",
     ),
 ]
 RECONNECT = 30.0  # s
 
 
 @contextmanager
-def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
+def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner | PluginScanner]":
     """Yield the connected scanner at `url`. After a loss, the driver tries to reconnect for up to `reconnect` s.
 
     Raises InputError for an invalid URL, LinkError, DeviceError.
@@ -35,6 +39,17 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
         _print_fake(url)
         print_detail(f"{url}: scanner {scanner.info.serial or 'without serial number'}, {scanner.info.firmware}")
         yield scanner
+
+
+@contextmanager
+def connect_turntable(url: str) -> "Iterator[Scanner]":
+    """Yield the connected scanner at `url`, whose turntable obeys commands. Raises what `connect` raises."""
+    from sonarhw.plugins.plugin_list import is_plugin
+
+    if is_plugin(url):
+        raise InputError(f"{url}: this device obeys no commands to turn; `sonarhw scan` records its readings")
+    with connect(url) as scanner:
+        yield cast("Scanner", scanner)  # only the URLs of plug-ins give another class
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.connect import ScannerUrl, connect, resolve
+from sonarhw_cli.console.connect import ScannerUrl, connect_turntable, resolve
 from sonarhw_cli.console.lines import print_line, print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import MOST_DEGREES
@@ -23,7 +23,7 @@ _SHOWN = 24  # bytes of a rejected block
 
 def home(url: ScannerUrl) -> None:
     """Find the zero of the turntable."""
-    with connect(url) as scanner:
+    with connect_turntable(url) as scanner:
         outcome = scanner.home()
     print_note(f"{url}: {_ended(outcome, 'the turntable is at its zero')}")
 
@@ -35,14 +35,14 @@ def turn(
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
     if not abs(degrees) <= MOST_DEGREES:
         raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
-    with connect(url) as scanner:
+    with connect_turntable(url) as scanner:
         outcome = scanner.turn(math.radians(degrees))
     print_note(f"{url}: {_ended(outcome, f'turned to {degrees:.1f}°')}")
 
 
 def stop(url: ScannerUrl) -> None:
     """Stop turning and pinging."""
-    with connect(url) as scanner:
+    with connect_turntable(url) as scanner:
         scanner.stop()
     print_note(f"{url}: stopped")
 

@@ -8,7 +8,7 @@ import typer
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.connect import ScannerUrl, connect
+from sonarhw_cli.console.connect import ScannerUrl, connect_turntable
 from sonarhw_cli.console.interruption import interruption
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.number_format import counted
@@ -62,7 +62,7 @@ def calibrate_scanner(
         )
     order = order_in_degrees(direction - width / 2, direction + width / 2, step, pings=pings)
     _check_sector(order, width, step)
-    with connect(url) as scanner:
+    with connect_turntable(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
     from sonarhw_sim.predict.plate_echo import plate_echo
 

@@ -14,6 +14,7 @@ from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import AsJson
 
 if TYPE_CHECKING:
+    from sonarhw.host.connected_scanner import ConnectedScanner
     from sonarhw.host.device_info import DeviceCapabilities, DeviceInfo
     from sonarhw.host.scanner import Scanner
     from sonarhw.link.link_statistics import LinkStatistics
@@ -30,10 +31,12 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Print identity, capabilities and link quality of a scanner."""
+    from sonarhw.host.scanner import Scanner
+
     if watch and as_json:
         raise InputError("--watch, --json: give only one of them")
     with connect(url) as scanner:
-        device = _exercise_link(scanner)
+        device = _exercise_link(scanner) if isinstance(scanner, Scanner) else None
         if as_json:
             print_json(_figures(scanner, device))
             return
@@ -42,7 +45,7 @@ def info(
             print_line(f"{name:<14}{value}")
         while watch:
             time.sleep(1.0)
-            device = _device_statistics(scanner)
+            device = _device_statistics(scanner) if isinstance(scanner, Scanner) else None
             clock = f"; clock drift {scanner.clock_drift * 1e6:+.0f} ppm"
             print_line(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
 
@@ -65,7 +68,7 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
         return None
 
 
-def _figures(scanner: "Scanner", device: "Statistics | None") -> dict[str, Any]:
+def _figures(scanner: "ConnectedScanner", device: "Statistics | None") -> dict[str, Any]:
     """Return the scanner under the keys of `info --json`; angles in degrees, None for what it does not state."""
     from sonarhw.wire.origin import origin_of
 
@@ -74,7 +77,7 @@ def _figures(scanner: "Scanner", device: "Statistics | None") -> dict[str, Any]:
         "url": scanner.url,
         "origin": origin_of("scan", info.firmware, info.serial),
         "firmware": info.firmware,
-        "protocol": f"{info.protocol[0]}.{info.protocol[1]}",
+        "protocol": _protocol(info),
         "serial": info.serial or None,
         "starts": info.boot or None,
         "board": info.board or None,
@@ -100,6 +103,11 @@ def _figures(scanner: "Scanner", device: "Statistics | None") -> dict[str, Any]:
     }
 
 
+def _protocol(device: "DeviceInfo") -> str | None:
+    """Return the version of the wire protocol; None for a device that does not speak it."""
+    return f"{device.protocol[0]}.{device.protocol[1]}" if device.protocol[0] else None
+
+
 def _features(can: "DeviceCapabilities") -> list[str]:
     from sonarhw.wire.messages import Feature
 
@@ -109,7 +117,7 @@ def _features(can: "DeviceCapabilities") -> list[str]:
 def _identity(device: "DeviceInfo") -> list[tuple[str, str]]:
     return [
         ("firmware", device.firmware),
-        ("protocol", f"{device.protocol[0]}.{device.protocol[1]}"),
+        ("protocol", _protocol(device) or "none; it prints readings"),
         ("serial", device.serial or "none"),
         ("started", counted(device.boot, "time") if device.boot else "not counted"),
         ("board", device.board or "not stated"),
@@ -132,7 +140,7 @@ def _capabilities(device: "DeviceInfo") -> list[tuple[str, str]]:
     ]
 
 
-def _link(scanner: "Scanner", device: "Statistics | None") -> list[tuple[str, str]]:
+def _link(scanner: "ConnectedScanner", device: "Statistics | None") -> list[tuple[str, str]]:
     can = scanner.info.capabilities
     speed = f", {scanner.baud} baud" if scanner.baud and can and can.fastest_baud else ""
     return [("link", f"{_host_counts(scanner.statistics)}{speed}{_device_counts(device)}")]

@@ -40,10 +40,15 @@ if TYPE_CHECKING:
     from sonarhw_sim.air import Air
     from sonarhw_sim.board.profile import Board
 
-    from sonarhw.host.scanner import Scanner
+    from sonarhw.host.connected_scanner import ConnectedScanner
     from sonarhw.log import LogMetadata, LogWriter
+    from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.readings import Reading, ScanOrder
     from sonarhw.scanning.scan_recording import ScanPlan
+
+
+# options that a device which turns by itself cannot obey, by parameter
+_ORDERS = {"start": "--from", "stop": "--to", "step": "--step", "pings": "--pings", "traces": "--traces"}
 
 
 @dataclass(frozen=True)
@@ -58,9 +63,11 @@ class _Request:
     temperature: float | None  # °C
     traces: bool
     show: bool
+    turns_by_itself: bool  # the device takes no order, and the number of its readings is unknown
 
 
 def scan(
+    context: typer.Context,
     url: ScannerUrl,
     out: Annotated[Path, typer.Option(help="Log to write.", metavar="LOG.mcap")],
     room: RoomToStore = None,
@@ -91,14 +98,27 @@ def scan(
     force: Force = False,
 ) -> None:
     """Scan and record a log. With --print, each reading is also written to standard output as it arrives."""
-    request = _Request(
-        order_in_degrees(start, stop, step, sweeps, pings), out, force, board, max_range, temperature, traces, show
-    )
+    from sonarhw.plugins.plugin_list import takes_orders
+
+    if not takes_orders(url):
+        _refuse_orders(context)
+    order = order_in_degrees(start, stop, step, sweeps, pings)
+    request = _Request(order, out, force, board, max_range, temperature, traces, show, not takes_orders(url))
     checked_out(out, (LOG,), force, url, room, board)
     _check(request)
     metadata, air = _room(room, place, out)
     with connect(url, reconnect) as scanner:
         _record(scanner, request, metadata, air)
+
+
+def _refuse_orders(context: typer.Context) -> None:
+    """Raise InputError for an option that a device cannot obey which turns and measures by itself."""
+    for name, option in _ORDERS.items():
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise InputError(
+                f"{option}: this device turns and measures by itself; remove {option}, and end the scan with --sweeps N"
+            )
 
 
 def _check(request: _Request) -> None:
@@ -153,8 +173,9 @@ def _room(room_name: str | None, place: str | None, out: Path) -> "tuple[LogMeta
     return metadata, room.air
 
 
-def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air: "Air") -> None:
+def _record(scanner: "ConnectedScanner", request: _Request, metadata: "LogMetadata", air: "Air") -> None:
     from sonarhw.log import LogWriter
+    from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.scanning.scan_recording import record_scan
 
     board = _board(scanner, request)
@@ -177,11 +198,14 @@ def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air:
         )
         record_scan(scanner, plan, log, terminal)
     print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {request.out}")
-    _warn_of_another_count(terminal.count, request)
+    if isinstance(scanner, PluginScanner):
+        _report_ignored(scanner)
+    else:
+        _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
 
 
-def _board(scanner: "Scanner", request: _Request) -> "Board":
+def _board(scanner: "ConnectedScanner", request: _Request) -> "Board":
     from sonarhw_sim.board.profile import board_names, load_board
 
     named = scanner.info.board
@@ -204,7 +228,7 @@ def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
 class _Terminal:
     """Shows the progress of a scan: the bar, the lines of --print and warnings. Counts the readings."""
 
-    def __init__(self, scanner: "Scanner", request: _Request, exit_stack: ExitStack) -> None:
+    def __init__(self, scanner: "ConnectedScanner", request: _Request, exit_stack: ExitStack) -> None:
         """Show the progress of a scan with `scanner`. `exit_stack` closes the bar."""
         self.count = 0
         self.echoes = 0  # readings with an echo
@@ -214,6 +238,7 @@ class _Terminal:
         self._request = request
         self._exit_stack = exit_stack
         self._advance: Callable[[], None]
+        self._sweep = 0
         self._began: float | None = None
 
     @property
@@ -222,7 +247,9 @@ class _Terminal:
 
     def homed(self) -> None:
         # the bar shows the state of the scanner: "lost" while the driver reconnects
-        bar = progress(self._request.order.readings, lambda: self._scanner.state.value)
+        order = self._request.order
+        parts = order.sweeps if self._request.turns_by_itself else order.readings
+        bar = progress(parts, lambda: self._scanner.state.value)
         self._advance = self._exit_stack.enter_context(bar)
         if self._request.show:
             self._print(HEADER)
@@ -234,7 +261,9 @@ class _Terminal:
             self._began = min(self._scanner.scan_began, reading.time)
         if self._request.show:
             self._print(row(reading, self._began))
-        self._advance()
+        if not self._request.turns_by_itself or reading.sweep != self._sweep:
+            self._sweep = reading.sweep
+            self._advance()
 
     def warn(self, message: str) -> None:
         warn(message)
@@ -267,7 +296,14 @@ def _warn_of_another_count(count: int, request: _Request) -> None:
         warn(f"{requested} requested, {count} received: a replay plays the readings of its log")
 
 
-def _warn_of_the_link(scanner: "Scanner") -> None:
+def _report_ignored(scanner: "PluginScanner") -> None:
+    """Print what of the received text was no reading."""
+    kinds = ", ".join(f"{count} {kind}" for kind, count in scanner.ignored.items())
+    if kinds:
+        print_note(f"ignored: {kinds}")
+
+
+def _warn_of_the_link(scanner: "ConnectedScanner") -> None:
     link = scanner.statistics
     if link.reopened or link.resets:  # a short silence alone does not matter
         warn(f"the connection was lost {counted(link.losses, 'time')} and restored; check the cable")

@@ -23,6 +23,7 @@ STEP_DEGREES = 3.0
 
 
 def demo(
+    context: typer.Context,
     headless: Annotated[
         Path | None,
         typer.Option(help=f"Without a window: write {FILES[0]}, {FILES[1]} and {FILES[2]} to DIR.", metavar="DIR"),
@@ -41,7 +42,7 @@ def demo(
     folder = _free_folder() if headless is None else headless
     refuse_existing_in(folder, [folder / name for name in FILES], force, OPTION)
     with made_folder(folder):
-        _write_result(folder, force)
+        _write_result(context, folder, force)
     return 0
 
 
@@ -64,12 +65,12 @@ def _can_open_window() -> bool:
     return True
 
 
-def _write_result(folder: Path, force: bool) -> None:
+def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
     from sonarhw_cli.comparison.compare_command import compare_log, save_comparison, summary_lines
     from sonarhw_cli.instrument.scan_command import scan
 
     log, picture, figures = (folder / name for name in FILES)
-    scan(demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
+    scan(context, demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
     comparison, _ = compare_log(log, ROOM, PLACE)
     with atomic_file(picture, OPTION, overwrite=force) as file:
         save_comparison(comparison, file)

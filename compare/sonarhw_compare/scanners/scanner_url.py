@@ -1,6 +1,7 @@
 """Open a scanner at any URL: `open_scanner` of `sonarhw`.
 
-To add a scheme, add a line to SCHEMES: the function that makes the scanner of a URL available.
+To add a scheme for a device that speaks the wire protocol, add a line to SCHEMES: the function that makes the scanner of
+a URL available. For any other device, write a plug-in (`sonarhw.plugins.device_plugin`).
 """
 
 import warnings
@@ -10,11 +11,14 @@ from pathlib import Path
 from typing import TypeAlias
 
 from sonarhw.device.endpoint import serve
+from sonarhw.errors import InputError
 from sonarhw.host.recorder import Recorder
 from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import PATIENCE, RECONNECT
 from sonarhw.link.ports import PortFinder
 from sonarhw.log import read_log
+from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+from sonarhw.plugins.plugin_scanner import PluginScanner
 from sonarhw.replay.replayed_log import ReplayDevice
 from sonarhw_compare.scanners.fake_url import LOOPBACK, SCHEME, serve_fake
 
@@ -37,15 +41,18 @@ def open_scanner(
     patience: float = PATIENCE,
     reconnect: float = RECONNECT,
     warn: Warn = _emit,
-) -> Scanner:
+) -> Scanner | PluginScanner:
     """Open the scanner at a URL. Close it after use, or use it as a context manager.
 
     The URL is a serial port (`/dev/ttyUSB0`, `COM3`), another URL that pyserial opens (`socket://HOST:PORT`), a fake
-    scanner in this process (`fake:laboratory?place=bench&seed=1`), or a log (`scan.mcap`), which is replayed. The
-    scanner must answer within `patience` s. If it is lost later and comes back within `reconnect` s, its job continues.
-    `warn` receives warnings about the room or log; by default they are Python warnings. Raises InputError for an
-    invalid URL, and what `Scanner.open` raises.
+    scanner in this process (`fake:laboratory?place=bench&seed=1`), a log (`scan.mcap`), which is replayed, or a device
+    that prints text (`lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`). Installed plug-ins add other schemes; their
+    devices and those that print text are a `PluginScanner`. The scanner must answer within `patience` s. If it is lost
+    later and comes back within `reconnect` s, its job continues. `warn` receives warnings about the room or log; by
+    default they are Python warnings. Raises InputError for an invalid URL, and what `Scanner.open` raises.
     """
+    if is_plugin(url):
+        return PluginScanner(make_plugin(url), recorder, patience, reconnect)
     with ExitStack() as stack:
         find = stack.enter_context(resolve(url, warn))
         return Scanner.open(url, recorder, patience, reconnect, find, on_close=stack.pop_all().close)
@@ -56,8 +63,10 @@ def resolve(url: str, warn: Warn = _emit) -> Iterator[Find]:
     """Yield a function that returns the URL to open with pyserial now.
 
     This process serves `fake:` URLs and logs until the block ends. Call the function before each opening, because a
-    device may return under another name.
+    device may return under another name. Raises InputError for the URL of a plug-in.
     """
+    if is_plugin(url):
+        raise InputError(f"{url}: this device does not speak the wire protocol; `sonarhw scan` records its readings")
     available = SCHEMES.get(url.partition(":")[0])
     if available is not None:
         with available(url, warn) as find:

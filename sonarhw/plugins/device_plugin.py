@@ -1,0 +1,93 @@
+"""The class to write for a device that does not speak the wire protocol of this project.
+
+A package offers its class as an entry point of the group `sonarhw.devices`. The name of the entry point is the scheme
+of its URLs:
+
+    [project.entry-points."sonarhw.devices"]
+    mysonar = "mysonar:MySonar"
+
+Every command, the window and `sonarhw.open_scanner` then open `mysonar:...`. Threads, reconnection, logs, sweeps,
+Stop and the state of the connection come from `PluginScanner`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from sonarhw.readings import ScanOrder
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """The result of one ping."""
+
+    angle: float  # turntable angle, rad, counter-clockwise
+    ranges: tuple[float, ...]  # m, of each echo, nearest first; empty: no echo
+    time: float | None = None  # of the ping, s since the epoch; None: the time of its arrival
+    temperature_c: float | None = None  # of the air at the device
+    restarted: bool = False  # the device may have restarted since the measurement before
+
+
+@dataclass(frozen=True)
+class DeviceIdentity:
+    """What the device is."""
+
+    name: str  # of the device or its firmware, for people
+    serial: str = ""
+    board: str = ""  # name of the board profile that suits it; empty if unknown
+
+
+def _ignore(data: bytes) -> None:
+    """The default of `on_bytes`, which does nothing."""
+
+
+class DevicePlugin(ABC):
+    """A device at a URL. One thread calls `open`, `read` and `close`; another one calls the other methods.
+
+    `DevicePlugin(url)` checks the URL, raises InputError if it is invalid, and opens nothing.
+    """
+
+    takes_orders: ClassVar[bool] = False
+    """False: the device turns by itself, and its sweeps are recognised where the angle turns back. True: it measures at
+    the angles of the order that `begin` receives, and returns one measurement for each ping of the order."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.on_bytes: Callable[[bytes], None] = _ignore
+        """Call this in `read` with all bytes as received: they are stored in the log."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> DeviceIdentity:
+        """The identity of the device."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the link to the device. Also called after a loss. Raises LinkError."""
+
+    @abstractmethod
+    def read(self) -> list[Measurement]:
+        """Return the new measurements. Wait for at most 0.1 s. Raises LinkLost."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the link. Must not raise. A second call does nothing."""
+
+    def begin(self, order: ScanOrder) -> bool:
+        """Prepare for a scan. Return whether measurements of the last two seconds may belong to it."""
+        return not self.takes_orders
+
+    def end(self) -> None:
+        """Handle the end of a scan, also of a stopped one."""
+        return
+
+    @property
+    def ignored(self) -> Mapping[str, int]:
+        """How much of the received data was no measurement, by kind, since the first `open`."""
+        return {}
+
+    @property
+    def diagnosis(self) -> str:
+        """Clause for the error if no measurement arrives: what arrived instead, and what to do."""
+        return "check that the device is powered and sends measurements"
