@@ -19,6 +19,10 @@ class ConnectedScanner(Protocol):
 
     url: str
 
+    @property
+    def takes_orders(self) -> bool:
+        """Whether the angles of a scan can be chosen; else the device turns by itself."""
+
     def __enter__(self) -> Self: ...
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -55,6 +55,8 @@ _TICK = 0.05  # s; longest delay until `close` takes effect
 class Scanner:
     """A connected scanner. One thread may use it. Other threads may call `stop` and read its state."""
 
+    takes_orders = True  # the angles of a scan can be chosen
+
     def __init__(
         self,
         url: str,

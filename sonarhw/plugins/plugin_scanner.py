@@ -98,6 +98,11 @@ class PluginScanner:
         return DeviceInfo(identity.name, (0, 0), identity.serial, identity.board, None, 0.0, 0, 0, None)
 
     @property
+    def takes_orders(self) -> bool:
+        """Whether the angles of a scan can be chosen; else the device turns by itself."""
+        return self._plugin.takes_orders
+
+    @property
     def settings(self) -> PingSettings | None:
         """The settings with which readings are made of measurements."""
         return ping_settings(self._frames.settings)

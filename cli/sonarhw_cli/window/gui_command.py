@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
+    from sonarhw.plugins.plugin_scanner import PluginScanner
 
 
 _SCAN, _ROOM = ".csv", ".toml"
@@ -90,7 +91,9 @@ def _kind(source: str) -> str:
     """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for any other file."""
     from sonarhw_compare.scanners.fake_url import is_fake
 
-    if is_fake(source) or "://" in source:
+    from sonarhw.plugins.plugin_list import is_plugin
+
+    if is_fake(source) or is_plugin(source) or "://" in source:
         return ""
     from sonarhw_sim.room.model import room_names
 
@@ -166,6 +169,7 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
     from sonarhw_gui.shell.display import DEMO, check_display
 
     fake = is_fake(url)
+    request = _with_board_of(url, request)
     scene = _fake_scene(url, request) if fake else _scene(request)
     check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
     from sonarhw_gui.session.memory import memory_file
@@ -180,6 +184,26 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
         return run_window(replace(start, resume=resume, used=_used(request.room)))
 
 
+def _check_plugin(url: str) -> None:
+    """Raise InputError if this is an invalid URL of a plug-in."""
+    from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+
+    if is_plugin(url):
+        make_plugin(url)
+
+
+def _with_board_of(url: str, request: _Request) -> _Request:
+    """Return the request with the board profile that suits the device of a plug-in, if no board is requested."""
+    from sonarhw_sim.board.profile import board_names
+
+    from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+
+    if request.board is not None or not is_plugin(url):
+        return request
+    board = make_plugin(url).identity.board
+    return replace(request, board=board) if board in board_names() else request
+
+
 class _Scanners:
     """Scanners by URL. A fake scanner takes seconds to prepare, so the first scan starts it."""
 
@@ -191,6 +215,7 @@ class _Scanners:
         from sonarhw_compare.scanners.fake_url import is_fake
         from sonarhw_gui.session.scanner_choice import ScannerTarget
 
+        _check_plugin(url)
         scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
         return ScannerTarget(url, self.opener(url), scene)
 
@@ -198,9 +223,14 @@ class _Scanners:
         """Return a function that opens the scanner at `url`. The function raises LinkError, DeviceError."""
         found: list[Find] = []
 
-        def open_it() -> "Scanner":
-            from sonarhw.host.scanner import Scanner
+        def open_it() -> "Scanner | PluginScanner":
+            from sonarhw_compare.scanners.scanner_url import open_scanner
 
+            from sonarhw.host.scanner import Scanner
+            from sonarhw.plugins.plugin_list import is_plugin
+
+            if is_plugin(url):
+                return open_scanner(url)
             if not found:
                 found.append(self._exit_stack.enter_context(resolve(url)))
             return Scanner.open(url, find=found[0])

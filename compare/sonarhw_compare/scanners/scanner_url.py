@@ -1,7 +1,7 @@
 """Open a scanner at any URL: `open_scanner` of `sonarhw`.
 
-To add a scheme for a device that speaks the wire protocol, add a line to SCHEMES: the function that makes the scanner of
-a URL available. For any other device, write a plug-in (`sonarhw.plugins.device_plugin`).
+To add a scheme for a device that speaks the wire protocol, add a line to SCHEMES: the function that makes the scanner
+of a URL available. For any other device, write a plug-in (`sonarhw.plugins.device_plugin`).
 """
 
 import warnings

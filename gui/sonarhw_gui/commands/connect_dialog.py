@@ -21,7 +21,10 @@ from PySide6.QtWidgets import (
 from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
 from sonarhw_gui.work.port_list import PortRow
 
-_EXAMPLES = "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT or fake:ROOM.toml?place=NAME"
+_EXAMPLES = (
+    "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, fake:ROOM.toml?place=NAME, "
+    "or lines:PORT?preset=arduino-radar"
+)
 
 
 class ConnectDialog(QDialog):

@@ -2,7 +2,6 @@
 
 import math
 
-from sonarhw.host.device_info import DeviceInfo
 from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.device_clock import MOST_DRIFT
 from sonarhw.wire.limits import MOST_READINGS
@@ -29,8 +28,11 @@ def order_of_sector(start: float, stop: float, step: float, sweeps: int, pings: 
     return order
 
 
-def scan_summary(order: ScanOrder, device: DeviceInfo | None) -> str:
+def scan_summary(order: ScanOrder, link: LinkState | None) -> str:
     """Return the size of a scan, and its minimum duration if the device reports its ping period."""
+    if link is not None and not link.takes_orders:
+        return f"{order.sweeps} sweep{'' if order.sweeps == 1 else 's'}; the device turns by itself"
+    device = link.device if link else None
     size = f"{order.headings} headings, {order.readings} readings"
     capabilities = device.capabilities if device else None
     if capabilities is None or not capabilities.ping_period:
@@ -56,6 +58,8 @@ def identity_text(link: LinkState | None) -> str:
     if link is None:
         return UNKNOWN
     device = link.device
+    if device.protocol == (0, 0):  # of a plug-in
+        return f"{device.firmware}\nat {link.url}"
     major, minor = device.protocol
     return f"{device.firmware}, no. {device.serial}\nprotocol {major}.{minor}, at {link.url}"
 

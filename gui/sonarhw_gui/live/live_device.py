@@ -11,7 +11,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from sonarhw.errors import Incompatible, LinkError, NoAnswer, SonarError, WrongDevice
-from sonarhw.host.scanner import Scanner
+from sonarhw.host.connected_scanner import ConnectedScanner
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Outcome
 from sonarhw_gui.live.scanner_jobs import ScannerJob, ScannerOpener
@@ -111,7 +111,7 @@ class LiveDevice:
             self.link = None
             self._over.set()
 
-    def _run_jobs(self, scanner: Scanner) -> None:
+    def _run_jobs(self, scanner: ConnectedScanner) -> None:
         closing = threading.Event()
         self.link = _link_state(scanner)
         self.advance(self.status.phase, temperature_c=scanner.info.temperature_c)
@@ -125,7 +125,7 @@ class LiveDevice:
             self._wake.set()
             watcher.join()
 
-    def _run_job(self, job: ScannerJob, scanner: Scanner) -> None:
+    def _run_job(self, job: ScannerJob, scanner: ConnectedScanner) -> None:
         try:
             self.advance(job.phase)
             outcome = Outcome.STOPPED if self.stop_wanted else job.run(scanner, self)
@@ -141,7 +141,7 @@ class LiveDevice:
         stopping = self.stop_wanted and isinstance(error, SonarError)
         self.advance(Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
 
-    def _watch(self, scanner: Scanner, closing: threading.Event) -> None:
+    def _watch(self, scanner: ConnectedScanner, closing: threading.Event) -> None:
         """Poll the state of the link, and send stop commands; neither may delay the window or the job."""
         while not closing.is_set():
             if self.stop_wanted and not self.status.ended:
@@ -152,7 +152,7 @@ class LiveDevice:
             self._wake.clear()
 
 
-def _link_state(scanner: Scanner) -> LinkState:
+def _link_state(scanner: ConnectedScanner) -> LinkState:
     return LinkState(
         url=scanner.url,
         device=scanner.info,
@@ -160,5 +160,6 @@ def _link_state(scanner: Scanner) -> LinkState:
         statistics=scanner.statistics,
         baud=scanner.baud,
         drift=scanner.clock_drift,
+        takes_orders=scanner.takes_orders,
         loss=str(scanner.loss or ""),
     )

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from sonarhw_sim.air import Air
 
-from sonarhw.host.scanner import Scanner
+from sonarhw.host.connected_scanner import ConnectedScanner
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.scanning.scan_recording import ScanPlan, record_scan
 from sonarhw.sound_speed import ScanAir
@@ -18,7 +18,7 @@ from sonarhw_gui.live.scanner_state import JobState, Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.store.new_recording import start_recording
 
-ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
+ScannerOpener = Callable[[], AbstractContextManager[ConnectedScanner]]
 WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
 
 
@@ -62,7 +62,7 @@ class ScannerJob(Protocol):
     def done(self) -> Phase:
         """The phase after success."""
 
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
         """Run the job. Raises the errors of the scanner."""
 
 
@@ -73,7 +73,7 @@ class ConnectJob:
     phase: Phase = Phase.CONNECTING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
         """Return at once: the scanner is already connected."""
         return Outcome.DONE
 
@@ -85,7 +85,7 @@ class HomeJob:
     phase: Phase = Phase.HOMING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
         """Home the turntable."""
         return _at(0.0, scanner.home(), report)
 
@@ -98,7 +98,7 @@ class TurnJob:
     phase: Phase = Phase.TURNING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
         """Turn; the scanner homes first if necessary."""
         return _at(self.angle, scanner.turn(self.angle), report)
 
@@ -112,7 +112,7 @@ class ScanJob:
     phase: Phase = Phase.HOMING
     done: Phase = Phase.DONE
 
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
         """Scan into a new log. Also raises LogError if the log cannot be created."""
         log, path = start_recording(self.scan_settings.folder, self.scene, report.warn)
         report.advance(Phase.HOMING, recording=path)
@@ -137,7 +137,7 @@ class ScanJob:
 class _ScanReport:
     """Passes the progress of a scan to the report of its job."""
 
-    def __init__(self, report: JobReport, scanner: Scanner) -> None:
+    def __init__(self, report: JobReport, scanner: ConnectedScanner) -> None:
         self.warn = report.warn
         self._report = report
         self._scanner = scanner

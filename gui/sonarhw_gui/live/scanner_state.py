@@ -55,6 +55,7 @@ class LinkState:
     statistics: LinkStatistics
     baud: int | None  # None: the link has no baud rate
     drift: float  # how much faster the host clock runs than the device clock, as a ratio
+    takes_orders: bool = True  # False: the device turns by itself
     loss: str = ""  # why the connection is lost; empty: it works
 
 

@@ -115,7 +115,10 @@ class DevicePanel(QWidget):
             label.setText(figure)
         self.connect_button.setEnabled(status.can_turn and status.link is None)
         self.disconnect_button.setEnabled(status.link is not None)
-        self._turntable.setEnabled(status.can_turn)
+        obeys = status.link is None or status.link.takes_orders
+        self._turntable.setEnabled(status.can_turn and obeys)
+        for field in (self.start, self.end, self.step, self.pings, self.traces):
+            field.setEnabled(obeys)
         self._scan.setEnabled(status.can_scan and not status.scanning)
         if before.scan_settings != status.scan_settings:
             self._show_settings()
@@ -249,7 +252,7 @@ class DevicePanel(QWidget):
         except ValueError as error:
             self.summary.setText(f"⚠ {error}")
             return None
-        self.summary.setText(scan_summary(order, self._status.link.device if self._status.link else None))
+        self.summary.setText(scan_summary(order, self._status.link))
         return order
 
 
