@@ -113,13 +113,16 @@ def check_pattern(text: str, prints_angle: bool) -> re.Pattern[str]:
 def csv_format(unit: RangeUnit) -> LineFormat:
     """Return the format of lines of numbers after a header line, which names their columns.
 
+    Columns are separated by commas, semicolons, tabs or spaces.
+
     Before the header, a line of exactly two numbers is an angle and a range.
     """
     columns = _Columns(0, 1, None, 2)
 
     def read(line: str) -> Printed | Header | None:
         nonlocal columns
-        cells = [cell.strip().strip('"') for cell in _SEPARATOR.split(line)]
+        parts = _SEPARATOR.split(line) if _SEPARATOR.search(line) else line.split()
+        cells = [cell.strip().strip('"') for cell in parts]
         if header := _columns(cells):
             columns = header
             return Header()

@@ -60,17 +60,17 @@ def guess_lines(port: str) -> LineGuess:
 
 def _listen(link: Link, port: str, baud: int, seconds: float) -> LineGuess:
     decoders = {name: LineDecoder(preset_format(preset)) for name, preset in PRESETS.items()}
+    before = dict.fromkeys(decoders, 0)  # lines before the first reading, such as CSV before its header
     received, until = 0, time.monotonic() + seconds
     while time.monotonic() < until and max(decoder.readings for decoder in decoders.values()) < _ENOUGH:
         data = link.read()
         received += len(data)
-        for decoder in decoders.values():
+        for name, decoder in decoders.items():
             decoder.feed(data) if data else decoder.idle(READ_PATIENCE)
-    name, best = max(decoders.items(), key=lambda item: _score(item[1]))
-    if best.readings < _FEWEST or _score(best) <= 0:
+            if not decoder.readings:
+                before[name] = decoder.ignored.total
+    scores = {name: decoder.readings + before[name] - decoder.ignored.total for name, decoder in decoders.items()}
+    name, best = max(decoders.items(), key=lambda item: scores[item[0]])
+    if best.readings < _FEWEST or scores[name] <= 0:
         return LineGuess(port, received=received, example=decoders["csv"].example)
     return LineGuess(port, baud, name, best.readings, received)
-
-
-def _score(decoder: LineDecoder) -> int:
-    return decoder.readings - decoder.ignored.half_lines - decoder.ignored.noise - decoder.ignored.other_lines // 2

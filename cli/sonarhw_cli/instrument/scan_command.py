@@ -298,7 +298,7 @@ def _warn_of_another_count(count: int, request: _Request) -> None:
 
 def _report_ignored(scanner: "PluginScanner") -> None:
     """Print what of the received text was no reading."""
-    kinds = ", ".join(f"{count} {kind}" for kind, count in scanner.ignored.items())
+    kinds = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
     if kinds:
         print_note(f"ignored: {kinds}")
 

@@ -1,0 +1,239 @@
+"""Every promise to the user of a scanner holds for devices that print text, over a pseudo-terminal."""
+
+import math
+import random
+import threading
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import sonarhw
+from sonarhw.errors import InputError, LinkLost, NoAnswer
+from sonarhw.log import LogWriter, read_log
+from sonarhw.plugins import plugin_reader
+from sonarhw.plugins.plugin_scanner import PluginScanner
+from sonarhw.readings import Origin, Reading, ScanOrder
+from tests.fixtures.example_logs import METADATA
+from tests.fixtures.text_devices.mcap_bytes import received_bytes
+from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, Sketch, wall
+from tests.hang_guard import HANG
+
+RADAR = SKETCHES["radar 15 to 165"]
+END = b"\r\n.\n"  # of a line, for all sketches
+PATIENCE = 60.0  # s; no test depends on it
+
+
+def open_device(port: str, query: str = RADAR.query, patience: float = PATIENCE) -> PluginScanner:
+    scanner = sonarhw.open_scanner(f"lines:{port}?{query}", patience=patience)
+    assert isinstance(scanner, PluginScanner)
+    return scanner
+
+
+@pytest.fixture(params=SKETCHES)
+def sketch(request: pytest.FixtureRequest) -> Sketch:
+    return SKETCHES[request.param]
+
+
+@pytest.fixture
+def scanner(sketch: Sketch) -> Iterator[PluginScanner]:
+    with PrintingDevice(sketch.rounds()) as device, open_device(device.port, sketch.query) as scanner:
+        yield scanner
+
+
+def sweeps(count: int) -> ScanOrder:
+    return ScanOrder(0.0, 1.0, 1, sweeps=count)
+
+
+def degrees(reading: Reading) -> int:
+    return round(math.degrees(reading.angle))
+
+
+def assert_true(readings: list[Reading]) -> None:
+    """Assert that each reading is the distance of the wall at its angle."""
+    for reading in readings:
+        true = wall(degrees(reading))
+        assert reading.range == (None if true is None else pytest.approx(true / 100, abs=1e-6))
+        assert degrees(reading) == pytest.approx(math.degrees(reading.angle), abs=1e-5)
+
+
+def test_a_sweep_gives_every_angle_once_with_its_range(sketch: Sketch, scanner: PluginScanner) -> None:
+    readings = list(scanner.scan())
+    assert_true(readings)
+    angles = [degrees(reading) for reading in readings]
+    assert len(angles) == len(set(angles))
+    # the radar of 15 to 165 prints one of its ends only once in a round
+    assert sketch.sweep - set(angles) <= {15}
+    assert {reading.sweep for reading in readings} == {0}
+    assert [reading.number for reading in readings] == list(range(len(readings)))
+
+
+def test_sweeps_are_numbered_and_times_grow(sketch: Sketch, scanner: PluginScanner) -> None:
+    readings = list(scanner.scan(sweeps(3)))
+    assert_true(readings)
+    assert {reading.sweep for reading in readings} == {0, 1, 2}
+    for sweep in range(3):
+        found = {degrees(reading) for reading in readings if reading.sweep == sweep}
+        assert sketch.sweep - found <= {15}
+    times = [reading.time for reading in readings]
+    assert times == sorted(set(times))
+    assert all(reading.origin is Origin.MEASURED for reading in readings)
+
+
+def test_two_successive_scans_are_both_whole(sketch: Sketch, scanner: PluginScanner) -> None:
+    for _ in range(2):
+        readings = list(scanner.scan())
+        assert sketch.sweep - {degrees(reading) for reading in readings} <= {15}
+        assert_true(readings)
+
+
+def test_the_log_has_the_delivered_readings_and_the_bytes_as_received(sketch: Sketch, tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    device = PrintingDevice(sketch.rounds())
+    with device, open_device(device.port, sketch.query) as scanner, LogWriter(path, METADATA) as log:
+        scanner.record(log)
+        readings = list(scanner.scan(sweeps(2)))
+        scanner.record(None)
+    recorded = read_log(path)
+    assert recorded.torn is None
+    assert len(recorded.scans) == 1
+    assert recorded.scans[0].expected == len(readings)
+    assert [(r.number, r.sweep, r.angle, r.echo_times, r.time) for r in recorded.readings] == [
+        (r.number, r.sweep, r.angle, r.echo_times, r.time) for r in readings
+    ]
+    raw = received_bytes(path)
+    assert raw in bytes(device.written)
+    assert sketch.line(sketch.angles[-1]).encode() in raw
+
+
+def test_stop_from_another_thread_ends_a_scan_and_keeps_its_readings(sketch: Sketch, scanner: PluginScanner) -> None:
+    readings = []
+    stopper = threading.Thread(target=scanner.stop)
+    for reading in scanner.scan(sweeps(1000)):
+        readings.append(reading)
+        if reading.number == 3:
+            stopper.start()
+    stopper.join()
+    assert len(readings) >= 4
+    assert_true(readings)
+    assert_true(list(scanner.scan()))
+
+
+def damaged(sketch: Sketch, rng: random.Random) -> Iterator[bytes]:
+    """Print with banners, halves of lines and bytes of a wrong baud rate between the lines."""
+    for line in sketch.rounds():
+        match rng.randrange(40):
+            case 0:
+                yield b"\r\nBrownout, restarting\r\n"
+            case 1:
+                yield line[: len(line) // 2].rstrip(b"0123456789") + rng.choice((b"\r\n", b"!."))
+            case 2:
+                yield (
+                    bytes(rng.choice((0x80, 0xFE, 0xF8, 0x1E, 0x86)) for _ in range(rng.randrange(1, 40))) + b"\r\n.\n"
+                )
+            case 3:
+                yield b"x" * 900 + END
+        yield line
+
+
+def test_damage_is_counted_and_never_taken_for_a_reading(sketch: Sketch) -> None:
+    pieces = damaged(sketch, random.Random(4))
+    with PrintingDevice(pieces) as device, open_device(device.port, sketch.query) as scanner:
+        readings = list(scanner.scan(sweeps(4)))
+        ignored = scanner.ignored
+        assert scanner.statistics.rejected_blocks >= 10
+    assert_true(readings)
+    assert ignored["noise"] >= 3
+    assert ignored["lines of other text"] >= 3
+    assert ignored["half lines"] >= 1
+
+
+def test_a_wrong_baud_rate_is_reported() -> None:
+    wrong = (random.Random(k).randbytes(30).replace(b",", b"\xff") for k in range(10**9))
+    with (
+        PrintingDevice(wrong) as device,
+        pytest.raises(NoAnswer, match=r"mostly not text; the baud rate may not be 9600"),
+    ):
+        open_device(device.port, patience=1.0)
+
+
+def test_another_format_is_reported_with_an_example() -> None:
+    sketch = SKETCHES["Angle and Distance in words"]
+    with (
+        PrintingDevice(sketch.rounds()) as device,
+        pytest.raises(NoAnswer, match=r"such as 'Angle: \d+.* expected 'R0123'"),
+    ):
+        open_device(device.port, "preset=maxbotix&step=5", patience=1.0)
+
+
+def test_a_silent_device_is_reported() -> None:
+    with PrintingDevice([]) as device, pytest.raises(NoAnswer, match="nothing was received; check the cable"):
+        open_device(device.port, patience=0.2)
+
+
+def test_a_device_that_falls_silent_fails_and_keeps_its_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_reader, "SILENCE", 0.5)
+    once = [b"Radar\r\n."] + [RADAR.line(angle).encode() for angle in range(15, 60)]
+    gate = threading.Event()
+
+    def pieces() -> Iterator[bytes]:
+        gate.wait(HANG)
+        yield from once
+
+    readings = []
+    with PrintingDevice(pieces()) as device:
+        opening = threading.Timer(0.5, gate.set)
+        opening.start()
+        with open_device(device.port) as scanner, pytest.raises(NoAnswer, match=r"no reading for 0\.5 s"):
+            readings.extend(scanner.scan())  # keeps those before the error
+    assert_true(readings)
+    assert len(readings) >= 30
+
+
+def test_after_a_reconnection_the_scan_ends_with_a_whole_sweep(tmp_path: Path) -> None:
+    link = tmp_path / "ttyUSB0"
+    readings = []
+    with PrintingDevice(RADAR.rounds(), link) as first:
+        scanner = open_device(first.port)
+        scan = scanner.scan(sweeps(2))
+        readings += [next(scan) for _ in range(20)]
+    with PrintingDevice(RADAR.rounds(), link), scanner:
+        readings += scan
+        assert scanner.statistics.losses == 1
+    assert_true(readings)
+    last = [degrees(reading) for reading in readings if reading.sweep == readings[-1].sweep]
+    assert RADAR.sweep - set(last) <= {15}
+
+
+def test_a_device_that_never_comes_back_is_lost(tmp_path: Path) -> None:
+    with PrintingDevice(RADAR.rounds(), tmp_path / "ttyUSB0") as device:
+        scanner = PluginScanner(sonarhw_plugin(device.port), reconnect=0.3)
+        scan = scanner.scan(sweeps(2))
+        next(scan)
+    with scanner, pytest.raises(LinkLost, match=r"did not come back within 0\.3 s"):
+        list(scan)
+
+
+def sonarhw_plugin(port: str) -> sonarhw.DevicePlugin:
+    from sonarhw.plugins.plugin_list import make_plugin
+
+    return make_plugin(f"lines:{port}?{RADAR.query}")
+
+
+def test_a_rangefinder_without_an_angle_counts_steps() -> None:
+    ranges = (f"R{1000 + k % 72:04}\r".encode() for k in range(10**9))
+    with PrintingDevice(ranges) as device, open_device(device.port, "preset=maxbotix&step=5") as scanner:
+        scanner.configure(listen=0.06)
+        readings = list(scanner.scan(sweeps(2)))
+    assert [degrees(reading) for reading in readings] == 2 * [*range(0, 360, 5)]
+    printed = [round(1000 * reading.range) for reading in readings if reading.range]
+    assert all((after - before) % 72 == 1 for before, after in pairwise(printed))
+
+
+def test_the_device_obeys_no_commands() -> None:
+    with PrintingDevice(RADAR.rounds()) as device, open_device(device.port) as scanner:
+        with pytest.raises(InputError, match="cannot be turned"):
+            scanner.turn(0.1)
+        assert scanner.info.board == "hc-sr04"
+        assert not scanner.takes_orders

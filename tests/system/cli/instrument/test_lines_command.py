@@ -1,0 +1,124 @@
+"""`sonarhw scan`, `ports --guess` and other commands with a device that prints text on a pseudo-terminal."""
+
+import json
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+
+from sonarhw.link.ports import Port
+from sonarhw.log import read_log
+from sonarhw.text import line_guess
+from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
+from tests.reference_pages import keys_in_reference
+
+RADAR = SKETCHES["radar 15 to 165"]
+
+
+def test_a_scan_records_a_sweep_and_reports_what_it_ignored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "scan.mcap"
+    with PrintingDevice(RADAR.rounds()) as device:
+        assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log)]) == 0
+    said = capsys.readouterr().err.splitlines()
+    readings = read_log(log).readings
+    assert len(readings) in (150, 151)
+    echoes = sum(reading.range is not None for reading in readings)
+    assert said[0] == f"{len(readings)} readings, {echoes} with an echo, in {log}"
+    assert said[1].startswith("ignored: half lines (1)")
+    assert read_log(log).metadata.board == "hc-sr04"
+
+
+def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "scan.mcap"
+    with PrintingDevice(RADAR.rounds()) as device:
+        assert run(["scan", f"lines:{device.port}?preset=arduino-radar", "--out", str(log), "--print"]) == 0
+    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
+    assert len(rows) >= 150
+    for _, heading, distance, *_ in rows:
+        true = wall(float(heading))
+        assert (float(distance) if distance else None) == (None if true is None else pytest.approx(true / 100))
+
+
+@pytest.mark.parametrize("option", ["--from", "--to", "--step", "--pings", "--traces"])
+def test_what_the_device_cannot_obey_is_refused(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    value = [] if option == "--traces" else ["5"]
+    log = tmp_path / "scan.mcap"
+    assert run(["scan", "lines:/dev/ttyUSB9?preset=csv", "--out", str(log), option, *value]) == 2
+    assert capsys.readouterr().err == (
+        f"sonarhw: {option}: this device turns and measures by itself; remove {option}, "
+        "and end the scan with --sweeps N\n"
+    )
+    assert not log.exists()
+
+
+@pytest.mark.parametrize("command", [["home"], ["turn"], ["stop"], ["monitor"]])
+def test_commands_that_need_the_protocol_are_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    angle = ["5"] if command == ["turn"] else []
+    assert run([*command, "lines:/dev/ttyUSB9?preset=csv", *angle]) == 2
+    assert "`sonarhw scan` records its readings" in capsys.readouterr().err
+
+
+def test_info_states_that_there_is_no_protocol(capsys: pytest.CaptureFixture[str]) -> None:
+    with PrintingDevice(RADAR.rounds()) as device:
+        assert run(["info", f"lines:{device.port}?preset=arduino-radar"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "firmware      text lines, arduino-radar"
+    assert lines[1] == "protocol      none; it prints readings"
+
+
+@pytest.mark.parametrize(
+    ("name", "preset"),
+    [
+        ("radar 15 to 165", "arduino-radar"),
+        ("radar 0 to 180 with * and #", "arduino-radar"),
+        ("Angle and Distance in words", "angle-distance"),
+        ("CSV over a whole turn", "csv"),
+        ("CSV with header, back to the start", "csv"),
+        ("JSON lines, clockwise", "jsonl"),
+    ],
+)
+def test_guess_proposes_a_url_that_works(
+    name: str, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with PrintingDevice(SKETCHES[name].rounds()) as device:
+        assert run(["ports", "--guess", "--json", device.port]) == 0
+        (found,) = json.loads(capsys.readouterr().out)["ports"]
+        assert (found["preset"], found["baud"]) == (preset, 9600)
+        assert found["answer"] == f"prints {preset} at 9600 baud: '{found['proposed_url']}'"
+        log = tmp_path / "scan.mcap"
+        assert run(["scan", found["proposed_url"], "--out", str(log)]) == 0
+    assert len(read_log(log).readings) >= 33
+    assert set(found) == keys_in_reference("### `sonarhw ports --guess")
+
+
+def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[str]) -> None:
+    with PrintingDevice(b"R%04d\r" % k for k in range(500, 5000)) as device:
+        assert run(["ports", "--guess", device.port]) == 0
+        expected = f"prints maxbotix at 9600 baud: 'lines:{device.port}?baud=9600&preset=maxbotix&step=10'"
+    assert capsys.readouterr().out == f"{device.port}  {expected}\n"
+
+
+def test_guess_shows_other_text_and_silence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(line_guess, "BAUDS", (9600,))
+    monkeypatch.setattr(line_guess, "LISTEN", 0.5)
+    with PrintingDevice(b"humidity 41 percent\r\n" for _ in range(10**6)) as device:
+        assert run(["ports", "--guess", device.port]) == 0
+        assert "no preset matches, such as 'humidity 41 percent'; write a pattern=" in capsys.readouterr().out
+    with PrintingDevice([]) as device:
+        assert run(["ports", "--guess", device.port]) == 0
+        assert capsys.readouterr().out == f"{device.port}  prints nothing\n"
+    assert run(["ports", "--guess", "/dev/ttyUSB9"]) == 0
+    assert "there is no such port" in capsys.readouterr().out
+
+
+def test_guess_listens_only_at_likely_or_named_ports(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sonarhw.link.ports.serial_ports", lambda: [Port("/dev/ttyS0", "16550")])
+    assert run(["ports", "--guess"]) == 0
+    assert capsys.readouterr().out == "/dev/ttyS0  16550  not checked; name the port\n"
+    assert run(["ports", "--guess", "--ask"]) == 2

@@ -1,0 +1,101 @@
+"""A package that is installed beside this one adds devices to every command, by its entry points."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from sonarhw.errors import InputError
+from sonarhw.log import read_log
+from sonarhw.plugins import plugin_list
+from tests.checkout import CHECKOUT
+from tests.fixtures.text_devices.mcap_bytes import received_bytes
+
+EXAMPLE = CHECKOUT / "tests" / "fixtures" / "example_plugin"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """Return a folder of packages with the example, with the metadata that pip would write."""
+    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    folder = tmp_path / "packages"
+    metadata = folder / f"sonarhw_rangebox-{project['version']}.dist-info"
+    metadata.mkdir(parents=True)
+    about = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (metadata / "METADATA").write_text(about)
+    points = "".join(f"{name} = {value}\n" for name, value in project["entry-points"][plugin_list.GROUP].items())
+    (metadata / "entry_points.txt").write_text(f"[{plugin_list.GROUP}]\n{points}")
+    (folder / "rangebox.py").write_text((EXAMPLE / "rangebox.py").read_text(encoding="utf-8"), encoding="utf-8")
+    return folder
+
+
+def sonarhw(packages: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join((str(packages), os.environ.get("PYTHONPATH", "")))
+    return subprocess.run(
+        [sys.executable, "-m", "sonarhw", *arguments],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_device_that_turns_by_itself_is_scanned(installed: Path, tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    done = sonarhw(installed, "scan", "rangebox:2.5", "--out", str(log), "--sweeps", "2")
+    assert (done.returncode, done.stderr.splitlines()[0]) == (0, f"60 readings, 60 with an echo, in {log}")
+    recorded = read_log(log)
+    assert {round(reading.range or 0, 6) for reading in recorded.readings} == {2.5}
+    assert recorded.metadata.board == "hc-sr04"
+    assert recorded.info is not None
+    assert (recorded.info.firmware, recorded.info.serial) == ("Range box", "7")
+    assert b";31;32;" in received_bytes(log)
+
+
+def test_a_device_that_takes_orders_measures_at_the_chosen_angles(installed: Path, tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    options = ("--from", "-20", "--to", "20", "--step", "10", "--pings", "2")
+    done = sonarhw(installed, "scan", "turret:1", "--out", str(log), *options)
+    assert done.returncode == 0, done.stderr
+    readings = read_log(log).readings
+    assert [(round(r.angle * 57.29578), r.ping) for r in readings] == [
+        (angle, ping) for angle in (-20, -10, 0, 10) for ping in (0, 1)
+    ]
+    assert all(len(reading.echo_times) == 2 for reading in readings)
+
+
+def test_it_identifies_itself(installed: Path) -> None:
+    done = sonarhw(installed, "info", "--json", "rangebox:2.5")
+    found = json.loads(done.stdout)
+    keys = ("firmware", "serial", "protocol", "origin")
+    assert [found[key] for key in keys] == ["Range box", "7", None, "measured"]
+
+
+def test_its_own_errors_are_one_line(installed: Path, tmp_path: Path) -> None:
+    done = sonarhw(installed, "scan", "rangebox:far", "--out", str(tmp_path / "x.mcap"))
+    assert (done.returncode, done.stderr) == (2, "sonarhw: rangebox:far: expected rangebox:METRES\n")
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("missing_package:Device", "cannot be loaded: No module named"),
+        ("json:Device", "cannot be loaded"),
+        ("json:loads", "is not a subclass of sonarhw.DevicePlugin"),
+    ],
+)
+def test_a_broken_plugin_is_one_line(value: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_list, "_installed", lambda: {"broken": EntryPoint("broken", value, plugin_list.GROUP)})
+    with pytest.raises(InputError, match=message):
+        plugin_list.make_plugin("broken:1")
+
+
+def test_text_devices_are_a_plugin_of_this_project() -> None:
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["entry-points"][plugin_list.GROUP] == {"lines": "sonarhw.text.text_device:TextDevice"}
+    assert "lines" in plugin_list.plugin_names()

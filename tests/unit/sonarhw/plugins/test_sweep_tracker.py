@@ -1,0 +1,118 @@
+"""Sweeps are recognised where the angle turns back, whatever the device does at its ends."""
+
+import math
+import random
+
+import pytest
+
+from sonarhw.plugins.device_plugin import Measurement
+from sonarhw.plugins.sweep_tracker import SweepTracker
+
+UP, DOWN = [*range(15, 166)], [*range(165, 14, -1)]
+TURN = [*range(0, 360, 5)]
+
+
+def at(degrees: float, restarted: bool = False) -> Measurement:
+    return Measurement(math.radians(degrees), (1.0,), restarted=restarted)
+
+
+def tracked(angles: list[float], sweeps: int = 100) -> list[tuple[int, int]]:
+    """Return sweep and angle of the readings of so many whole sweeps."""
+    tracker = SweepTracker()
+    tracker.want(sweeps)
+    placed = [one for angle in angles if not tracker.done for one in tracker.add(at(angle))]
+    return [(one.sweep, round(math.degrees(one.measurement.angle))) for one in placed]
+
+
+def of(sweep: int, placed: list[tuple[int, int]]) -> list[int]:
+    return [angle for number, angle in placed if number == sweep]
+
+
+@pytest.mark.parametrize("start", [0, 1, 40, 149, 150, 151, 200, 301])
+def test_a_servo_that_prints_its_ends_twice_gives_whole_sweeps_from_any_start(start: int) -> None:
+    rounds = 4 * (UP + DOWN)
+    placed = tracked(rounds[start:], sweeps=2)
+    assert sorted(of(0, placed)) == UP
+    assert sorted(of(1, placed)) == UP
+    assert len(placed) == 2 * len(UP)
+
+
+@pytest.mark.parametrize("start", [1, 40, 149, 150, 151, 200, 299])
+def test_a_servo_that_prints_its_ends_once_misses_no_angle(start: int) -> None:
+    rounds = 4 * (UP + DOWN[1:-1])
+    placed = tracked(rounds[start:], sweeps=2)
+    assert set(UP) - set(of(0, placed)) <= {15, 165}
+    assert len(of(0, placed)) == len(set(of(0, placed)))
+
+
+@pytest.mark.parametrize("start", range(0, 72, 7))
+def test_a_turntable_that_turns_on_gives_a_turn_from_any_start(start: int) -> None:
+    placed = tracked((4 * TURN)[start:], sweeps=2)
+    for sweep in (0, 1):
+        assert sorted(of(sweep, placed)) == TURN
+        assert of(sweep, placed)[0] == TURN[start]
+
+
+@pytest.mark.parametrize("start", [0, 20])
+def test_a_device_that_jumps_back_gives_whole_sweeps(start: int) -> None:
+    once = [*range(0, 271, 3)]
+    placed = tracked((3 * once)[start:], sweeps=1)
+    assert of(0, placed) == once
+    # a scan that begins at the start of a sweep does not wait for the next one
+    assert len(placed) == len(once)
+
+
+def test_a_sector_through_zero_is_one_sweep() -> None:
+    there = [*range(300, 360, 2), *range(0, 61, 2)]
+    placed = tracked(3 * (there + there[::-1]), sweeps=2)
+    assert of(0, placed) == there[::-1]
+    assert of(1, placed) == there
+
+
+def test_several_pings_at_an_angle_are_numbered() -> None:
+    tracker = SweepTracker()
+    tracker.want(1)
+    up = [angle for angle in range(0, 50, 5) for _ in range(3)]
+    placed = [one for angle in 3 * (up + up[::-1]) for one in tracker.add(at(angle)) if not tracker.done]
+    pings = [one.ping for one in placed if round(math.degrees(one.measurement.angle)) == 20]
+    assert pings[:3] == [0, 1, 2]
+
+
+def test_an_angle_with_a_lost_digit_is_dropped() -> None:
+    angles = 3 * (UP + DOWN)
+    rng = random.Random(1)
+    wrong = {rng.randrange(160, 440): 9.0 for _ in range(5)}
+    spoiled = [wrong.get(k, angle) for k, angle in enumerate(angles)]
+    tracker = SweepTracker()
+    tracker.want(2)
+    placed = [one for angle in spoiled if not tracker.done for one in tracker.add(at(angle))]
+    assert tracker.dropped == len(wrong)
+    assert all(math.degrees(one.measurement.angle) > 14 for one in placed)
+
+
+def test_a_restart_ends_a_sweep_that_is_not_whole() -> None:
+    tracker = SweepTracker()
+    tracker.want(2)
+    before = [at(angle) for angle in UP + DOWN + UP[:60]]
+    after = [at(UP[0], restarted=True), *(at(angle) for angle in UP[1:] + DOWN + UP)]
+    placed = [one for item in before + after if not tracker.done for one in tracker.add(item)]
+    assert tracker.restarts == 1
+    numbers = [one.sweep for one in placed]
+    assert [numbers.count(sweep) for sweep in range(3)] == [151, 60, 151]
+
+
+def test_a_line_of_text_after_each_sweep_is_no_restart() -> None:
+    once = [*range(0, 181, 4)]
+    sweep = [at(once[0], restarted=True), *(at(angle) for angle in once[1:])]
+    tracker = SweepTracker()
+    tracker.want(3)
+    placed = [one for item in 8 * sweep if not tracker.done for one in tracker.add(item)]
+    assert tracker.done
+    assert len(placed) <= 6 * len(once)
+
+
+def test_a_device_that_stops_before_its_angle_turns_back_gives_what_it_has() -> None:
+    tracker = SweepTracker()
+    tracker.want(1)
+    assert [tracker.add(at(angle)) for angle in UP[:20]] == 20 * [[]]
+    assert [round(math.degrees(one.measurement.angle)) for one in tracker.flush()] == UP[:20]

@@ -1,0 +1,79 @@
+"""Bytes in any pieces give the same readings, and what is not a reading is counted."""
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sonarhw.text.line_decoder import MOST_LINE, MOST_PAUSE, LineDecoder
+from sonarhw.text.presets import PRESETS, preset_format
+
+
+def decoder(preset: str = "arduino-radar") -> LineDecoder:
+    return LineDecoder(preset_format(PRESETS[preset]))
+
+
+def angles(decoded: list) -> list[float]:
+    return [line.printed.heading for line in decoded]
+
+
+@given(st.lists(st.integers(1, 12)), st.integers(0, 5))
+def test_pieces_make_no_difference(sizes: list[int], start: int) -> None:
+    data = b"".join(f"{angle},{angle + 7}.".encode() for angle in range(90, 130))[start:]
+    whole, pieces = decoder(), decoder()
+    expected, found = whole.feed(data), []
+    for size in [*sizes, len(data)]:
+        piece, data = data[:size], data[size:]
+        found += pieces.feed(piece)
+    assert found == expected
+    assert pieces.ignored == whole.ignored
+
+
+@pytest.mark.parametrize("cut", range(6))
+def test_the_first_line_may_be_cut_and_is_left_out(cut: int) -> None:
+    one = decoder()
+    assert angles(one.feed(b"190,23.191,24."[cut:])) == [191]
+    assert one.ignored.half_lines == 1
+
+
+def test_a_first_line_that_cannot_be_cut_is_a_reading() -> None:
+    assert len(decoder("maxbotix").feed(b"R0123\rR0124\r")) == 2
+    assert len(decoder("jsonl").feed(b'{"angle": 1, "range_cm": 2}\n')) == 1
+    assert len(decoder("angle-distance").feed(b"Angle: 1 Distance: 2 cm\n")) == 1
+
+
+def test_a_reset_within_a_line_does_not_join_two_lines() -> None:
+    one = decoder()
+    one.feed(b"89,22.90,23.1")
+    one.idle(MOST_PAUSE / 2)
+    assert angles(one.feed(b"5,30.1")) == [15]  # slow, but the same line
+    one.idle(MOST_PAUSE * 1.1)
+    assert angles(one.feed(b"6,31.")) == [6]
+    assert one.ignored.half_lines == 2
+
+
+def test_a_banner_marks_the_next_reading() -> None:
+    one = decoder("csv")
+    one.feed(b"\n15,30\n")
+    (read,) = one.feed(b"Radar v2 ready\r\n15,30\r\n")
+    assert read.restarted
+    assert one.ignored.other_lines == 1
+    assert one.example == "Radar v2 ready"
+
+
+def test_noise_is_counted_and_needs_no_memory() -> None:
+    one = decoder()
+    rng = random.Random(1)
+    for _ in range(200):
+        assert one.feed(bytes(rng.choice(b"\x80\xfe\xf8\x00\x1e") for _ in range(MOST_LINE))) == []
+    assert one.ignored.noise > 100
+    assert len(one._rest) <= MOST_LINE
+
+
+def test_a_text_without_ends_of_lines_is_no_noise() -> None:
+    one = decoder("csv")
+    for _ in range(20):
+        one.feed(b"90,23.91,24.92,25." * 20)
+    assert one.ignored.noise == 0
+    assert one.ignored.half_lines == 10
