@@ -123,7 +123,7 @@ class _Progress(_event.Listener):  # type: ignore[misc]  # numba declares no typ
     def on_start(self, _: Any) -> None:
         """Report that compilation is in progress."""
         if not self._depth:
-            # the compiler creates millions of objects that live until its end; searching them for garbage costs a tenth
+            # the compiler creates millions of objects that live until its end; searching them for garbage takes seconds
             self._collects = gc.isenabled()
             gc.disable()
         self._depth += 1
@@ -135,6 +135,8 @@ class _Progress(_event.Listener):  # type: ignore[misc]  # numba declares no typ
         self._done += isinstance(happened.data["dispatcher"]._cache, _KernelCache)
         if not self._depth:
             if self._collects:
+                # at its end, a search would take another second; instead, the process that compiles keeps 80 MB more
+                gc.freeze()
                 gc.enable()
             watcher().compiled()
 

@@ -79,3 +79,8 @@ def test_the_garbage_collector_runs_after_a_compilation() -> None:
 
     assert kernel(2.0) == 6.0
     assert gc.isenabled()
+    gc.collect()
+    ring: list[object] = []
+    ring.append(ring)
+    del ring
+    assert gc.collect() == 1
