@@ -1,6 +1,7 @@
 """Find the baud rate and the preset of a device that prints text, by listening to it."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sonarhw.link.serial_link import READ_PATIENCE, Link
@@ -45,24 +46,25 @@ class LineGuess:
         return f"prints no text; {self.received} bytes were received" if self.received else "prints nothing"
 
 
-def guess_lines(port: str) -> LineGuess:
-    """Listen at a port at one baud rate after the other. Raises LinkError if it cannot be opened."""
+def guess_lines(port: str, stopped: Callable[[], bool] = lambda: False) -> LineGuess:
+    """Listen at a port at one baud rate after the other, until `stopped`. Raises LinkError if it cannot be opened."""
     best = LineGuess(port)
     with Link(port) as link:
         for baud in BAUDS if link.bauds else BAUDS[:1]:
             link.set_baud(baud)
-            found = _listen(link, port, baud, LISTEN if baud == BAUDS[0] else LISTEN_MORE)
-            if found.preset is not None:
+            until = time.monotonic() + (LISTEN if baud == BAUDS[0] else LISTEN_MORE)
+            found = _listen(link, port, baud, lambda: stopped() or time.monotonic() > until)  # noqa: B023 - used at once
+            if found.preset is not None or stopped():
                 return found
             best = LineGuess(port, received=best.received + found.received, example=best.example or found.example)
     return best
 
 
-def _listen(link: Link, port: str, baud: int, seconds: float) -> LineGuess:
+def _listen(link: Link, port: str, baud: int, over: Callable[[], bool]) -> LineGuess:
     decoders = {name: LineDecoder(preset_format(preset)) for name, preset in PRESETS.items()}
     before = dict.fromkeys(decoders, 0)  # lines before the first reading, such as CSV before its header
-    received, until = 0, time.monotonic() + seconds
-    while time.monotonic() < until and max(decoder.readings for decoder in decoders.values()) < _ENOUGH:
+    received = 0
+    while not over() and max(decoder.readings for decoder in decoders.values()) < _ENOUGH:
         data = link.read()
         received += len(data)
         for name, decoder in decoders.items():

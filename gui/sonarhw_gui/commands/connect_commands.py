@@ -27,6 +27,7 @@ class ConnectCommands(QObject):
             dialog.chosen.connect(self._scanners.choose)
             dialog.refreshed.connect(self._scanners.list_ports)
             dialog.probe_all_requested.connect(self._scanners.probe_all)
+            dialog.listen_requested.connect(self._scanners.listen)
             self._scanners.ports_changed.connect(dialog.show_ports)
             dialog.destroyed.connect(self._forget)
             dialog.show_ports(())

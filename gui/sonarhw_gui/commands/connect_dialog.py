@@ -33,6 +33,7 @@ class ConnectDialog(QDialog):
     chosen = Signal(str)  # URL
     refreshed = Signal()  # list the ports again
     probe_all_requested = Signal()
+    listen_requested = Signal(str)  # port
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -43,6 +44,8 @@ class ConnectDialog(QDialog):
         self.none.setWordWrap(True)
         self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Probe all ports")
         self.probe_all.setToolTip("Opening a port may reset the device on it")
+        self.listen = QPushButton("Listen for text")
+        self.listen.setToolTip("Find out what an Arduino radar or another device prints at the port below")
         self.field = QLineEdit(placeholderText=_EXAMPLES)
         self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
         self.url.setToolTip(_EXAMPLES)
@@ -67,6 +70,9 @@ class ConnectDialog(QDialog):
         self.none.setVisible(not rows)
         self.ports.setVisible(bool(rows))
         self.probe_all.setEnabled(any(row.answer == "not probed" for row in rows))
+        proposed = {row.device: row.proposed_url for row in rows if row.proposed_url}
+        if chosen in proposed:
+            self.url.setEditText(proposed[chosen])
         answering = [row.device for row in rows if row.answers]
         if not chosen and len(answering) == 1:
             self.url.setEditText(answering[0])
@@ -80,7 +86,7 @@ class ConnectDialog(QDialog):
         self.url.setEditText(text)
 
     def _select(self, url: str, rows: Sequence[PortRow]) -> None:
-        row = next((k for k, row in enumerate(rows) if row.device == url), -1)
+        row = next((k for k, row in enumerate(rows) if url in (row.device, row.proposed_url)), -1)
         if row >= 0:
             self.ports.selectRow(row)
 
@@ -88,6 +94,7 @@ class ConnectDialog(QDialog):
         beside = QHBoxLayout()
         beside.addWidget(self.refresh)
         beside.addWidget(self.probe_all)
+        beside.addWidget(self.listen)
         beside.addStretch(1)
         column = QVBoxLayout(self)
         column.addWidget(self.none)
@@ -103,12 +110,14 @@ class ConnectDialog(QDialog):
         self.url.editTextChanged.connect(self._update_button)
         self.refresh.clicked.connect(self.refreshed)
         self.probe_all.clicked.connect(self.probe_all_requested)
+        self.listen.clicked.connect(self._listen)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.close)
 
     @Slot(QModelIndex)
     def _take_row(self, index: QModelIndex) -> None:
-        self.url.setEditText(self._rows[index.row()].device)
+        row = self._rows[index.row()]
+        self.url.setEditText(row.proposed_url or row.device)
 
     @Slot(QModelIndex)
     def _choose_row(self, index: QModelIndex) -> None:
@@ -123,8 +132,14 @@ class ConnectDialog(QDialog):
             self.chosen.emit(url)
 
     @Slot()
+    def _listen(self) -> None:
+        self.listen_requested.emit(self.url.currentText().strip())
+
+    @Slot()
     def _update_button(self) -> None:
-        self.connect_button.setEnabled(bool(self.url.currentText().strip()))
+        url = self.url.currentText().strip()
+        self.connect_button.setEnabled(bool(url))
+        self.listen.setEnabled(bool(url) and "://" not in url and "?" not in url)
         self.connect_button.setDefault(True)
 
 

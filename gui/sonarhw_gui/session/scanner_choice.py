@@ -80,6 +80,13 @@ class ScannerChoice(QObject):
         if self._ports is not None:
             self._ports.probe_all()
 
+    @Slot(str)
+    def listen(self, device: str) -> None:
+        """Listen at a port for the text of a device that prints readings."""
+        if self._ports is not None:
+            self._ports.listen(device)
+            self.ports_changed.emit(self._ports.rows)
+
     def tick(self) -> None:
         """Emit changes of the ports."""
         if self._ports is None:

@@ -1,14 +1,17 @@
 """The serial ports of this computer and the devices that answer there, listed and probed in a thread.
 
 Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
-reset its device.
+reset its device. On request, a port is listened at for the text of a device that prints readings.
 """
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from sonarhw.errors import LinkError
 from sonarhw.host.port_probe import probe_port
 from sonarhw.link.ports import Port, serial_ports
+from sonarhw.text.line_guess import LineGuess, guess_lines
 from sonarhw_gui.work.worker import Failure, Worker
 
 
@@ -21,6 +24,7 @@ class PortRow:
     known: bool  # whether its USB device may be a scanner
     answer: str = "not probed"
     answers: bool = False  # whether a scanner answers
+    proposed_url: str = ""  # of a device that prints readings
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,20 @@ class _ProbePort:
         return replace(self.row, answer=answer, answers=answers)
 
 
+@dataclass(frozen=True)
+class _ListenAt:
+    row: PortRow
+    guess: Callable[[str, Callable[[], bool]], LineGuess]
+    stopped: Callable[[], bool]
+
+    def answer(self) -> PortRow:
+        try:
+            found = self.guess(self.row.device, self.stopped)
+        except LinkError as error:
+            return replace(self.row, answer=str(error).removeprefix(f"{self.row.device}: "))
+        return replace(self.row, answer=found.text, proposed_url=found.url or "")
+
+
 class PortList:
     """The ports, probed one after another."""
 
@@ -50,10 +68,12 @@ class PortList:
         self,
         find: Callable[[], list[Port]] = serial_ports,
         probe: Callable[[str], tuple[bool, str]] = probe_port,
+        guess: Callable[[str, Callable[[], bool]], LineGuess] = guess_lines,
     ) -> None:
         self.rows: tuple[PortRow, ...] = ()
         self.failures: list[str] = []
-        self._find, self._probe = find, probe
+        self._find, self._probe, self._guess = find, probe, guess
+        self._closing = threading.Event()
         self._in_use = ""
         self._to_probe: list[str] = []
         self._worker = Worker("probe ports")
@@ -71,6 +91,14 @@ class PortList:
     def probe_all(self) -> None:
         """Probe every port that was not probed yet."""
         self._queue([row.device for row in self.rows])
+
+    def listen(self, device: str) -> None:
+        """Listen at a port for text, also at one that is not listed."""
+        if device not in [row.device for row in self.rows]:
+            self.rows += (PortRow(device, "", known=False),)
+        self.rows = tuple(replace(row, answer="listening …") if row.device == device else row for row in self.rows)
+        row = next(row for row in self.rows if row.device == device)
+        self._worker.submit(_ListenAt(row, self._guess, self._closing.is_set))
 
     def take(self) -> bool:
         """Fetch the answers since the last call; return whether anything has changed."""
@@ -94,6 +122,7 @@ class PortList:
     def close(self) -> None:
         """End the thread, after the port that is being probed."""
         self._to_probe.clear()
+        self._closing.set()
         self._worker.close()
 
     def _queue(self, devices: list[str]) -> None:
