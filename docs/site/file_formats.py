@@ -56,10 +56,18 @@ def _document(title: str, model: type[TomlModel]) -> Iterator[str]:
     schema = json_schema(model)
     yield f"## {title}\n"
     yield _table(schema)
+    yield from _tables_in(schema, schema["$defs"], "")
+
+
+def _tables_in(schema: Schema, definitions: Schema, before: str) -> Iterator[str]:
+    """Yield the sections of the tables that a table contains; `before` is the beginning of their names."""
     for key, value in schema["properties"].items():
         if name := _reference(value):
-            yield f"### {_heading(key, value)}\n\n{value['description'][0].upper()}{value['description'][1:]}.\n"
-            yield _table(schema["$defs"][name])
+            path = _path(before + key, value)
+            heading = f"[[{path}]]" if value.get("type") == "array" else f"[{path}]"
+            yield f"### `{heading}`\n\n{value['description'][0].upper()}{value['description'][1:]}.\n"
+            yield _table(definitions[name])
+            yield from _tables_in(definitions[name], definitions, f"{path}.")
 
 
 def _reference(value: Schema) -> str | None:
@@ -69,10 +77,8 @@ def _reference(value: Schema) -> str | None:
     return found[0] if found and found[0] not in _CHOICES else None
 
 
-def _heading(key: str, value: Schema) -> str:
-    if value.get("type") == "array":
-        return f"`[[{key}]]`"
-    return f"`[{key}.NAME]`" if value.get("type") == "object" else f"`[{key}]`"
+def _path(key: str, value: Schema) -> str:
+    return f"{key}.NAME" if value.get("type") == "object" else key
 
 
 def _table(schema: Schema) -> str:

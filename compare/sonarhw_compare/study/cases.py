@@ -13,7 +13,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room, parse_room, with_air, with_material
-from sonarhw_sim.room.room_file import RoomFile
+from sonarhw_sim.room.room_file import Material, RoomFile
 from sonarhw_sim.toml_file import parse_toml
 
 from sonarhw.readings import FloatArray, sector
@@ -119,8 +119,11 @@ class Cases:
         for name, material in self._materials[number].items():
             new = {key: values.get(f"materials.{name}.{key}") for key in ("reflectance", "scatter")}
             if any(value is not None for value in new.values()):
-                both = vars(material) | {key: value for key, value in new.items() if value is not None}
-                room = with_material(room, name, **both)
+                # a new reflectance replaces a table
+                old = {"scatter": material.scatter} if new["reflectance"] is not None else vars(material)
+                given = {key: value for key, value in new.items() if value is not None}
+                changed = Material.model_validate(old | given)
+                room = with_material(room, name, changed.reflectance, changed.scatter)
         return room
 
 

@@ -41,7 +41,7 @@ class MaterialGroup(Group):
         if [*known] != [*self.sliders]:
             self._lay_out(known)
         for name, (reflectance, scatter) in self.sliders.items():
-            reflectance.show_value(known[name].reflectance)
+            reflectance.show_value(known[name].largest)
             scatter.show_value(known[name].scatter)
 
     def _lay_out(self, known: dict[str, Material]) -> None:
@@ -49,7 +49,10 @@ class MaterialGroup(Group):
             self.rows.removeRow(0)
         self.sliders = {}
         for row, name in enumerate(known):
-            reflectance = SliderField(0, 1, 2, "", "Ratio of reflected to incident amplitude, 0 to 1")
+            tip = "Ratio of reflected to incident amplitude, 0 to 1"
+            if known[name].table:
+                tip = "Largest value of the table in the room file. Another value replaces the table"
+            reflectance = SliderField(0, 1, 2, "", tip)
             scatter = SliderField(0, 1, 2, "", "Diffuse share of the reflected sound: 0 mirror, 1 fully diffuse")
             self.sliders[name] = reflectance, scatter
             reflectance.changed.connect(self._set_share)

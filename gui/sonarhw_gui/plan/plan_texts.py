@@ -39,7 +39,9 @@ def surface_text(room: Room, surface: int) -> str:
     loss = f" ({decibels_text(20 * math.log10(mirrored))})" if mirrored > 0 else ""
     power = mirrored**2 + float(room.scattered[surface]) ** 2
     scatters = f", scatters {float(room.scattered[surface]) ** 2 / power:.0%}" if room.scattered[surface] else ""
-    return f"{room.names[surface]} · {room.materials[surface]}, reflectance {math.sqrt(power):.2f}{scatters}{loss}"
+    material = room.materials[surface]
+    upto = "up to " if material in room.tables else ""
+    return f"{room.names[surface]} · {material}, reflectance {upto}{math.sqrt(power):.2f}{scatters}{loss}"
 
 
 def point_text(at: Point, unit: LengthUnit) -> str:

@@ -75,8 +75,8 @@ def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -
 def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float]]:
     """Return the losses along a path: number of the corner, and loss in dB.
 
-    The loss at a wall follows from its reflectance. Only the sum of the losses at posts and edges is known. It is
-    returned for the last of them.
+    The loss at a wall follows from its reflectance. Of posts, edges and materials with a table, only the sum of the
+    losses is known. It is returned for the last of them.
     """
     paths, room = prediction.paths, prediction.room
     surfaces = [int(surface) for surface in paths.surfaces[path] if surface >= 0]
@@ -89,7 +89,7 @@ def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float
     if len(events) == 1:
         return [(1, rest)]  # the path's own loss: a rough wall scatters less sound straight back than it reflects
     for corner, surface in enumerate(events, start=1):
-        if surface is None or flat <= surface < room.levels.start:
+        if surface is None or flat <= surface < room.levels.start or room.materials[surface] in room.tables:
             bent = corner
         else:
             losses.append((corner, _decibels(float(room.reflectances[surface]))))

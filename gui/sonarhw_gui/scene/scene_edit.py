@@ -108,7 +108,9 @@ def with_material_values(scene: Scene, material: str, shares: Mapping[str, float
     """
     room, _ = room_and_place(scene)
     known = materials(room).get(material)
-    values = {**(known.model_dump() if known else {"reflectance": _NEW, "scatter": 0.0}), **(shares or {})}
+    # None keeps a table
+    reflectance, scatter = (known.reflectance, known.scatter) if known else (_NEW, 0.0)
+    values = {"reflectance": reflectance, "scatter": scatter, **(shares or {})}
     return with_room(scene, with_material(room, material, **values)), f"changing {material}"
 
 

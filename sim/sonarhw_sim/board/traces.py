@@ -56,6 +56,19 @@ class Patches:
 
 
 @dataclass(frozen=True)
+class Response:
+    """Amplitude of arrivals by frequency, relative to that at the carrier."""
+
+    frequencies: FloatArray  # (m,), Hz above the carrier, increasing; beyond them, the last values apply
+    factors: FloatArray  # (n, m)
+
+    def at(self, frequencies: FloatArray) -> FloatArray:
+        """Return the amplitudes at `frequencies` (k,) Hz above the carrier, (n, k)."""
+        shares = [np.interp(frequencies, self.frequencies, one) for one in np.eye(len(self.frequencies))]
+        return np.asarray(np.einsum("nm,mk->nk", self.factors, np.array(shares)))
+
+
+@dataclass(frozen=True)
 class Arrivals:
     """All sound that returns after one ping, before the effect of the transducer; one row for each arrival."""
 
@@ -65,13 +78,22 @@ class Arrivals:
     leaving: FloatArray  # (n,), cosine of the angle between the axis and the departure
     arriving: FloatArray  # (n,), cosine of the angle between the axis and the direction of arrival
     patches: Patches | None = None  # of rough surfaces, whose mean power is added; None: none
+    response: Response | None = None  # of materials that reflect each frequency differently; None: all the same
 
     def __len__(self) -> int:
         return len(self.times)
 
     def select(self, rows: slice | NDArray[np.intp] | NDArray[np.bool_]) -> "Arrivals":
         """Return only these rows."""
-        return Arrivals(self.times[rows], self.amplitudes[rows], self.leaving[rows], self.arriving[rows], self.patches)
+        response = self.response
+        return Arrivals(
+            self.times[rows],
+            self.amplitudes[rows],
+            self.leaving[rows],
+            self.arriving[rows],
+            self.patches,
+            response and replace(response, factors=response.factors[rows]),
+        )
 
 
 @dataclass(frozen=True)
@@ -167,13 +189,19 @@ def pulses(
         wavenumber,
         beam_table(highest),
     )
+    if arrivals.response is not None:
+        rows = np.round(burst.frequencies * burst.length / RATE).astype(np.intp)
+        spectra[:, rows] *= arrivals.response.at(burst.frequencies)
     return np.asarray(ifft(spectra, axis=1, norm="forward")), whole - burst.lead
 
 
 def _may_matter(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDArray[np.bool_]:
     """Return which arrivals may reach `FAINTEST` at any time, (n,) bool."""
     half = math.pi * board.frequency / speed_of_sound * board.aperture_radius
-    return np.asarray(_loudest(np.abs(arrivals.amplitudes), arrivals.leaving, arrivals.arriving, half) >= FAINTEST)
+    loudness = np.abs(arrivals.amplitudes)
+    if arrivals.response is not None:
+        loudness = loudness * np.maximum(arrivals.response.factors.max(axis=1), 1.0)
+    return np.asarray(_loudest(loudness, arrivals.leaving, arrivals.arriving, half) >= FAINTEST)
 
 
 @compiled

@@ -13,7 +13,7 @@ from sonarhw_sim.board.burst import covered_by_burst
 from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import SHARE, ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
-from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
+from sonarhw_sim.board.traces import Arrivals, Noise, Response, Signal, received
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import (
     BoolArray,
@@ -31,6 +31,9 @@ from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths, t
 from sonarhw_sim.predict.scattered import ScatteredSound, scattered_sound
 from sonarhw_sim.rays.paths import SLACK, Paths
 from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.incidence import reflectance_factors
+
+_FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
 
 @dataclass(frozen=True)
@@ -201,7 +204,7 @@ class PredictedScan:
 
     def first_detected(self) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return time, (n,) s, NaN without an echo, and path, (n,), of the first echo of the board's own receiver."""
-        if self.noise or self.paths.scattered.any():
+        if self.noise or self.paths.scattered.any() or self._response is not None:
             return self._first_one_by_one()
         speed, every = self.room.air.speed_of_sound, np.arange(len(self.paths))
         if self.only_at is None:
@@ -283,7 +286,10 @@ class PredictedScan:
         leaving = paths.leaving[:, 0] * np.cos(sender_headings) + paths.leaving[:, 1] * np.sin(sender_headings)
         arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
         speed = self.room.air.speed_of_sound
-        arrivals = Arrivals(lengths / speed, amplitudes, leaving, arriving)
+        response = self._response
+        if response is not None:
+            response = replace(response, factors=response.factors[here])
+        arrivals = Arrivals(lengths / speed, amplitudes, leaving, arriving, response=response)
         scattered = self._scattered_at(index)
         if scattered is None:
             return arrivals
@@ -297,7 +303,21 @@ class PredictedScan:
             np.concatenate((amplitudes, grain)),
             np.concatenate((leaving, leaving[rows])),
             np.concatenate((arriving, arriving[rows])),
+            response=response and replace(response, factors=np.vstack((response.factors, response.factors[rows]))),
         )
+
+    @cached_property
+    def _response(self) -> Response | None:
+        """Amplitude of each path by frequency, relative to the carrier; None if it does not depend on frequency."""
+        knots = [table.frequencies for table in self.room.tables.values() if len(table.frequencies) > 1]
+        if not knots:
+            return None
+        ends = np.concatenate(knots)
+        # several reflections are a product, which is not straight between the frequencies of a table
+        frequencies = np.unique(np.concatenate((ends, np.linspace(ends.min(), ends.max(), _FREQUENCIES))))
+        factors = reflectance_factors(self.room, self.paths, np.append(self.board.frequency, frequencies))
+        audible = np.where(factors[:, :1] > 0, factors[:, :1], np.inf)
+        return Response(frequencies - self.board.frequency, factors[:, 1:] / audible)
 
     def _noise_at(self, index: int) -> Noise:
         # a function of the heading, independent of the other headings

@@ -5,7 +5,8 @@ ceiling exist in vertical sections only.
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,17 @@ from sonarhw_sim.room.edges import Edges, edges_on_walls, find_edges
 from sonarhw_sim.room.enclosures import Enclosures, find_enclosures
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
 from sonarhw_sim.room.outside import walls_enclose
-from sonarhw_sim.room.room_file import MAX_COORDINATE, MEETING, LevelSection, PostSection, RoomFile, Span, WallSection
+from sonarhw_sim.room.reflectance_table import ReflectanceTable
+from sonarhw_sim.room.room_file import (
+    MAX_COORDINATE,
+    MEETING,
+    LevelSection,
+    Material,
+    PostSection,
+    RoomFile,
+    Span,
+    WallSection,
+)
 from sonarhw_sim.toml_file import parse_toml
 
 SHIPPED_ROOMS = Shipped("sonarhw_rooms", "room", "room file")
@@ -44,8 +55,9 @@ class Room:
     name: str
     walls: FloatArray  # (n, 4): x, y of start and end, m
     posts: FloatArray  # (m, 3): x, y of the centre, radius, m
-    reflectances: FloatArray  # (s,), amplitude ratio of specular reflection by each of the s surfaces
-    scattered: FloatArray  # (s,), amplitude ratio of diffuse reflection
+    # (s,), amplitude ratio of specular reflection by each of the s surfaces; with a table, at its largest
+    reflectances: FloatArray
+    scattered: FloatArray  # (s,), amplitude ratio of diffuse reflection; with a table, at its largest
     heights: FloatArray  # (s, 2), m: lower and upper end; infinite without a height in the file
     names: tuple[str, ...]  # of the s surfaces
     materials: tuple[str, ...]  # of the s surfaces
@@ -53,6 +65,7 @@ class Room:
     air: Air
     places: dict[str, Place]
     text: str  # of the file, so that a log can contain it
+    tables: Mapping[str, ReflectanceTable] = field(default_factory=dict)  # of the materials that have one
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -192,8 +205,8 @@ def parse_room(text: str, where: str) -> Room:
         walls=walls,
         posts=np.array([(*post.center, post.radius) for post in file.posts], dtype=np.float64).reshape(-1, 3),
         # scatter is a share of the reflected power
-        reflectances=np.array([material.reflectance * math.sqrt(1 - material.scatter) for material in materials]),
-        scattered=np.array([material.reflectance * math.sqrt(material.scatter) for material in materials]),
+        reflectances=np.array([material.largest * math.sqrt(1 - material.scatter) for material in materials]),
+        scattered=np.array([material.largest * math.sqrt(material.scatter) for material in materials]),
         heights=np.array([_span(surface) for surface in surfaces], dtype=np.float64),
         names=(*names, *(post.name for post in file.posts), *file.levels),
         materials=tuple(surface.material for surface in surfaces),
@@ -204,6 +217,22 @@ def parse_room(text: str, where: str) -> Room:
             for name, place in file.places.items()
         },
         text=text,
+        tables={name: _table_of(file.materials[name]) for name in _used(surfaces) if file.materials[name].table},
+    )
+
+
+def _used(surfaces: Sequence[WallSection | PostSection | LevelSection]) -> list[str]:
+    return sorted({surface.material for surface in surfaces})
+
+
+def _table_of(material: Material) -> ReflectanceTable:
+    angles = sorted({row.incidence_deg for row in material.table})
+    frequencies = sorted({row.frequency for row in material.table})
+    values = {(row.incidence_deg, row.frequency): row.reflectance for row in material.table}
+    return ReflectanceTable(
+        np.radians(angles),
+        np.array(frequencies, dtype=np.float64),
+        np.array([[values[angle, frequency] for frequency in frequencies] for angle in angles], dtype=np.float64),
     )
 
 
@@ -242,13 +271,19 @@ def with_air(room: Room, air: Air) -> Room:
     return _with_same_geometry(room, air=air)
 
 
-def with_material(room: Room, material: str, reflectance: float, scatter: float = 0.0) -> Room:
-    """Return the room with another reflectance (amplitude) and scatter (share of the reflected power) of a material."""
+def with_material(room: Room, material: str, reflectance: float | None, scatter: float = 0.0) -> Room:
+    """Return the room with another reflectance (amplitude) and scatter (share of the reflected power) of a material.
+
+    The reflectance replaces a table; None keeps the reflectance or the table.
+    """
     of_it = np.array([name == material for name in room.materials], dtype=np.bool_)
+    largest = np.hypot(room.reflectances, room.scattered) if reflectance is None else reflectance
+    tables = {name: table for name, table in room.tables.items() if reflectance is None or name != material}
     return _with_same_geometry(
         room,
-        reflectances=np.where(of_it, reflectance * math.sqrt(1 - scatter), room.reflectances),
-        scattered=np.where(of_it, reflectance * math.sqrt(scatter), room.scattered),
+        reflectances=np.where(of_it, largest * math.sqrt(1 - scatter), room.reflectances),
+        scattered=np.where(of_it, largest * math.sqrt(scatter), room.scattered),
+        tables=tables,
     )
 
 

@@ -17,6 +17,7 @@ MEETING = 1e-6  # m; wall ends closer than this meet
 MAX_COORDINATE = 1e6  # m; beyond, rounding would move walls
 
 MOST_SURFACES = 200_000  # walls and posts; more would need gigabytes
+MOST_ROWS = 10_000  # of the table of a material
 MOST_NAME = 200  # characters
 MOST_TURNS_DEG = 36_000.0  # of a heading; far beyond, a degree would be lost to rounding
 
@@ -37,11 +38,55 @@ class AirSection(TomlModel):
     pressure_kpa: Annotated[float, Field(ge=30, le=120), about("air pressure", "kPa")] = 101.325
 
 
+class ReflectanceRow(TomlModel):
+    """A reflectance at one angle and frequency."""
+
+    incidence_deg: Annotated[
+        float, Field(ge=0, le=90), about("angle between the sound and the perpendicular of the surface", "degrees")
+    ]
+    frequency: Annotated[float, Field(ge=1e3, le=1e6), about("frequency", "Hz")]
+    reflectance: Annotated[Share, about("reflectance at this angle and frequency")]
+
+
 class Material(TomlModel):
     """`[materials.NAME]`."""
 
-    reflectance: Annotated[Share, about("amplitude of the reflected sound over that of the incident sound")]
+    reflectance: Annotated[
+        Share | None,
+        about("amplitude of the reflected over that of the incident sound; required without `table`"),
+    ] = None
     scatter: Annotated[Share, about("share of the reflected power that is diffuse: 0 mirror, 1 fully diffuse")] = 0.0
+    table: Annotated[
+        tuple[ReflectanceRow, ...],
+        Field(max_length=MOST_ROWS),
+        about("reflectances at each of some angles and frequencies, in place of `reflectance`"),
+    ] = ()
+
+    @property
+    def largest(self) -> float:
+        """The reflectance, or the largest one of the table."""
+        return max((row.reflectance for row in self.table), default=self.reflectance or 0.0)
+
+    @model_validator(mode="after")
+    def _one_reflectance(self) -> Self:
+        if self.reflectance is None and not self.table:
+            raise ValueError("reflectance: missing; expected a number from 0 to 1, or a table")
+        if self.reflectance is not None and self.table:
+            raise ValueError("reflectance, table: expected one of them; the table contains all reflectances")
+        return self
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        rows = Counter((row.incidence_deg, row.frequency) for row in self.table)
+        for angle in sorted({angle for angle, _ in rows}):
+            for frequency in sorted({frequency for _, frequency in rows}):
+                if rows[angle, frequency] != 1:
+                    count = "no row" if not rows[angle, frequency] else f"{rows[angle, frequency]} rows"
+                    raise ValueError(
+                        f"table: expected one row for each angle at each frequency, got {count} for "
+                        f"{angle:g}° at {frequency:g} Hz"
+                    )
+        return self
 
 
 class WallSection(TomlModel):

@@ -68,15 +68,17 @@ def with_place(room: Room, place: Place) -> Room:
     return changed_room(room, change)
 
 
-def with_material(room: Room, name: str, reflectance: float, scatter: float) -> Room:
+def with_material(room: Room, name: str, reflectance: float | None, scatter: float) -> Room:
     """Return the room with the reflectance (amplitude ratio) and scatter (share of the power) of a material.
 
-    Raises InputError if one is not within 0..1.
+    The reflectance replaces a table; None keeps the table. Raises InputError if one is not within 0..1.
     """
 
     def change(document: Document) -> None:
         table = section(document, "materials", name)
-        table["reflectance"] = reflectance
+        if reflectance is not None:
+            table.pop("table", None)
+            table["reflectance"] = reflectance
         if scatter or "scatter" in table:
             table["scatter"] = scatter
 

@@ -17,6 +17,7 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.scatter import scattered_paths
 from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.incidence import reflectance_factors
 from sonarhw_sim.vertical.rough_levels import rough_level_paths
 from sonarhw_sim.vertical.vertical_paths import vertical_paths
 
@@ -33,9 +34,18 @@ def paths_from(
 ) -> Paths:
     """Return every path of `search` from a place back to it, or to `receiver`, shortest first.
 
-    `sections` parallel horizontal sections share the transducer's face of radius `face` (m). Raises InputError if the
-    place has a height and the room too many surfaces.
+    Gains are those at the frequency of the search. `sections` parallel horizontal sections share the transducer's face
+    of radius `face` (m). Raises InputError if the place has a height and the room too many surfaces.
     """
+    paths = _all_paths(room, place, search, receiver, face, sections)
+    if not room.tables:
+        return paths
+    frequency = np.array([room.air.speed_of_sound / search.wavelength])
+    return replace(paths, gains=paths.gains * reflectance_factors(room, paths, frequency)[:, 0])
+
+
+def _all_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver, face: float, sections: int) -> Paths:
+    """Return the paths of `paths_from` with the largest values of the tables of materials."""
     if place.height is None:
         return _planar_paths(room, place, search, receiver)
     if len(room.names) > _MOST_SURFACES:

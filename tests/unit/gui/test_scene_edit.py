@@ -12,12 +12,12 @@ from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip, surf
 from sonarhw_gui.scene.plan_geometry import bounce_losses
 from sonarhw_gui.scene.room_edit import add_post
 from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned
+from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned, with_material_values
 from sonarhw_gui.store.new_recording import start_recording
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
@@ -90,6 +90,19 @@ def test_a_recording_contains_the_pose_of_the_sensor(scene: Scene, tmp_path: Pat
     assert again.pose.position == (0.5, 0.5)
     assert math.degrees(again.pose.heading) == pytest.approx(30)
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
+
+
+def test_a_slider_of_scatter_keeps_a_table_and_one_of_reflectance_replaces_it(scene: Scene) -> None:
+    row = "{ incidence_deg = 0.0, frequency = 50000.0, reflectance = 0.7 }"
+    text = scene.room.text.replace("reflectance = 0.95", f"table = [{row}]")
+    tabled = replace(scene, room=parse_room(text, "mine.toml"))
+    assert surface_text(tabled.room, 0).startswith("bottom · shelving, reflectance up to 0.70")
+    rougher, _ = with_material_values(tabled, "shelving", {"scatter": 0.36})
+    assert rougher.room.tables.keys() == {"shelving"}
+    assert rougher.room.reflectances[0] == pytest.approx(0.7 * 0.8)
+    replaced, _ = with_material_values(rougher, "shelving", {"reflectance": 0.5})
+    assert not replaced.room.tables
+    assert replaced.room.reflectances[0] == pytest.approx(0.5 * 0.8)
 
 
 @pytest.mark.parametrize("receiver", Receiver)
