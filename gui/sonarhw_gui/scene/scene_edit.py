@@ -108,10 +108,11 @@ def with_material_values(scene: Scene, material: str, shares: Mapping[str, float
     """
     room, _ = room_and_place(scene)
     known = materials(room).get(material)
-    # None keeps a table
+    # a reflectance of None keeps a table
     reflectance, scatter = (known.reflectance, known.scatter) if known else (_NEW, 0.0)
-    values = {"reflectance": reflectance, "scatter": scatter, **(shares or {})}
-    return with_room(scene, with_material(room, material, **values)), f"changing {material}"
+    shares = shares or {}
+    reflectance, scatter = shares.get("reflectance", reflectance), shares.get("scatter", scatter)
+    return with_room(scene, with_material(room, material, reflectance, scatter)), f"changing {material}"
 
 
 def with_air_state(scene: Scene, **state: float) -> Edit:
