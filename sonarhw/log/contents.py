@@ -59,6 +59,9 @@ class RecordedFrames(Protocol):
     def pieces(self) -> Iterator[list[RecordedFrame]]:
         """Yield the frames in the groups in which they were written."""
 
+    def received_bytes(self) -> Iterator[tuple[float, bytes]]:
+        """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
+
 
 @dataclass(frozen=True)
 class RecordedScan:

@@ -6,8 +6,8 @@ from functools import lru_cache
 from itertools import groupby
 
 from sonarhw.errors import NotALog
-from sonarhw.log.contents import FRAMES_RECEIVED, FRAMES_SENT, TOPICS, RecordedFrame
-from sonarhw.log.mcap_records import Damage, McapMessage, OpenFile, read_records
+from sonarhw.log.contents import BYTES, FRAMES_RECEIVED, FRAMES_SENT, TOPICS, RecordedFrame
+from sonarhw.log.mcap_records import Damage, McapMessage, OpenFile, Record, read_records
 from sonarhw.log.reading_columns import Span
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw.wire.assembly import ReadingAssembler
@@ -38,6 +38,12 @@ class LogFrames:
         for _, together in groupby(_frames(self._file, self._topics), key=lambda placed: placed[0]):
             yield [frame for _, frame in together]
 
+    def received_bytes(self) -> Iterator[tuple[float, bytes]]:
+        """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
+        for item in _records(self._file):
+            if isinstance(item, McapMessage) and self._topics.get(item.channel) == BYTES:
+                yield item.time * 1e-9, item.data
+
 
 def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
     """Return the frame in a message of the file; None if it contains none."""
@@ -53,12 +59,16 @@ def known_topics() -> dict[int, str]:
 
 
 def _frames(file: OpenFile, topics: dict[int, str], span: Span | None = None) -> Iterator[tuple[int, RecordedFrame]]:
+    for item in _records(file, *(span or ())[:1]):
+        if span is not None and not isinstance(item, Damage) and item.at > span[1]:
+            return
+        if isinstance(item, McapMessage) and (frame := recorded_frame(item, topics)):
+            yield item.at, frame
+
+
+def _records(file: OpenFile, *start: int) -> Iterator[Record | McapMessage | Damage]:
     try:
-        for item in read_records(file, *(span or ())[:1]):
-            if span is not None and not isinstance(item, Damage) and item.at > span[1]:
-                return
-            if isinstance(item, McapMessage) and (frame := recorded_frame(item, topics)):
-                yield item.at, frame
+        yield from read_records(file, *start)
     except OSError as error:
         raise NotALog(f"{file.path}: can no longer be read: {error.strerror}") from error
 

@@ -17,7 +17,14 @@ def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
     read.
     """
     with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, log.metadata) as writer:
+        received = log.frames.received_bytes()
+        ahead = next(received, None)
         for frames in log.frames.pieces():
+            while ahead is not None and ahead[0] <= frames[-1].time:
+                writer.received_bytes(*ahead)
+                ahead = next(received, None)
             readings = [reading for frame in frames for reading in writer.take(frame)]
             for reading in readings:
                 writer.reading(reading)
+        for one in (ahead, *received) if ahead else ():
+            writer.received_bytes(*one)

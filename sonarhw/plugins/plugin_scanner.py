@@ -1,5 +1,6 @@
 """A scanner made of a plug-in for a device that does not speak the wire protocol."""
 
+import math
 import threading
 import time
 from collections import deque
@@ -22,6 +23,7 @@ from sonarhw.readings import Reading, ScanOrder
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import Outcome
 
+MOST_LEAD = 20_000  # readings before the first whole sweep
 _ONE_SWEEP = ScanOrder(0.0, 1.0, 1)
 
 
@@ -236,12 +238,20 @@ class PluginScanner:
         try:
             while not tracker.started and (measurement := self._next_measurement()):
                 self._ready += tracker.add(measurement)
+                if tracker.waiting > MOST_LEAD:
+                    raise self._never_turned_back(measurement)
         except (NoAnswer, LinkError):
             # the device has stopped before its angle turned back: the scan gives what there is, then fails
             self._ready = tracker.flush()
             if not self._ready:
                 raise
         return tracker
+
+    def _never_turned_back(self, newest: Measurement) -> DeviceError:
+        return DeviceError(
+            f"{self.url}: the angle did not turn back in {MOST_LEAD} readings, and is "
+            f"{math.degrees(newest.angle):.1f}° now; check that the motor turns"
+        )
 
     def _ordered(self, order: ScanOrder) -> Iterator[Reading]:
         self._tracker = None

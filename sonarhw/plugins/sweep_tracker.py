@@ -75,6 +75,11 @@ class SweepTracker:
         """Whether enough whole sweeps are complete."""
         return self._wanted is not None and self._whole >= self._wanted
 
+    @property
+    def waiting(self) -> int:
+        """Number of measurements so far, before the first whole sweep."""
+        return len(self._lead or ())
+
     def want(self, sweeps: int) -> None:
         """Set the number of whole sweeps."""
         self._wanted = sweeps
@@ -138,11 +143,11 @@ class SweepTracker:
         jump = bool(self._steps) and abs(delta) > _JUMP * self._usual_step
         if held.restarted and jump:
             return _Break.RESTART
-        if delta * self._direction < 0:
+        ahead = 0.0 if following is None else self._delta(held.angle, following.angle) * self._direction
+        if delta * self._direction < 0 and (jump or ahead <= 0):  # a measured angle may shake
             return _Break.JUMP if jump else _Break.TURN
         # many sketches print the last angle twice, first on the way out and then on the way back
-        if delta == 0 and following is not None and self._pings == 1 and self._ping == 0:
-            ahead = self._delta(held.angle, following.angle) * self._direction
+        if delta == 0 and self._pings == 1 and self._ping == 0:
             return _Break.TURN if ahead < 0 else None
         if self._wrapped and self._travel + abs(delta) >= 2 * math.pi - self._usual_step / 2:
             return _Break.FULL

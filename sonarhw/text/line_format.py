@@ -18,7 +18,8 @@ _HEADINGS = ("heading", "angle", "bearing", "azimuth", "theta", "servo", "pan", 
 _RANGES = ("range", "distance", "dist", "d", "r", "m", "cm", "mm")
 _UNIT_WORDS = {**UNITS, "metres": 1.0, "meters": 1.0, "inch": 0.0254, "inches": 0.0254, "centimeters": 0.01}
 _NO_ECHO = ("out of range", "no echo", "none", "null", "nan", "inf", "timeout", "-", "--", "---")
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+# stricter than `float`, which accepts 1_0 and the digits of all scripts
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _SEPARATOR = re.compile(r"[,;\t]")
 
 
@@ -47,7 +48,7 @@ class RangeUnit:
         A `distance` of 0 or less, or of `no_echo`, means no echo. `stated` is the unit that the line states, m.
         """
         try:
-            angle = None if heading is None else float(heading)
+            angle = None if heading is None else _number(heading)
             value = _range_value(distance)
         except ValueError:
             return None
@@ -63,8 +64,14 @@ def _range_value(text: str | None) -> float | None:
     """Return a printed range; None if the text stands for no echo. Raises ValueError."""
     if text is None or text.strip().lower() in _NO_ECHO:
         return None
-    value = float(text)
+    value = _number(text)
     return value if math.isfinite(value) else None
+
+
+def _number(text: str) -> float:
+    if not _NUMBER.fullmatch(text.strip()):
+        raise ValueError(text)
+    return float(text)
 
 
 @dataclass(frozen=True)
@@ -126,7 +133,7 @@ def csv_format(unit: RangeUnit) -> LineFormat:
         if header := _columns(cells):
             columns = header
             return Header()
-        if len(cells) != columns.count or not re.fullmatch(_NUMBER, cells[columns.heading]):
+        if len(cells) != columns.count:
             return None
         return unit.printed(cells[columns.heading], cells[columns.range], columns.scale)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import sonarhw
-from sonarhw.errors import InputError, LinkLost, NoAnswer
-from sonarhw.log import LogWriter, read_log
-from sonarhw.plugins import plugin_reader
+from sonarhw.errors import DeviceError, InputError, LinkLost, NoAnswer
+from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.plugins import plugin_reader, plugin_scanner
 from sonarhw.plugins.plugin_scanner import PluginScanner
 from sonarhw.readings import Origin, Reading, ScanOrder
 from tests.fixtures.example_logs import METADATA
@@ -104,6 +104,10 @@ def test_the_log_has_the_delivered_readings_and_the_bytes_as_received(sketch: Sk
     ]
     raw = received_bytes(path)
     assert raw in bytes(device.written)
+    assert b"".join(data for _, data in recorded.frames.received_bytes()) == raw
+    copy_log(recorded, tmp_path / "copy.mcap")
+    assert received_bytes(tmp_path / "copy.mcap") == raw
+    assert [r.echo_times for r in read_log(tmp_path / "copy.mcap").readings] == [r.echo_times for r in readings]
     assert sketch.line(sketch.angles[-1]).encode() in raw
 
 
@@ -229,6 +233,14 @@ def test_a_rangefinder_without_an_angle_counts_steps() -> None:
     assert [degrees(reading) for reading in readings] == 2 * [*range(0, 360, 5)]
     printed = [round(1000 * reading.range) for reading in readings if reading.range]
     assert all((after - before) % 72 == 1 for before, after in pairwise(printed))
+
+
+def test_a_motor_that_stands_still_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_scanner, "MOST_LEAD", 50)
+    reason = r"did not turn back in 50 readings, and is 90\.0° now"
+    still = (b"90,23." for _ in range(10**9))
+    with PrintingDevice(still) as device, open_device(device.port) as scanner, pytest.raises(DeviceError, match=reason):
+        list(scanner.scan())
 
 
 def test_the_device_obeys_no_commands() -> None:

@@ -297,7 +297,7 @@ def test_a_log_with_other_channel_numbers_gives_the_same_frames_and_readings(who
         assert summary is not None
         writer.start(header.profile, header.library)
         numbers = {}
-        for one in sorted(summary.channels.values(), key=lambda channel: -channel.id):
+        for one in sorted(summary.channels.values(), key=lambda channel: (channel.id == 1, channel.id)):
             numbers[one.id] = writer.register_channel(one.topic, one.message_encoding, 0, one.metadata)
         for record in reader.iter_metadata():
             writer.add_metadata(record.name, record.metadata)

@@ -69,6 +69,13 @@ def test_a_sector_through_zero_is_one_sweep() -> None:
     assert of(1, placed) == there
 
 
+def test_a_measured_angle_may_shake() -> None:
+    rng = random.Random(2)
+    angles = [angle + rng.uniform(-0.8, 0.8) for angle in 3 * (UP + DOWN)]
+    placed = tracked(angles, sweeps=2)
+    assert [len(of(sweep, placed)) for sweep in (0, 1)] == pytest.approx([151, 151], abs=3)
+
+
 def test_several_pings_at_an_angle_are_numbered() -> None:
     tracker = SweepTracker()
     tracker.want(1)
