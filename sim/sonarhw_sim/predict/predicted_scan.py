@@ -204,8 +204,31 @@ class PredictedScan:
 
     def first_detected(self) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return time, (n,) s, NaN without an echo, and path, (n,), of the first echo of the board's own receiver."""
-        if self.noise or self.paths.scattered.any() or self._response is not None:
-            return self._first_one_by_one()
+        times, winners = np.full(len(self.headings), np.nan), np.full(len(self.headings), -1, dtype=np.intp)
+        one_by_one = np.arange(len(self.headings))
+        if not self.noise and self._response is None:
+            one_by_one = self.with_scattered_sound
+            if len(one_by_one) < len(self.headings):
+                times, winners = self._first_at_once()
+        for k in one_by_one.tolist():
+            found = self.first_detected_at(k)
+            times[k], winners[k] = found.times[0] if len(found.times) else np.nan, found.winner
+        return times, winners
+
+    @cached_property
+    def with_scattered_sound(self) -> NDArray[np.intp]:
+        """Rows of the headings at which sound of rough surfaces is at most 20 dB below the threshold, (k,)."""
+        rough = np.flatnonzero(self.paths.scattered)
+        if not len(rough):
+            return np.empty(0, dtype=np.intp)
+        if self.only_at is not None:
+            return np.unique(self.only_at[rough])
+        patches = self.paths.select(rough)
+        powers = [(self._amplitudes_at(k, rough, patches) ** 2).sum() for k in range(len(self.headings))]
+        return np.flatnonzero(np.array(powers) >= self._unheard**2)
+
+    def _first_at_once(self) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return `first_detected` without noise, and without sound of rough surfaces."""
         speed, every = self.room.air.speed_of_sound, np.arange(len(self.paths))
         if self.only_at is None:
             times, rows = first_echoes(self.headings, self._sound(every, self.paths.leaving), self.board, speed)
@@ -219,11 +242,6 @@ class PredictedScan:
             times[k : k + 1], row = first_echoes(self.headings[k : k + 1], sound, self.board, speed)
             winners[k] = np.append(here[in_order], -1)[row[0]]
         return times, winners
-
-    def _first_one_by_one(self) -> tuple[FloatArray, NDArray[np.intp]]:
-        found = [self.first_detected_at(k) for k in range(len(self.headings))]
-        times = [one.times[0] if len(one.times) else np.nan for one in found]
-        return np.array(times, dtype=np.float64), np.array([one.winner for one in found], dtype=np.intp)
 
     def _sound(self, rows: NDArray[np.intp], leaving: FloatArray) -> Sound:
         """Return the sound along the paths in `rows`, in order of time, which depart along `leaving` (p, 2)."""
@@ -383,8 +401,8 @@ def silent_scan(
 
 
 def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
-    """Return what `with_first_echoes` returns, if all paths exist at all headings and no surface is rough."""
-    room, board, in_time = scan.room, scan.board, np.flatnonzero(scan.in_time)
+    """Return what `with_first_echoes` returns, if all paths exist at all headings."""
+    room, board, in_time = scan.room, scan.board, np.flatnonzero(scan.in_time & ~scan.paths.scattered)
     paths, ka = scan.paths.select(in_time), board.wavenumber(room.air) * board.aperture_radius
     first = first_detected(
         scan.headings,
@@ -399,15 +417,17 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     )
     # row -1, "no echo", selects the appended value
     winners = np.append(in_time, -1)[first]
-    return replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
+    found = replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
+    return with_first_echoes(found, scan.with_scattered_sound)
 
 
-def with_first_echoes(scan: PredictedScan) -> PredictedScan:
-    """Return the scan with the first of its `echoes` at each heading as its readings."""
-    firsts = [scan.first_echo(k) for k in range(len(scan.headings))]
-    winners = np.array([first.path if first else -1 for first in firsts], dtype=np.intp)
-    lengths = np.array([first.length if first else np.nan for first in firsts], dtype=np.float64)
-    return replace(scan, winners=winners, distances=lengths / 2)
+def with_first_echoes(scan: PredictedScan, rows: NDArray[np.intp] | None = None) -> PredictedScan:
+    """Return the scan with the first of its `echoes` as its readings, at the headings in `rows`; None: at all."""
+    winners, distances = scan.winners.copy(), scan.distances.copy()
+    for k in range(len(scan.headings)) if rows is None else rows.tolist():
+        first = scan.first_echo(k)
+        winners[k], distances[k] = (first.path, first.length / 2) if first else (-1, np.nan)
+    return replace(scan, winners=winners, distances=distances)
 
 
 def _microdegrees(heading: float) -> int:

@@ -88,8 +88,7 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
     receiver = options.receiver_of(scan.board)
     scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0, grain=options.grain)
     if receiver is Receiver.FIRST_ECHO:
-        at_once = scan.only_at is None and not scan.paths.scattered.any()
-        return with_first_arrivals(scan) if at_once else with_first_echoes(scan)
+        return with_first_arrivals(scan) if scan.only_at is None else with_first_echoes(scan)
     times, winners = scan.first_detected()
     distances = counted_time(times, scan.board) * scan.room.air.speed_of_sound / 2
     return replace(scan, winners=winners, distances=distances)

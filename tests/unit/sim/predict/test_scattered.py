@@ -13,11 +13,11 @@ from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.traces import Arrivals, pulses
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.predicted_scan import PredictedScan, with_first_echoes
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths, find_paths
 from sonarhw_sim.rays.scatter import PATCH, scattered_paths
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.model import Place, Room, load_room
 
 from tests.unit.sim.rays.test_scatter import wall_room
 
@@ -151,3 +151,17 @@ def test_profiles_that_detect_each_path_alone_add_scattered_sound_too() -> None:
     for name in ("paper", "lego-nxt"):
         usual, half = (scan_at(65.0, board=load_board(name), patch=PATCH * factor) for factor in (1.0, 0.5))
         assert half.level_of_reading(0) == pytest.approx(usual.level_of_reading(0), abs=0.1)
+
+
+@pytest.mark.parametrize("receiver", list(Receiver))
+def test_headings_away_from_rough_surfaces_are_computed_together_with_equal_results(receiver: Receiver) -> None:
+    room, headings = load_room("rooms/doorstep.toml"), np.radians(np.arange(0.0, 360.0, 9.0))
+    scan = predict_scan(room, room.place("plan"), BOARD, headings, PredictionOptions(receiver=receiver))
+    assert 0 < len(scan.with_scattered_sound) < len(headings) / 2
+    if receiver is Receiver.FIRST_ECHO:
+        assert with_first_echoes(scan).winners.tolist() == scan.winners.tolist()
+        return
+    for k in range(len(headings)):
+        alone = scan.first_detected_at(k)
+        assert alone.winner == scan.winners[k]
+        assert float(alone.times[0]) * room.air.speed_of_sound / 2 == pytest.approx(scan.distances[k], abs=1e-4)
