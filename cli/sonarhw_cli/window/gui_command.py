@@ -169,7 +169,7 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
     from sonarhw_gui.shell.display import DEMO, check_display
 
     fake = is_fake(url)
-    request = _with_board_of(url, request)
+    request = replace(request, board=request.board or _board_of(url))
     scene = _fake_scene(url, request) if fake else _scene(request)
     check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
     from sonarhw_gui.session.memory import memory_file
@@ -184,24 +184,14 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
         return run_window(replace(start, resume=resume, used=_used(request.room)))
 
 
-def _check_plugin(url: str) -> None:
-    """Raise InputError if this is an invalid URL of a plug-in."""
-    from sonarhw.plugins.plugin_list import is_plugin, make_plugin
-
-    if is_plugin(url):
-        make_plugin(url)
-
-
-def _with_board_of(url: str, request: _Request) -> _Request:
-    """Return the request with the board profile that suits the device of a plug-in, if no board is requested."""
+def _board_of(url: str) -> str | None:
+    """Return the board profile that suits the device of a plug-in, if known. Raises InputError for an invalid URL."""
     from sonarhw_sim.board.profile import board_names
 
     from sonarhw.plugins.plugin_list import is_plugin, make_plugin
 
-    if request.board is not None or not is_plugin(url):
-        return request
-    board = make_plugin(url).identity.board
-    return replace(request, board=board) if board in board_names() else request
+    board = make_plugin(url).identity.board if is_plugin(url) else None
+    return board if board in board_names() else None
 
 
 class _Scanners:
@@ -215,9 +205,8 @@ class _Scanners:
         from sonarhw_compare.scanners.fake_url import is_fake
         from sonarhw_gui.session.scanner_choice import ScannerTarget
 
-        _check_plugin(url)
         scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
-        return ScannerTarget(url, self.opener(url), scene)
+        return ScannerTarget(url, self.opener(url), scene, _board_of(url))
 
     def opener(self, url: str) -> "ScannerOpener":
         """Return a function that opens the scanner at `url`. The function raises LinkError, DeviceError."""

@@ -183,6 +183,11 @@ class WindowSession(QObject):
         self.live.use(target.opener)
         if target.scene is not None:
             self.set_scene(target.scene)
+        if target.board is not None and target.board != self.shown.scene.board.name:
+            self.open_board(target.board)
+            self.warned.emit(
+                f"this device has board profile {target.board}, which is used from now on; Ctrl+Z undoes this"
+            )
         self._scanner_scene = self.shown.scene
         self.live.connect()
 

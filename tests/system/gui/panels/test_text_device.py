@@ -8,7 +8,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
-from sonarhw_cli.window.gui_command import _NOTHING, _Scanners, _with_board_of
+from sonarhw_cli.window.gui_command import _board_of, _Scanners
 from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.session.scanner_choice import ScannerFinder
 from sonarhw_gui.shell.main_window import MainWindow
@@ -51,6 +51,8 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
         assert dialog.ports.item(0, 2).text().startswith("prints arduino-radar at 9600 baud")
         qtbot.mouseClick(dialog.connect_button, Qt.MouseButton.LeftButton)
         until(qtbot, lambda: window.session.status.phase is Phase.READY)
+        assert window.session.shown.scene.board.name == "hc-sr04"
+        assert "board profile hc-sr04" in window.banner.message
         window.commands.scan.trigger()
         until(qtbot, lambda: ended(window) and len(window.session.shown.readings) > 0)
         until(qtbot, lambda: predicted(window))
@@ -61,6 +63,7 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
         true = wall(math.degrees(reading.angle))
         assert reading.range == (None if true is None else pytest.approx(true / 100))
     recorded = read_log(status.recording)
+    assert recorded.metadata.board == "hc-sr04"
     assert len(recorded.readings) == 181
     assert recorded.origin is Origin.MEASURED
     assert received_bytes(status.recording) in bytes(device.written)
@@ -104,4 +107,4 @@ def test_a_device_that_prints_nothing_known_is_reported(
 
 @pytest.mark.parametrize(("preset", "board"), [("arduino-radar", "hc-sr04"), ("csv", None)])
 def test_the_window_begins_with_the_board_of_the_preset(preset: str, board: str | None) -> None:
-    assert _with_board_of(f"lines:/dev/ttyUSB9?preset={preset}", _NOTHING).board == board
+    assert _board_of(f"lines:/dev/ttyUSB9?preset={preset}") == board
