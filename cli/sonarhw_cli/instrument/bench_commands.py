@@ -15,6 +15,7 @@ from sonarhw_cli.console.options import MOST_DEGREES
 
 if TYPE_CHECKING:
     from sonarhw.link.serial_link import Link
+    from sonarhw.plugins.device_plugin import DevicePlugin
     from sonarhw.wire.frames import Frame, Rejected
     from sonarhw.wire.messages import Outcome
 
@@ -55,16 +56,42 @@ def _ended(outcome: "Outcome", done: str) -> str:
 def monitor(url: ScannerUrl) -> None:
     """Print frames and rejected bytes as they arrive, until Ctrl-C. Their numbers follow at the end.
 
-    The scanner is stopped first.
+    The scanner is stopped first. Of a device that prints text, the received bytes and the readings in them are printed.
     """
     from sonarhw.link.serial_link import Link
+    from sonarhw.plugins.plugin_list import is_plugin, make_plugin
 
+    if is_plugin(url):
+        _monitor_plugin(make_plugin(url))
     with resolve(url) as find, Link(find()) as link:
         arrived = _Arrived()
         try:
             _show(link, arrived)
         finally:
             print_note(f"{url}: {arrived}")
+
+
+def _monitor_plugin(plugin: "DevicePlugin") -> NoReturn:
+    """Print what a plug-in reads, until Ctrl-C."""
+    began, readings = time.monotonic(), 0
+    received = bytearray()
+    plugin.on_bytes = received.extend
+    plugin.open()
+    try:
+        while True:
+            measurements = plugin.read()
+            now = f"{time.monotonic() - began:10.3f}"
+            if received:
+                print_line(f"{now}  {bytes(received)!r}")
+                received.clear()
+            for one in measurements:
+                ranges = " ".join(f"{distance:.3f} m" for distance in one.ranges) or "no echo"
+                print_line(f"{now}  {math.degrees(one.angle):.1f}°  {ranges}")
+            readings += len(measurements)
+    finally:
+        plugin.close()
+        ignored = "".join(f", {kind} ({count})" for kind, count in plugin.ignored.items() if count)
+        print_note(f"{plugin.url}: {counted(readings, 'reading')}{ignored}")
 
 
 @dataclass

@@ -1,6 +1,8 @@
 """`sonarhw scan`, `ports --guess` and other commands with a device that prints text on a pseudo-terminal."""
 
 import json
+import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from sonarhw.log import read_log
 from sonarhw.text import line_guess
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
 from tests.reference_pages import keys_in_reference
+from tests.system.cli.instrument.test_scan_command import end, lines, started
 
 RADAR = SKETCHES["radar 15 to 165"]
 
@@ -53,11 +56,27 @@ def test_what_the_device_cannot_obey_is_refused(
     assert not log.exists()
 
 
-@pytest.mark.parametrize("command", [["home"], ["turn"], ["stop"], ["monitor"]])
+@pytest.mark.parametrize("command", [["home"], ["turn"], ["stop"]])
 def test_commands_that_need_the_protocol_are_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     angle = ["5"] if command == ["turn"] else []
     assert run([*command, "lines:/dev/ttyUSB9?preset=csv", *angle]) == 2
     assert "`sonarhw scan` records its readings" in capsys.readouterr().err
+
+
+def test_monitor_prints_bytes_and_readings_until_it_is_interrupted() -> None:
+    with (
+        PrintingDevice(RADAR.rounds()) as device,
+        started("monitor", f"lines:{device.port}?preset=arduino-radar") as monitor,
+    ):
+        printed = ""
+        while not re.search(r"^ +\d+\.\d{3}  (\d+)\.0°  (\d\.\d{3} m|no echo)\n", printed, flags=re.MULTILINE):
+            (line,) = lines(monitor, 1)
+            printed += line
+        monitor.send_signal(signal.SIGINT)
+        status, closing = end(monitor)
+    assert re.match(r" +\d+\.\d{3}  b'[\d,.]+'\n", printed)
+    assert status == 130
+    assert re.fullmatch(r"lines:.*: \d+ readings?, half lines \(1\)\n", closing)
 
 
 def test_info_states_that_there_is_no_protocol(capsys: pytest.CaptureFixture[str]) -> None:
