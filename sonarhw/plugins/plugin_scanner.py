@@ -225,7 +225,8 @@ class PluginScanner:
                 yield from self._readings(tracker.add(measurement))
         except (NoAnswer, LinkError):
             yield from self._readings(tracker.flush())
-            raise
+            if not tracker.done:
+                raise
         if not tracker.done:
             yield from self._readings(tracker.flush())
 

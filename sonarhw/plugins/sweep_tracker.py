@@ -99,9 +99,13 @@ class SweepTracker:
         self._held, self._gap = None, True
 
     def flush(self) -> list[Placed]:
-        """Return what is left at the end of a scan; all of it if there was no whole sweep."""
+        """Return what is left at the end of a scan; all of it if there was no whole sweep.
+
+        The last sweep is whole if it is as long as the one before.
+        """
         held, self._held = self._held, None
         rest = self._place(held, None) if held is not None and not self.done else []
+        self._whole += self._at_boundary and self._travel >= self._span_before - self._usual_step / 2
         if self._lead is not None:
             rest, self._lead = self._lead, None
         return rest

@@ -15,6 +15,7 @@ from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.plugins import plugin_reader, plugin_scanner
 from sonarhw.plugins.plugin_scanner import PluginScanner
 from sonarhw.readings import Origin, Reading, ScanOrder
+from sonarhw.text.text_device import TextDevice
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, Sketch, wall
@@ -176,23 +177,41 @@ def test_a_silent_device_is_reported() -> None:
         open_device(device.port, patience=0.2)
 
 
-def test_a_device_that_falls_silent_fails_and_keeps_its_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Return the event that the port is open. What was printed before is not received."""
+    event, really_open = threading.Event(), TextDevice.open
+
+    def open_it(device: TextDevice) -> None:
+        really_open(device)
+        event.set()
+
+    monkeypatch.setattr(TextDevice, "open", open_it)
     monkeypatch.setattr(plugin_reader, "SILENCE", 0.5)
-    once = [b"Radar\r\n."] + [RADAR.line(angle).encode() for angle in range(15, 60)]
-    gate = threading.Event()
+    monkeypatch.setattr(plugin_reader, "FRESH", HANG)  # the scan may begin late
+    return event
 
-    def pieces() -> Iterator[bytes]:
-        gate.wait(HANG)
-        yield from once
 
-    readings = []
-    with PrintingDevice(pieces()) as device:
-        opening = threading.Timer(0.5, gate.set)
-        opening.start()
-        with open_device(device.port) as scanner, pytest.raises(NoAnswer, match=r"no reading for 0\.5 s"):
-            readings.extend(scanner.scan())  # keeps those before the error
+def printed_once(opened: threading.Event, angles: list[int]) -> Iterator[bytes]:
+    opened.wait(HANG)
+    yield "".join(map(RADAR.line, angles)).encode()  # in one piece, so that no pause is silence
+
+
+def test_a_device_that_falls_silent_fails_and_keeps_its_readings(opened: threading.Event) -> None:
+    readings: list[Reading] = []
+    pieces, silent = printed_once(opened, [*range(15, 60)]), pytest.raises(NoAnswer, match=r"no reading for 0\.5 s")
+    with PrintingDevice(pieces) as device, open_device(device.port) as scanner, silent:
+        readings.extend(scanner.scan())  # keeps those before the error
     assert_true(readings)
-    assert len(readings) >= 30
+    assert [degrees(reading) for reading in readings] == [*range(16, 60)]
+
+
+def test_a_device_that_stops_after_a_whole_sweep_has_given_it(opened: threading.Event) -> None:
+    angles = [*range(15, 166), *range(165, 14, -1)]
+    with PrintingDevice(printed_once(opened, angles)) as device, open_device(device.port) as scanner:
+        readings = list(scanner.scan())
+    assert_true(readings)
+    assert [degrees(reading) for reading in readings] == angles[151:]
 
 
 def test_after_a_reconnection_the_scan_ends_with_a_whole_sweep(tmp_path: Path) -> None:
