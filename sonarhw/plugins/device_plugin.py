@@ -10,12 +10,15 @@ Every command, the window and `sonarhw.open_scanner` then open `mysonar:...`. Th
 Stop and the state of the connection come from `PluginScanner`.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from sonarhw.readings import ScanOrder
+
+MOST_ANGLE = math.radians(2147)  # rad
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,12 @@ class Measurement:
     time: float | None = None  # of the ping, s since the epoch; None: the time of its arrival
     temperature_c: float | None = None  # of the air at the device
     restarted: bool = False  # the device may have restarted since the measurement before
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether all numbers are finite, and the angle fits into the frames of a log."""
+        numbers = (self.angle, *self.ranges, self.time or 0.0, self.temperature_c or 0.0)
+        return all(map(math.isfinite, numbers)) and abs(self.angle) <= MOST_ANGLE
 
 
 @dataclass(frozen=True)

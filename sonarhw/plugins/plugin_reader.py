@@ -3,14 +3,14 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-from sonarhw.errors import LinkError, LinkLost, NoAnswer, SonarError
+from sonarhw.errors import DeviceError, LinkError, LinkLost, NoAnswer, SonarError
 from sonarhw.host.session import PAUSES
 from sonarhw.link.link_statistics import LinkStatistics
-from sonarhw.plugins.device_plugin import DevicePlugin, Measurement
+from sonarhw.plugins.device_plugin import MOST_ANGLE, DevicePlugin, Measurement
 from sonarhw.readings import ScanOrder
 
 SILENCE = 10.0  # s without a measurement; a scan then fails
@@ -52,7 +52,8 @@ class PluginReader:
 
     def start(self, patience: float) -> None:
         """Open the device, and wait up to `patience` s for a measurement. Raises LinkError, NoAnswer."""
-        self._plugin.open()
+        with self._defects_reported():
+            self._plugin.open()
         self._thread.start()
         until = time.monotonic() + patience
         with self._changed:
@@ -125,12 +126,26 @@ class PluginReader:
     def _run(self) -> None:
         try:
             while not self._closing.is_set():
-                self._serve_call()
-                self._read()
+                with self._defects_reported():
+                    self._serve_call()
+                    self._read()
         except BaseException as error:  # noqa: BLE001 - raised again in the thread that uses the device
             with self._changed:
                 self._failure = error
                 self._changed.notify_all()
+
+    @contextmanager
+    def _defects_reported(self) -> Iterator[None]:
+        """Raise DeviceError for any error that a plug-in must not raise."""
+        try:
+            yield
+        except SonarError:
+            raise
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}"
+            raise DeviceError(
+                f"{self._plugin.url}: the plug-in has a defect: {what}; report it to its author"
+            ) from error
 
     def _serve_call(self) -> None:
         with self._changed:
@@ -149,6 +164,8 @@ class PluginReader:
         self._bytes.clear()
         if not data and not measurements:
             return
+        if any(not one.is_possible for one in measurements):
+            raise ValueError(f"{measurements}: expected finite numbers, and an angle within {MOST_ANGLE:g} rad")
         with self._changed:
             self.statistics = self.statistics.more(frames_received=len(measurements), bytes_received=len(data))
             self._add(Arrival(self._now(), data, tuple(measurements)))

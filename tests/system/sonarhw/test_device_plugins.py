@@ -1,6 +1,7 @@
 """A package that is installed beside this one adds devices to every command, by its entry points."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -10,9 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.errors import InputError
+from sonarhw.errors import DeviceError, InputError
 from sonarhw.log import read_log
 from sonarhw.plugins import plugin_list
+from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
+from sonarhw.plugins.plugin_scanner import PluginScanner
 from tests.checkout import CHECKOUT
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 
@@ -93,6 +96,38 @@ def test_a_broken_plugin_is_one_line(value: str, message: str, monkeypatch: pyte
     monkeypatch.setattr(plugin_list, "_installed", lambda: {"broken": EntryPoint("broken", value, plugin_list.GROUP)})
     with pytest.raises(InputError, match=message):
         plugin_list.make_plugin("broken:1")
+
+
+class Defective(DevicePlugin):
+    """A plug-in with a defect, which is the fragment of its URL."""
+
+    identity = DeviceIdentity("defective")
+
+    def open(self) -> None:
+        if self.url.endswith("open"):
+            raise KeyError("port")
+
+    def read(self) -> list[Measurement]:
+        if self.url.endswith("read"):
+            raise ZeroDivisionError
+        return [Measurement(math.nan, (1.0,))]
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ("open", "KeyError: 'port'"),
+        ("read", "ZeroDivisionError: "),
+        ("nan", "ValueError: .*angle=nan.* expected finite numbers"),
+    ],
+)
+def test_a_defect_of_a_plugin_is_one_line(where: str, message: str) -> None:
+    with pytest.raises(DeviceError, match=f"defective:{where}: the plug-in has a defect: {message}") as raised:
+        PluginScanner(Defective(f"defective:{where}"))
+    assert isinstance(raised.value.__cause__, Exception)
 
 
 def test_text_devices_are_a_plugin_of_this_project() -> None:

@@ -4,6 +4,8 @@ import math
 import random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sonarhw.plugins.device_plugin import Measurement
 from sonarhw.plugins.sweep_tracker import SweepTracker
@@ -123,3 +125,16 @@ def test_a_device_that_stops_before_its_angle_turns_back_gives_what_it_has() -> 
     tracker.want(1)
     assert [tracker.add(at(angle)) for angle in UP[:20]] == 20 * [[]]
     assert [round(math.degrees(one.measurement.angle)) for one in tracker.flush()] == UP[:20]
+
+
+@given(st.lists(st.tuples(st.integers(-720, 720), st.booleans())), st.integers(1, 3))
+def test_any_angles_are_placed_once_and_in_order(angles: list[tuple[int, bool]], sweeps: int) -> None:
+    tracker = SweepTracker()
+    tracker.want(sweeps)
+    items = [at(angle, restarted) for angle, restarted in angles]
+    placed = [one for item in items if not tracker.done for one in tracker.add(item)]
+    placed += tracker.flush()
+    order = [next(k for k, item in enumerate(items) if item is one.measurement) for one in placed]
+    assert order == sorted(set(order))
+    numbers = [one.sweep for one in placed]
+    assert numbers == sorted(numbers)

@@ -77,3 +77,17 @@ def test_a_text_without_ends_of_lines_is_no_noise() -> None:
         one.feed(b"90,23.91,24.92,25." * 20)
     assert one.ignored.noise == 0
     assert one.ignored.half_lines == 10
+
+
+@given(
+    st.sampled_from(sorted(PRESETS)),
+    st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"90,23.", b"R0123\r", b"\n", b"angle,range\n"]))),
+)
+def test_any_bytes_give_only_possible_readings(preset: str, pieces: list[bytes]) -> None:
+    one = decoder(preset)
+    for piece in pieces:
+        for line in one.feed(piece):
+            printed = line.printed
+            assert printed.heading is None or abs(printed.heading) <= 720
+            assert printed.range is None or 0 < printed.range <= 700
+        one.idle(0.3)
