@@ -81,6 +81,8 @@ def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, 
         labels = scans if len(scans) > 1 else [""]
         return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
     known = quantity.parts(room) if isinstance(quantity, PartQuantity) else ()
+    if isinstance(quantity, PartQuantity) and not known:
+        raise InputError(f"free {quantity}: room {room.name!r} has no {quantity} that a fit can change; leave it out")
     if of and of not in known:
         names = ", ".join(dict.fromkeys(known)) or "none"
         raise InputError(f"free {quantity}:{of}: unknown {quantity} {of!r}; room {room.name!r} has {names}")

@@ -20,6 +20,7 @@ from sonarhw_sim.air import Air
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.reflectance_table import ReflectanceTable
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import room_of
@@ -131,3 +132,14 @@ def test_a_new_reflectance_keeps_the_share_of_scattered_sound() -> None:
     assert reflectance_of(changed, "m0") == pytest.approx(0.5)
     assert changed.scattered[0] / changed.reflectances[0] == pytest.approx(0.5)
     assert changed.reflectances[1:].tolist() == [0.8, 0.7]
+
+
+def test_a_material_with_a_table_is_not_free() -> None:
+    room = replace(ROOM, tables={"m0": ReflectanceTable(np.zeros(1), np.array([5e4]), np.array([[0.3]]))})
+    names = [parameter.name for parameter in free_parameters(["reflectances"], [""], room, BOARD)]
+    assert names == ["reflectance:m1", "reflectance:m2"]
+    with pytest.raises(InputError, match="unknown reflectance 'm0'; room .* has m1, m2"):
+        free_parameters(["reflectance:m0"], [""], room, BOARD)
+    every = replace(room, tables=dict.fromkeys(room.materials, room.tables["m0"]))
+    with pytest.raises(InputError, match="free reflectance: room .* has no reflectance that a fit can change"):
+        free_parameters(["reflectances"], [""], every, BOARD)
