@@ -138,8 +138,8 @@ def test_a_material_with_a_table_is_not_free() -> None:
     room = replace(ROOM, tables={"m0": ReflectanceTable(np.zeros(1), np.array([5e4]), np.array([[0.3]]))})
     names = [parameter.name for parameter in free_parameters(["reflectances"], [""], room, BOARD)]
     assert names == ["reflectance:m1", "reflectance:m2"]
-    with pytest.raises(InputError, match="unknown reflectance 'm0'; room .* has m1, m2"):
+    with pytest.raises(InputError, match=r"unknown reflectance 'm0'; room .* has m1, m2"):
         free_parameters(["reflectance:m0"], [""], room, BOARD)
     every = replace(room, tables=dict.fromkeys(room.materials, room.tables["m0"]))
-    with pytest.raises(InputError, match="free reflectance: room .* has no reflectance that a fit can change"):
+    with pytest.raises(InputError, match=r"free reflectance: room .* has no reflectance that a fit can change"):
         free_parameters(["reflectances"], [""], every, BOARD)
