@@ -32,6 +32,7 @@ def info(
 ) -> None:
     """Print identity, capabilities and link quality of a scanner."""
     from sonarhw.host.scanner import Scanner
+    from sonarhw.plugins.plugin_scanner import PluginScanner
 
     if watch and as_json:
         raise InputError("--watch, --json: give only one of them")
@@ -41,6 +42,9 @@ def info(
             print_json(_figures(scanner, device))
             return
         facts = [*_identity(scanner.info), *_capabilities(scanner.info), *_link(scanner, device)]
+        if isinstance(scanner, PluginScanner):
+            ignored = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
+            facts.append(("ignored", ignored or "nothing"))
         for name, value in facts:
             print_line(f"{name:<14}{value}")
         while watch:

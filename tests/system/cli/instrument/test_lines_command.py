@@ -85,6 +85,7 @@ def test_info_states_that_there_is_no_protocol(capsys: pytest.CaptureFixture[str
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "firmware      text lines, arduino-radar"
     assert lines[1] == "protocol      none; it prints readings"
+    assert lines[-1] == "ignored       half lines (1)"
 
 
 @pytest.mark.parametrize(
