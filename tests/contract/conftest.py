@@ -1,7 +1,8 @@
 """Run every test of this folder with every scanner of `scanners.py`, or with the scanner at `--url` only.
 
-`--url` is a serial port, `socket://HOST:PORT` or `'fake:ROOM?place=NAME&pace=10'`. If no scanner answers there, the
-tests end with one line. The pace of a fake must not be `max`: it would never detect a silent host.
+`--url` is a serial port, `socket://HOST:PORT` or `'fake:ROOM?place=NAME&pace=10'`; for the URL of a device that prints
+text, or of another plug-in, the tests of `test_own_text_device.py` run. If no scanner answers there, the tests end with
+one line. The pace of a fake must not be `max`: it would never detect a silent host.
 """
 
 from collections.abc import Iterator
@@ -9,12 +10,15 @@ from contextlib import ExitStack
 
 import pytest
 from sonarhw_cli.console.connect import resolve
+from sonarhw_compare.scanners.scanner_url import open_scanner
 
 from sonarhw.errors import SonarError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
+from sonarhw.plugins.plugin_list import is_plugin
 from tests.contract.scanners import ONE_LINE, SCANNERS
 from tests.contract.talk import Talk
+from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -27,8 +31,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """With `--url`, select only the tests that use the scanner."""
-    if config.getoption("--url"):
-        chosen = [item for item in items if isinstance(item, pytest.Function) and "url" in item.fixturenames]
+    if given := config.getoption("--url"):
+        wanted = "plugin_url" if is_plugin(given) else "url"
+        chosen = [item for item in items if isinstance(item, pytest.Function) and wanted in item.fixturenames]
         config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
         items[:] = chosen
 
@@ -52,6 +57,22 @@ def _answering(given: str, exit_stack: ExitStack) -> str:
     except SonarError as error:
         pytest.exit(f"--url {given}: no scanner to test: {str(error).removeprefix(f'{given}: ')}", returncode=2)
     return served
+
+
+@pytest.fixture(scope="package")
+def plugin_url(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Return the URL of a device that prints text. If none prints at `--url`, end all tests."""
+    given = request.config.getoption("--url")
+    if given:
+        try:
+            open_scanner(given).close()
+        except SonarError as error:
+            pytest.exit(f"--url {given}: no device to test: {str(error).removeprefix(f'{given}: ')}", returncode=2)
+        yield given
+    else:
+        sketch = SKETCHES["radar 15 to 165"]
+        with PrintingDevice(sketch.rounds()) as device:
+            yield f"lines:{device.port}?{sketch.query}"
 
 
 class OpenLink:
