@@ -56,10 +56,12 @@ static void move_rotor(double seconds)
 static avr_cycle_count_t update(avr_t *avr, avr_cycle_count_t when, void *unused)
 {
     (void)unused;
-    if (when < motor.free_again)
+    if (when < motor.free_again) {
         motor.speed = 0;
-    else
+        motor.field_before = motor.field; // the field moves on without the rotor
+    } else {
         move_rotor((double)TICK / FREQUENCY);
+    }
     show_switches(avr);
     double away = fabs(remainder(motor.rotor - motor.field, FIELD));
     motor.swinging = motor.powered && (fabs(motor.speed) > 0.5 || away > 0.01 || when < motor.free_again);
