@@ -33,6 +33,7 @@ static struct {
     const char *firmware, *serial, *profile;
     int16_t temperature;
     enum host_motor mode;
+    uint32_t wiring; // enum host_wiring
     bool turning, forwards, powered;
     uint64_t step_due_ns;
     int32_t position;
@@ -75,6 +76,8 @@ uint32_t host_baud(void) { return host.baud; }
 
 uint32_t host_violations(void) { return host.stepped_while_listening + host.sent_while_listening; }
 
+void host_wiring(uint32_t faults) { host.wiring = faults; }
+
 void host_motor(enum host_motor mode) { host.mode = mode; }
 
 void host_set_echoes(const uint32_t *ticks, uint8_t count, const uint8_t *trace, uint16_t trace_size,
@@ -109,7 +112,7 @@ static bool listening(void) { return host.now < host.over_us; }
 static void make_step(void)
 {
     if (host.mode != HOST_MOTOR_SLIPPING)
-        host.position += host.forwards ? 1 : -1;
+        host.position += host.forwards != ((host.wiring & HOST_MOTOR_REVERSED) != 0) ? 1 : -1;
     host.stepped_while_listening += listening();
     uint16_t ticks = turntable_step();
     host.step_due_ns += ticks * 500ULL;
@@ -172,9 +175,18 @@ void motor_release(void)
     host.turning = false;
 }
 
-bool home_mark(void) { return ((host.position % MICROSTEPS) + MICROSTEPS) % MICROSTEPS < MICROSTEPS / 2; }
+// an open wire is high, because of its pull-up
+bool home_mark(void)
+{
+    bool mark = ((host.position % MICROSTEPS) + MICROSTEPS) % MICROSTEPS < MICROSTEPS / 2;
+    return mark || host.wiring & HOST_MARK_OPEN;
+}
 
-bool home_side(void) { return host.position > CAM_STEPS; }
+bool home_side(void)
+{
+    bool side = (host.position > CAM_STEPS) != ((host.wiring & HOST_CAM_INVERTED) != 0);
+    return side || host.wiring & HOST_CAM_OPEN;
+}
 
 int16_t thermometer(void) { return host.temperature; }
 

@@ -7,12 +7,16 @@
 
 enum host_motor { HOST_MOTOR_RAMPED, HOST_MOTOR_AT_ONCE, HOST_MOTOR_HELD, HOST_MOTOR_SLIPPING };
 
+// wiring faults, added
+enum host_wiring { HOST_CAM_INVERTED = 1, HOST_CAM_OPEN = 2, HOST_MOTOR_REVERSED = 4, HOST_MARK_OPEN = 8 };
+
 void host_start(void); // a board after power on, at time 0
 void host_identity(const char *firmware, const char *serial, const char *profile); // the texts must stay valid
 void host_grain(uint32_t us); // step of the simulated time
 void host_temperature(int16_t centidegrees);
 void host_set_position(int32_t steps); // move the table by hand
 void host_motor(enum host_motor mode); // held: makes no steps; slipping: makes steps, but the table does not move
+void host_wiring(uint32_t faults); // enum host_wiring
 // Set the result of all following pings: echoes in ticks, earliest first. The trace must stay valid.
 void host_set_echoes(const uint32_t *ticks, uint8_t count, const uint8_t *trace, uint16_t trace_size,
                      uint32_t period_ns);

@@ -7,11 +7,13 @@
 #define MICRODEGREES_A_STEP (360000000L / MICROSTEPS)
 #define FULL_STEPS 450
 #define REACH_DEGREES 720 // limit of the cable in both directions
-#define MARGIN_DEGREES 30 // homing may exceed REACH_DEGREES by this, if the table was left at its limit
+#define HOMING_LIMIT_DEGREES 750 // homing may exceed REACH_DEGREES, if the table was left at its limit
+#define CRAWL_SPEED 900 // 45 degrees/s: first Home after a start
 #define SPEED 3600 // steps/s: 180 degrees/s
 #define HOMING_SPEED 9000 // 450 degrees/s: no pings on the way
 #define CREEP_SPEED 1800 // towards the zero mark
-#define CREEP_DEGREES 120 // greatest distance from the edge of the cam to the mark
+#define MARK_DEGREES 120 // greatest distance from the edge of the cam to the mark
+#define CREEP_DEGREES 220 // a table that turns the wrong way finds the mark between these two
 #define ACCELERATION 80000 // steps/s²: 4 000 degrees/s²
 #define BACKLASH_DEGREES 2 // passes a heading by this, to return counter-clockwise
 #define LOST_STEPS 8 // tolerance at the mark for its edge; a motor that slips loses 64 at a time

@@ -26,6 +26,7 @@ static struct {
     enum order order; // starts as soon as the table is at rest
     enum turntable_trouble trouble;
     bool homed;
+    bool proven; // a Home has succeeded since the start, so the switches and the motor are wired correctly
     int32_t target; // steps
     int32_t awaited; // next expected position of the mark, steps
     int32_t lost; // steps
@@ -35,7 +36,7 @@ static struct {
 
 // shared with the step interrupt
 static struct ramp ramp;
-static volatile int32_t position; // steps
+static volatile int32_t position; // steps; before the first zero from the start of the board
 static int8_t direction;
 static bool was_marked;
 static volatile bool mark_passed; // counter-clockwise; only this edge is exact
@@ -66,7 +67,7 @@ void turntable_reset(void)
     table.leg = STILL;
     table.trouble = TROUBLE_NONE;
     table.order = NOTHING;
-    table.homed = false;
+    table.homed = table.proven = false;
     table.lost = 0;
     position = 0;
     turntable_set_manner((struct turntable_manner){0, 0, SETTLING_US, APPROACH_COUNTER_CLOCKWISE});
@@ -156,6 +157,29 @@ static bool approach(void)
     return way != 0;
 }
 
+static void give_up(enum turntable_trouble trouble)
+{
+    table.trouble = trouble;
+    table.homed = false;
+    table.leg = HALTING;
+    stop();
+}
+
+// A first Home crawls, so that a person can stop it if a wire is wrong.
+static uint16_t homing_speed(uint16_t fastest) { return table.proven ? fastest : CRAWL_SPEED; }
+
+/* Start towards the edge of the cam. Never beyond HOMING_LIMIT from the last known zero, or from where the board
+ * started: with one wrong wire, every Home would wind the cable further. */
+static void seek(enum leg leg, uint16_t speed)
+{
+    int32_t limit = STEPS_OF_DEGREES(HOMING_LIMIT_DEGREES);
+    int32_t way = (leg == SEEKING_ABOVE ? limit : -limit) - position_now();
+    if (leg == SEEKING_ABOVE ? way > 0 : way < 0)
+        start(leg, way, homing_speed(speed));
+    else
+        give_up(TROUBLE_LIMIT);
+}
+
 static void begin(void)
 {
     enum order order = table.order;
@@ -163,10 +187,8 @@ static void begin(void)
     table.leg = STILL;
     if (order == TURNING)
         approach();
-    else if (order == HOMING && home_side())
-        start(SEEKING_BELOW, -STEPS_OF_DEGREES(REACH_DEGREES + MARGIN_DEGREES), HOMING_SPEED);
     else if (order == HOMING)
-        start(SEEKING_ABOVE, STEPS_OF_DEGREES(REACH_DEGREES + MARGIN_DEGREES), HOMING_SPEED);
+        seek(home_side() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
 }
 
 static void take(enum order order)
@@ -205,12 +227,11 @@ void turntable_release(void)
     table.homed = false;
 }
 
-static void give_up(enum turntable_trouble trouble)
+// Back over the edge of the cam to the mark. A table that turns the wrong way finds the mark, too, but further away.
+static void creep(void)
 {
-    table.trouble = trouble;
-    table.homed = false;
-    table.leg = HALTING;
-    stop();
+    table.target = position_now();
+    start(CREEPING, STEPS_OF_DEGREES(CREEP_DEGREES), homing_speed(CREEP_SPEED));
 }
 
 // The mark was passed while creeping: set zero to its position.
@@ -221,7 +242,7 @@ static void set_zero(void)
     ramp_halt(&ramp);
     interrupts_on();
     mark_passed = false;
-    table.homed = true;
+    table.homed = table.proven = true;
     table.awaited = MICROSTEPS;
     table.target = 0;
     // the table first slows down, then returns to zero
@@ -264,8 +285,10 @@ static void watch(void)
         stop();
     else if (table.leg == SEEKING_BELOW && !home_side())
         stop();
-    else if (table.leg == CREEPING && mark_passed)
+    else if (table.leg == CREEPING && mark_passed && mark_position - table.target <= STEPS_OF_DEGREES(MARK_DEGREES))
         set_zero();
+    else if (table.leg == CREEPING && mark_passed)
+        give_up(TROUBLE_WRONG_WAY);
     else if (table.homed)
         check_mark();
 }
@@ -275,15 +298,15 @@ static void next_leg(uint64_t now_us)
     switch (table.leg) {
     case SEEKING_ABOVE:
         if (home_side())
-            start(SEEKING_BELOW, -STEPS_OF_DEGREES(REACH_DEGREES), SPEED);
+            seek(SEEKING_BELOW, SPEED);
         else
-            give_up(TROUBLE_NO_MARK);
+            give_up(TROUBLE_CAM);
         break;
     case SEEKING_BELOW:
         if (!home_side())
-            start(CREEPING, STEPS_OF_DEGREES(CREEP_DEGREES), CREEP_SPEED);
+            creep();
         else
-            give_up(TROUBLE_NO_MARK);
+            give_up(TROUBLE_CAM);
         break;
     case CREEPING:
         give_up(TROUBLE_NO_MARK);

@@ -11,7 +11,10 @@
 
 enum turntable_trouble {
     TROUBLE_NONE,
-    TROUBLE_NO_MARK, // no zero mark within the limits of the cable
+    TROUBLE_NO_MARK, // the cam changed, but no mark came
+    TROUBLE_CAM, // the cam never changed
+    TROUBLE_WRONG_WAY, // the mark came far from the cam: motor and cam are both inverted
+    TROUBLE_LIMIT, // homing has used the whole way that the cable allows
     TROUBLE_LOST_STEPS, // the zero mark was not at its position, or missing
 };
 

@@ -102,13 +102,39 @@ static void answer_begun(void)
         send_accepted(&(struct accepted){action.sequence});
 }
 
+static void add_trouble(struct words *words)
+{
+    switch (action.trouble) {
+    case TROUBLE_NO_MARK:
+        words_add(words, FLASH_TEXT("the zero mark never came; check its wire"));
+        break;
+    case TROUBLE_CAM:
+        words_add(words, FLASH_TEXT("the cam never changed; check its wire and polarity, and the motor"));
+        break;
+    case TROUBLE_WRONG_WAY:
+        words_add(words, FLASH_TEXT("moved the wrong way; swap a coil of the motor and invert the cam"));
+        break;
+    case TROUBLE_LIMIT:
+        words_add(words, FLASH_TEXT("homing may wind the cable no further; unwind it by hand and restart the board"));
+        break;
+    case TROUBLE_LOST_STEPS:
+        words_add(words, FLASH_TEXT("the zero mark is out of place: steps were lost; send Home"));
+        break;
+    case TROUBLE_NONE:
+        return;
+    }
+    if (action.type == HOME) {
+        words_add(words, FLASH_TEXT("; mark "));
+        words_number(words, home_mark());
+        words_add(words, FLASH_TEXT(", cam "));
+        words_number(words, home_side());
+    }
+}
+
 static void answer_ended(void)
 {
     struct words words = {.size = 0};
-    if (action.trouble == TROUBLE_NO_MARK)
-        words_add(&words, FLASH_TEXT("no zero mark found; check home switch, cam and motor"));
-    else if (action.trouble == TROUBLE_LOST_STEPS)
-        words_add(&words, FLASH_TEXT("the zero mark is out of place: steps were lost; send Home"));
+    add_trouble(&words);
     send_finished(&(struct finished){
         .command = action.sequence,
         .outcome = action.outcome,
@@ -263,11 +289,16 @@ bool action_send(void)
 
 /* Main loop. */
 
+bool action_needs_silence(uint64_t now_us)
+{
+    bool all_sent = outbox_idle() && trace.sent == trace.total && again.next == again.end;
+    return action_state() == STATE_SCANNING && scan.phase == READY && now_us >= scan.next_ping && all_sent;
+}
+
 // Start a ping when nothing is left to send, so that the line is silent while listening.
 static void fire_when_quiet(uint64_t now_us)
 {
-    bool all_sent = outbox_idle() && trace.sent == trace.total && again.next == again.end;
-    if (now_us < scan.next_ping || !all_sent || !line_quiet())
+    if (!action_needs_silence(now_us) || !line_quiet())
         return;
     ping_start(&(struct ping_order){
         .listen_us = ping_settings.listen_us,

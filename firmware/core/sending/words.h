@@ -7,7 +7,7 @@
 #include "fields.h" // struct text
 #include "flash.h" // FLASH_TEXT
 
-#define WORDS_MOST 90
+#define WORDS_MOST 100
 
 struct words {
     char bytes[WORDS_MOST];
