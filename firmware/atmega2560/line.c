@@ -8,14 +8,14 @@
 #include "messages.h" // FIRST_BAUD
 #include "usart.h"
 
-#define RECEIVE_ROOM 128 // bytes; a power of two
+#define RECEIVE_RING (RECEIVE_ROOM + 1) // bytes; a power of two
 
 #define SEND_ROOM 192 // bytes: 1.9 ms at 1 000 000 baud; meanwhile the CRC of the next chunk is computed
 
 static uint8_t sending[SEND_ROOM];
 static volatile uint8_t send_in, send_out;
 static bool sent_once;
-static uint8_t received[RECEIVE_ROOM];
+static uint8_t received[RECEIVE_RING];
 static volatile uint8_t receive_in, receive_out;
 static volatile uint32_t overruns;
 
@@ -32,7 +32,7 @@ ISR(USART0_RX_vect)
 {
     bool overrun = UCSR0A & _BV(DOR0);
     uint8_t byte = UDR0;
-    uint8_t next = (receive_in + 1) & (RECEIVE_ROOM - 1);
+    uint8_t next = (receive_in + 1) & (RECEIVE_RING - 1);
     if (next != receive_out) {
         received[receive_in] = byte;
         receive_in = next;
@@ -88,7 +88,7 @@ int16_t line_read(void)
     if (out == receive_in)
         return -1;
     uint8_t byte = received[out];
-    receive_out = (out + 1) & (RECEIVE_ROOM - 1);
+    receive_out = (out + 1) & (RECEIVE_RING - 1);
     return byte;
 }
 

@@ -21,6 +21,7 @@ from sonarhw.wire.limits import (
     MAX_TEST,
     MAX_TESTED,
     MOST_READINGS,
+    RECEIVE_ROOM,
 )
 from sonarhw.wire.messages import (
     BY_TYPE,
@@ -102,6 +103,9 @@ class ProtocolDevice(ABC):
     def __init__(self, line: Line) -> None:
         self.line = line
         self._decoder = FrameDecoder()
+        self._held = bytearray()  # received while it listened
+        self._done_until = 0.0  # time of the newest event
+        self._overruns = 0  # bytes lost because `_held` was full
         self._start_time: float | None = None  # the caller's time when the device's clock started
         self._now = 0.0
         self._greeted = False
@@ -167,6 +171,11 @@ class ProtocolDevice(ABC):
         return True
 
     @property
+    def listening(self) -> bool:
+        """Whether it listens for echoes. It then sends nothing, and keeps received bytes for later."""
+        return False
+
+    @property
     def boot(self) -> int:
         """Number of starts; 0: not counted."""
         return 0
@@ -177,7 +186,7 @@ class ProtocolDevice(ABC):
 
     def statistics(self, sequence: int) -> Statistics:
         """Return the counters of the device."""
-        return Statistics(sequence, self._frames, self._rejected, 0, self._pings, 0, ResetCause.POWER, 0)
+        return Statistics(sequence, self._frames, self._rejected, self._overruns, self._pings, 0, ResetCause.POWER, 0)
 
     def report(self, reading: ReadingMessage, trace: Iterable[TraceChunk], now: float) -> None:
         """Send a reading and its trace, and keep the reading. Raises MessageError if a value does not fit its field."""
@@ -199,6 +208,14 @@ class ProtocolDevice(ABC):
         """Process bytes from the host."""
         time = self._time(now)
         self._do_due(time)
+        if self.listening:
+            room = RECEIVE_ROOM - len(self._held)
+            self._overruns += max(0, len(data) - room)
+            self._held += data[:room]
+        else:
+            self._process(data, time)
+
+    def _process(self, data: bytes, time: float) -> None:
         for item in self._decoder.feed(data):
             # a damaged command cannot be answered, because its sequence number is unknown; the host repeats it
             if isinstance(item, Rejected):
@@ -233,6 +250,7 @@ class ProtocolDevice(ABC):
         self._action = None
         self.line.clear()
         self._decoder = FrameDecoder()
+        self._held.clear()
 
     # time
 
@@ -249,6 +267,8 @@ class ProtocolDevice(ABC):
     def _wake(self) -> float | None:
         running = self._running
         due = [running.due] if running else []
+        if self.listening:
+            return min(due)
         if self._greeted:
             due.append(self._next_heartbeat)
         if (deadline := self._silence_deadline()) is not None:
@@ -264,12 +284,14 @@ class ProtocolDevice(ABC):
     def _do_due(self, now: float) -> None:
         while (due := self._wake()) is not None and due <= now:
             running = self._running
-            if due == self._silence_deadline():
-                self._handle_silence(due)
+            # what became due while it listened is done afterwards
+            self._done_until = at = max(due, self._done_until)
+            if not self.listening and due == self._silence_deadline():
+                self._handle_silence(at)
             elif running and running.due <= due:
-                self._step(running, due)
+                self._step(running, at)
             else:
-                self._send_heartbeat(due)
+                self._send_heartbeat(at)
 
     def _send_heartbeat(self, now: float) -> None:
         state = self._running.state if self._running else State.IDLE
@@ -301,6 +323,9 @@ class ProtocolDevice(ABC):
             self._finish(action, Outcome.DONE, now)
         else:
             action.due = due
+        if self._held and not self.listening:
+            held, self._held = bytes(self._held), bytearray()
+            self._process(held, now)
 
     # commands
 

@@ -78,6 +78,7 @@ class FakeBoard(ProtocolDevice):
         self._identity = board
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
         self._lost_steps = 0  # microsteps
+        self._listening = False
         self._next_ping = 0.0  # s; earliest time of the next ping, so that the echoes of the last one have decayed
         self._settings = Settings(0, microseconds_of(MAX_LISTEN), microseconds_of(blanking), 0, 343_200)
 
@@ -143,6 +144,11 @@ class FakeBoard(ProtocolDevice):
     def homed(self) -> bool:
         """Whether the turntable is homed."""
         return self._turntable.homed
+
+    @property
+    def listening(self) -> bool:
+        """Whether it listens for echoes."""
+        return self._listening and self._running is not None
 
     @property
     def boot(self) -> int:
@@ -211,7 +217,8 @@ class FakeBoard(ProtocolDevice):
         return replace(super().statistics(sequence), lost_steps=self._lost_steps)
 
     def halt(self, now: float) -> None:
-        """Stop the turntable where it is."""
+        """Stop the turntable where it is, and end a ping."""
+        self._listening = False
         self._turntable.halt(now)
 
     # faults
@@ -260,7 +267,9 @@ class FakeBoard(ProtocolDevice):
             # from the reported start of this ping, in whole µs; also applies to the first ping of the next scan
             self._next_ping = round(fire, 6) + PING_PERIOD
             now = fire + listen
+            self._listening = True
             yield now
+            self._listening = False
             self._report_ping(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:

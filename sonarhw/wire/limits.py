@@ -15,6 +15,7 @@ MAX_TEST = 64  # bytes of a TestLink
 MAX_TESTED = 480  # bytes of a LinkTested
 CHUNK = 256  # bytes of samples in a TraceChunk
 MOST_READINGS = 0xFFFF_FFFF  # readings of one scan; Started and Finished count in u32
+RECEIVE_ROOM = 127  # bytes from the host that a device keeps while it listens or sends; more are lost
 KEPT_READINGS = 64  # readings that a device of version 1.0 keeps for Resend
 
 # times of a device, s

@@ -10,8 +10,16 @@
 #include "send_messages.h" // send_heartbeat
 #include "turntable.h" // turntable_release
 
+/* Carry out at most one command a pass, and let the device's own messages take turns with answers: a host that sends
+ * without pause must not delay heartbeats, pings or the watchdog. */
+static struct command_frame received;
+static bool waiting; // `received` is not carried out yet
+static bool hosts_turn;
+
 void conversation_reset(void)
 {
+    waiting = false;
+    hosts_turn = true;
     host_link_reset();
     outbox_reset();
     turntable_reset();
@@ -45,12 +53,16 @@ static void handle(const struct command_frame *frame)
         command_handle(frame, &command);
 }
 
-// Stops receiving after a command that starts a ping or changes the baud rate.
-static void receive(void)
+static void receive(uint64_t now_us)
 {
-    struct command_frame frame;
-    while (!action_listening() && host_link_receive(&frame))
-        handle(&frame);
+    if (action_listening() || action_needs_silence(now_us))
+        return;
+    if (!waiting)
+        waiting = host_link_receive(&received);
+    if (!waiting || !hosts_turn || !outbox_idle())
+        return;
+    waiting = hosts_turn = false;
+    handle(&received);
 }
 
 static void watch_host(uint64_t now_us)
@@ -69,6 +81,7 @@ static void send_next(uint64_t now_us)
 {
     if (!outbox_idle() || action_listening())
         return;
+    hosts_turn = true;
     if (!host_link_heartbeat_due(now_us)) {
         action_send();
         return;
@@ -86,7 +99,7 @@ static void send_next(uint64_t now_us)
 void conversation_run(void)
 {
     outbox_pump();
-    receive();
+    receive(clock_us());
     uint64_t now_us = clock_us();
     host_link_work(now_us);
     watch_host(now_us);

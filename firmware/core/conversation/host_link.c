@@ -4,6 +4,8 @@
 #include "line.h" // line_read
 #include "outbox.h" // outbox_idle
 
+#define BYTES_A_PASS 32 // decoded in one pass of the main loop, which must not end only when the host pauses
+
 static struct receiver receiver;
 static bool greeted;
 static bool watched; // the host has version 1.1 and sends messages regularly
@@ -28,7 +30,8 @@ void host_link_reset(void)
 
 bool host_link_receive(struct command_frame *frame)
 {
-    for (int16_t byte; !baud.next && (byte = line_read()) >= 0;) {
+    int16_t byte;
+    for (uint8_t left = BYTES_A_PASS; left && !baud.next && (byte = line_read()) >= 0; left--) {
         if (!receiver_take(&receiver, (uint8_t)byte, frame))
             continue;
         last_frame_us = clock_us();

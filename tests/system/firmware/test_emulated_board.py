@@ -7,6 +7,7 @@ the load of the machine.
 
 import re
 import subprocess
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -33,11 +34,13 @@ from sonarhw.wire.messages import (
     AskStatistics,
     Configure,
     Finished,
+    Heartbeat,
     Outcome,
     ReadingMessage,
     ResetCause,
     SetBaud,
     Settings,
+    Started,
     StartScan,
     Statistics,
 )
@@ -295,6 +298,38 @@ def test_lost_received_bytes_are_counted_and_cause_no_error() -> None:
         assert talk.ask(AskStatistics(), Statistics).overruns >= 3 * (400 - 128)
 
 
+def test_a_host_that_never_pauses_delays_neither_heartbeats_nor_pings() -> None:
+    with emulated_board(Echoes(0.020), pace=PACE) as board, Link(board.url) as link:
+        talk = Talk(link)
+        talk.greet()
+        talk.home()
+        talk.ask(StartScan(0, 1_000_000, 700, 1, 1), Started)
+        since, began = len(talk.received), talk.received[-1].frame.time_us
+        ended = threading.Event()
+
+        def chatter() -> None:
+            while not ended.is_set():
+                talk.send(AskStatistics())
+
+        writer = threading.Thread(target=chatter)
+        writer.start()
+        try:
+            talk.until(lambda _: talk.received[-1].frame.time_us > began + 4_000_000, since, alive=False)
+        finally:
+            ended.set()
+            writer.join()
+        received = talk.received[since:]
+        beats = [item.frame.time_us for item in received if isinstance(item.message, Heartbeat)]
+        # a ping listens for 65 ms, and the board sends nothing meanwhile
+        assert len(beats) >= 14
+        assert max(later - earlier for earlier, later in pairwise(beats)) < 350_000
+        assert sum(isinstance(item.message, ReadingMessage) for item in received) >= 25
+        statistics = [item.message for item in received if isinstance(item.message, Statistics)]
+        assert {one.reset_cause for one in statistics} == {ResetCause.POWER}
+        # the line was full: the board could not keep all bytes
+        assert statistics[-1].overruns > 1000
+
+
 def test_a_slipped_table_is_detected_at_the_mark() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         scanner.turn(np.radians(-60))
@@ -315,6 +350,24 @@ def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None
                     board.slip(64) if mishap == "slips" else board.wedge(60)
         assert len(readings) == 9
         assert scanner.device_statistics().lost_steps
+
+
+def test_steps_lost_in_a_short_jam_are_reported() -> None:
+    echoes = Echoes(0.020)
+    readings: list[Reading] = []
+    with scanner_on(echoes) as (board, scanner):
+        with pytest.raises(LostSteps, match="steps were lost"):  # noqa: PT012
+            for reading in scanner.scan(sector(-30, 40, 2)):
+                readings.append(reading)
+                if reading.number == 3:
+                    board.wedge(0.7)
+        lost = scanner.device_statistics().lost_steps
+    # the table itself was left behind by whole periods of the motor's field, and stays behind
+    behind = np.degrees([reading.angle - ping.angle for reading, ping in zip(readings, echoes.pings, strict=False)])
+    periods = behind[-1] / 3.2
+    assert periods >= 1
+    assert periods == pytest.approx(round(periods), abs=0.02)
+    assert lost
 
 
 def test_homing_a_blocked_table_reports_the_missing_mark() -> None:

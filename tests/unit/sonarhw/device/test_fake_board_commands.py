@@ -3,8 +3,8 @@
 import pytest
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
-from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
-from sonarhw.wire.limits import BAUD_TIMEOUT, HOST_SILENCE
+from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
+from sonarhw.wire.limits import BAUD_TIMEOUT, HOST_SILENCE, RECEIVE_ROOM
 from sonarhw.wire.messages import (
     Accepted,
     AskCapabilities,
@@ -48,9 +48,13 @@ class Host:
 
     def send(self, message: Message, wait: float = 0.01) -> list[Message]:
         """Send a message and return what the board sends within `wait` s."""
-        self.sequence += 1
-        self.board.receive(encode_frame(Frame(message.TYPE, self.sequence, 0, message.pack())), self.now)
+        self.board.receive(self.frame(message), self.now)
         return self.receive(wait)
+
+    def frame(self, message: Message) -> bytes:
+        """Return the bytes of the next message."""
+        self.sequence += 1
+        return encode_frame(Frame(message.TYPE, self.sequence, 0, message.pack()))
 
     def receive(self, wait: float) -> list[Message]:
         """Return what the board sends within `wait` s."""
@@ -215,3 +219,23 @@ def test_old_firmware_refuses_unknown_commands_and_sends_no_new_messages() -> No
     assert [message.number for message in sent if isinstance(message, ReadingMessage)] == [0, 1, 2, 3]
     beats = [message for message in sent if isinstance(message, Heartbeat)]
     assert {(beat.boot, beat.homed) for beat in beats} == {(0, 0)}
+
+
+def test_while_it_listens_it_answers_nothing_and_keeps_as_many_bytes_as_documented() -> None:
+    host = Host()
+    host.send(Configure(60_000, 0, 0, 343_200))
+    host.act(Home())
+    (started,) = host.send(StartScan(0, 1_000_000, 5, 1, 1))
+    assert isinstance(started, Started)
+    commands = [host.frame(AskStatistics()) for _ in range(10)]
+    kept = RECEIVE_ROOM // len(commands[0])
+    for command in commands:
+        host.board.receive(command, host.now)
+    assert host.receive(0.045) == []
+    reading, *answers = [one for one in host.receive(0.02) if not isinstance(one, Heartbeat)]
+    assert isinstance(reading, ReadingMessage)
+    assert [type(answer) for answer in answers] == [Statistics] * kept
+    host.receive(0.03)
+    host.board.receive(DELIMITER, host.now)  # ends the frame that was cut off
+    (statistics,) = [one for one in host.send(AskStatistics(), 0.1) if isinstance(one, Statistics)]
+    assert statistics.overruns == sum(map(len, commands)) - RECEIVE_ROOM

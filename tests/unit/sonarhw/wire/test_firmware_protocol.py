@@ -31,6 +31,7 @@ from sonarhw.wire.messages import (
     Home,
     Message,
     Outcome,
+    ReadingMessage,
     Refusal,
     Refused,
     Resend,
@@ -180,7 +181,10 @@ def test_a_busy_board_handles_a_command_as_documented(row: list[str]) -> None:
     device.receive(encode_frame(Frame(scan.TYPE, 2, 0, scan.pack())), 1.9)
     assert [type(message) for message in device_messages(device, 1.95)] == [Started]
     device.receive(encode_frame(Frame(kind.TYPE, 3, 0, simplest(kind).pack())), 1.95)
-    received = [message for message in device_messages(device, 1.96) if not isinstance(message, Heartbeat)]
+    # the board listens for 65 ms, and answers afterwards
+    assert device_messages(device, 1.964) == []
+    own = Heartbeat | ReadingMessage
+    received = [message for message in device_messages(device, 1.99) if not isinstance(message, own)]
     if busy == "BUSY":
         (refused,) = received
         assert isinstance(refused, Refused)
