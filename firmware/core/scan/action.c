@@ -11,6 +11,7 @@
 #include "turntable.h" // turntable
 #include "words.h" // struct words
 
+#define PATIENCE_US 100000 // answers may delay a ping by this
 #define KEY_MOST 24 // bytes of a payload compared to recognize a repeated command; commands of version 1.1 are shorter
 
 enum phase { AIMING, TURNING_THERE, READY, LISTENING, SENDING_TRACE };
@@ -289,16 +290,18 @@ bool action_send(void)
 
 /* Main loop. */
 
-bool action_needs_silence(uint64_t now_us)
+static bool ping_due(uint64_t now_us)
 {
     bool all_sent = outbox_idle() && trace.sent == trace.total && again.next == again.end;
     return action_state() == STATE_SCANNING && scan.phase == READY && now_us >= scan.next_ping && all_sent;
 }
 
+bool action_needs_silence(uint64_t now_us) { return ping_due(now_us) && now_us >= scan.next_ping + PATIENCE_US; }
+
 // Start a ping when nothing is left to send, so that the line is silent while listening.
 static void fire_when_quiet(uint64_t now_us)
 {
-    if (!action_needs_silence(now_us) || !line_quiet())
+    if (!ping_due(now_us) || !line_quiet())
         return;
     ping_start(&(struct ping_order){
         .listen_us = ping_settings.listen_us,
@@ -323,6 +326,8 @@ static void work_on_scan(uint64_t now_us, bool turning)
         if (turning)
             break;
         scan.phase = READY;
+        if (scan.next_ping < now_us)
+            scan.next_ping = now_us;
         // fall through
     case READY:
         fire_when_quiet(now_us);

@@ -18,7 +18,7 @@ void action_reset(void);
 bool action_running(void);
 enum state action_state(void);
 bool action_listening(void); // during a ping: nothing may be sent
-bool action_needs_silence(uint64_t now_us); // a ping is due: no answer may start until it has been made
+bool action_needs_silence(uint64_t now_us); // a ping is overdue: no answer may start before it
 uint32_t action_pings(void); // number since the start
 
 bool action_is(const struct command_frame *order); // whether this is the remembered command

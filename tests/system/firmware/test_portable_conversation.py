@@ -182,7 +182,7 @@ def test_a_repeated_command_is_carried_out_once(board: PortableBoard, extra: byt
 
 def test_heartbeats_arrive_every_250_ms_also_while_homing_and_turning(board: PortableBoard) -> None:
     board.c.host_grain(100)
-    board.c.host_set_position(4_000)
+    board.c.host_set_position(1_000)
     board.ask(Hello(1, 0))
     board.send(encode_frame(Frame(Home.TYPE, 50, 0, b"")))
     received = board.frames_until(3_000_000)
