@@ -17,6 +17,7 @@
 #define UBRR0L 0xC4
 #define UBRR0H 0xC5
 #define DOUBLE_SPEED 0x02
+#define UNSET_BAUD 38400 // of a new pseudo-terminal; a client that never sets it gets undamaged bytes
 #define STALLED 10000 // ms; the emulator waits this long for a client that does not read, then discards bytes
 
 static struct {
@@ -63,7 +64,11 @@ static uint8_t garbled(uint8_t byte)
     return byte ^ (uint8_t)(line.noise >> 24) ^ 0x55;
 }
 
-static bool baud_rates_differ(const avr_t *avr) { return !line.any_baud && host_baud() != firmware_baud(avr); }
+static bool baud_rates_differ(const avr_t *avr)
+{
+    unsigned baud = host_baud();
+    return !line.any_baud && baud != UNSET_BAUD && baud != firmware_baud(avr);
+}
 
 static bool client_connected(void)
 {

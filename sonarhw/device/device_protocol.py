@@ -464,7 +464,9 @@ def _readings_to_make(order: StartScan, total: int) -> int:
     """Return the number of readings that a command requests of a scan of `total`. Raises RefusalError."""
     if total > MOST_READINGS:
         raise RefusalError(Refusal.OUT_OF_RANGE, f"{total} readings; expected at most {MOST_READINGS}")
-    count = order.count or total - order.first
-    if not 0 <= order.first <= order.first + count <= total or (total and not count):
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"{count} readings from number {order.first}; the scan has {total}")
-    return count
+    if total and order.first >= total:
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"first is {order.first}; expected 0 to {total - 1}")
+    most = total - order.first
+    if order.count > most:
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"count is {order.count}; expected 0 to {most} from {order.first} on")
+    return order.count or most

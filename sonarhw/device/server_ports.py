@@ -1,6 +1,7 @@
 """The ports at which a device is served: a TCP port or a pseudo-terminal, with one client at a time."""
 
 import os
+import select
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -8,9 +9,14 @@ from pathlib import Path
 from typing import Protocol
 
 from sonarhw.errors import InputError, LinkError
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import Refusal, Refused
 
 _MOST = 4096  # most bytes of one read
 _CLIENTS_WAITING = 4
+_BUSY = encode_frame(
+    Frame(Refused.TYPE, 0, 0, Refused(0, Refusal.BUSY, "another program is connected; close it first").pack())
+)
 _SEND_BUFFER = 16_384  # bytes; small, so that a slow client delays the device early
 
 
@@ -42,7 +48,7 @@ class ServerPort(Protocol):
 
 
 class TcpServerPort:
-    """A listening TCP socket. The next client is accepted after the previous one has disconnected."""
+    """A listening TCP socket. While a client is connected, others get a refusal."""
 
     def __init__(self, address: str) -> None:
         """Listen on HOST:PORT; port 0 selects a free one.
@@ -61,13 +67,14 @@ class TcpServerPort:
             reason = os.strerror(code) if code else str(error)
             raise LinkError(f"{address}: cannot listen there: {reason}; try 127.0.0.1:0") from error
         self._client: socket.socket | None = None
+        self._refused: list[socket.socket] = []  # connected, too; each gets a refusal as its answer
         self._host, self._port = host, self._listener.getsockname()[1]
         self.url = f"socket://{host}:{self._port}"
 
     def readers(self) -> list[int]:
         """Return the descriptors that become readable when there is something to do."""
-        descriptor = (self._client or self._listener).fileno()
-        return [descriptor] if descriptor >= 0 else []
+        ends = (self._listener, self._client, *self._refused) if self._client else (self._listener,)
+        return [end.fileno() for end in ends if end.fileno() >= 0]
 
     def writer(self) -> int | None:
         """Return the descriptor of the client; None without a client."""
@@ -84,6 +91,7 @@ class TcpServerPort:
         try:
             data = self._client.recv(_MOST)
         except BlockingIOError:
+            self._refuse_others()
             return b""
         except OSError:
             data = b""
@@ -104,9 +112,20 @@ class TcpServerPort:
             self._lose()
             return None
 
+    def _refuse_others(self) -> None:
+        """Accept and refuse others. The connected client is still there: it has sent nothing, not even an end."""
+        for other in select.select([self._listener, *self._refused], [], [], 0)[0]:
+            if other is self._listener:
+                self._refused.append(self._listener.accept()[0])
+            elif not _refuse(other):
+                self._refused.remove(other)
+                other.close()
+
     def pull(self) -> None:
-        """Close client and listener."""
+        """Close clients and listener."""
         self._lose()
+        while self._refused:
+            self._refused.pop().close()
         self._listener.close()
 
     def plug_in(self, socket_number: int) -> None:
@@ -201,6 +220,17 @@ class PtyServerPort:
         self._descriptors = ()
 
 
+def _refuse(client: socket.socket) -> bool:
+    """Answer what a client has sent with a refusal. Return whether it is still connected."""
+    try:
+        if not client.recv(_MOST):
+            return False
+        client.sendall(_BUSY)
+    except OSError:
+        return False
+    return True
+
+
 @contextmanager
 def open_server_port(pty: Path | None = None, tcp: str | None = None) -> Iterator[ServerPort]:
     """Open a TCP port (`tcp` is HOST:PORT) or a pseudo-terminal (behind the link `pty`), and close it after the block.
@@ -222,9 +252,19 @@ def host_and_port(address: str) -> tuple[str, int]:
     return host or "127.0.0.1", int(port)
 
 
+def _is_stale(link: Path) -> bool:
+    """Whether a killed process has left the link behind. Another process may use a terminal of the same name now."""
+    if not link.is_symlink():
+        return False
+    if not link.exists():
+        return True
+    is_terminal = os.readlink(link).startswith("/dev/pts/")
+    return is_terminal and link.stat().st_ctime > link.lstat().st_ctime
+
+
 def _make_link(link: Path, target: str) -> None:
-    if link.is_symlink() and not link.exists():
-        link.unlink()  # left behind by a killed process
+    if _is_stale(link):
+        link.unlink()
     try:
         link.symlink_to(target)
     except FileExistsError:

@@ -102,6 +102,7 @@ class Driver:
         """
         self.where = where  # for error messages
         self.info: Info | None = None
+        self.busy: str | None = None  # reason why the device serves only another host
         self.kept = KEPT_READINGS  # newest readings that the device can send again
         self._checked = False  # whether orders and readings must agree; a replayed log plays another scan
         self._fired: tuple[int, int] | None = None  # device time (µs) and number of the newest reading
@@ -280,6 +281,8 @@ class Driver:
         self._readings += self.assembler.feed(message, self._device_time, self._arrived)
 
     def _answered(self, message: Message, now: float) -> bool:
+        if self.info is None and isinstance(message, Refused) and message.code == Refusal.BUSY:
+            self.busy = message.text
         # unmatched answers, such as those to commands of an earlier conversation, are ignored
         command = self._open.pop(message.command, None) if isinstance(message, AnswerMessage) else None
         if command is None or not isinstance(message, AnswerMessage):

@@ -3,7 +3,7 @@
 import itertools
 import random
 
-from sonarhw.errors import Incompatible, NoAnswer, WrongDevice
+from sonarhw.errors import Incompatible, LinkBusy, NoAnswer, WrongDevice
 from sonarhw.host.actions import home
 from sonarhw.host.conversation import Conversation, settled
 from sonarhw.host.job import Job, Script, Wait
@@ -35,7 +35,9 @@ def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
     for baud in itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,)):
         device.baud = baud
         hello = talk.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR), tries=2)
-        yield settled(hello, deadline)
+        yield Wait(lambda sent=hello: sent.settled or talk.driver.busy is not None, deadline)  # type: ignore[misc]
+        if talk.driver.busy is not None:
+            raise LinkBusy(f"{device.where}: is busy: {talk.driver.busy}")
         if isinstance(hello.answer, Info):
             _check_identity(talk, hello.answer)
             return

@@ -158,7 +158,8 @@ class Talk:
     def home(self, listen: float = 0.02, trace: int = 0) -> Settings:
         """Configure and home; return the active settings."""
         settings = self.ask(Configure(round(listen * 1e6), 2_380, trace, 343_200), Settings)
-        assert self.act(Home())[2].outcome == 0
+        finished = self.act(Home())[2]
+        assert finished.outcome == 0, finished.text
         return settings
 
     def stop(self) -> None:

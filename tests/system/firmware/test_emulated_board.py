@@ -5,6 +5,7 @@ of board time without a frame. Tests of the board's timing send nothing meanwhil
 the load of the machine.
 """
 
+import os
 import re
 import subprocess
 import threading
@@ -29,12 +30,15 @@ from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import Origin, Reading, Trace
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
     AskStatistics,
     Configure,
     Finished,
     Heartbeat,
+    Hello,
+    Info,
     Outcome,
     ReadingMessage,
     ResetCause,
@@ -418,6 +422,21 @@ def test_serial_number_and_count_of_starts_survive_a_power_failure(tmp_path: Pat
     assert re.fullmatch(r"SONAR-[0-9A-F]{6}", infos[0].serial)
     assert [info.serial for info in infos] == [infos[0].serial] * 2
     assert [info.boot for info in infos] == [1, 2]
+
+
+def test_a_client_that_never_sets_the_speed_of_the_terminal_gets_answers() -> None:
+    with emulated_board(Echoes(), pace=PACE) as board:
+        terminal = os.open(board.url, os.O_RDWR | os.O_NOCTTY)
+        try:
+            os.write(terminal, encode_frame(Frame(Hello.TYPE, 1, 0, Hello(1, 0).pack())))
+            received = b""
+            while not received.endswith(b"\0"):
+                received += os.read(terminal, 100)
+        finally:
+            os.close(terminal)
+        frame = next(FrameDecoder().feed(received))
+        assert isinstance(frame, Frame)
+        assert frame.type == Info.TYPE
 
 
 def test_the_reset_cause_after_power_on_is_power() -> None:

@@ -11,11 +11,11 @@ import pytest
 from sonarhw.device.endpoint import Clock, Endpoint, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.server_ports import TcpServerPort
-from sonarhw.errors import InputError, LinkError
+from sonarhw.errors import InputError, LinkBusy, LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import Hello
+from sonarhw.wire.messages import Hello, Outcome
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
 
@@ -94,6 +94,33 @@ def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path
         serve(FakeBoard(PlainEchoes()), pty=folder / "no" / "x"),
     ):
         pass
+
+
+def test_a_link_to_a_terminal_that_another_program_has_opened_since_is_replaced(tmp_path: Path) -> None:
+    link = tmp_path / "scanner"
+    link.symlink_to("/dev/pts/0")
+    with open_server_port(pty=tmp_path / "other") as other:
+        # as if a killed fake had used this terminal before
+        link.unlink()
+        link.symlink_to(os.readlink(other.url))
+        taken = link.lstat().st_ctime
+        with pytest.raises(InputError, match="exists already"), open_server_port(pty=link):
+            pass
+        wait_until(lambda: time.time() > taken + 0.1)
+        os.chmod(os.readlink(other.url), 0o600)  # the terminal is newer than the link now
+        with open_server_port(pty=link):
+            assert os.readlink(link) != os.readlink(other.url)
+
+
+def test_a_second_client_over_tcp_is_told_that_the_scanner_is_busy() -> None:
+    with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0") as endpoint:
+        with Scanner.open(endpoint.url) as first:
+            for _ in range(6):
+                with pytest.raises(LinkBusy, match="is busy: another program is connected"):
+                    Scanner.open(endpoint.url)
+            assert first.home() is Outcome.DONE
+        with Scanner.open(endpoint.url) as next_one:
+            assert next_one.home() is Outcome.DONE
 
 
 def test_a_link_with_a_changed_target_is_not_removed(tmp_path: Path) -> None:
