@@ -128,6 +128,12 @@ class ScanDecoder:
         """Number of scans requested; a continued scan counts once."""
         return len(self._scans)
 
+    @property
+    def readings_per_sweep(self) -> int | None:
+        """Number of readings of each sweep of the newest scan; None if unknown."""
+        order = self._scans[-1].order if self._scans and self._checked else None
+        return order.headings * order.pings if order else None
+
     def scans(self) -> list[DecodedScan]:
         """Return all scans so far, in order, without those that the device never answered."""
         return [scan for scan in self._scans if scan.answered]

@@ -164,13 +164,19 @@ class LogWriter:
 
     def _reading(self, reading: Reading) -> None:
         self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
-        for sweep, readings in [*self._sweeps.items()]:
-            # the device can no longer send a reading of that sweep again
-            if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT_READINGS:
+        for sweep in [*self._sweeps]:
+            if self._is_over(sweep, reading):
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
         self._file.replace_old_file()
         self._commit()
+
+    def _is_over(self, sweep: int, newest: Reading) -> bool:
+        readings, all_of_it = self._sweeps[sweep], self._decoder.readings_per_sweep
+        if all_of_it is not None:  # readings of any sweep may be measured again until it is complete
+            return len(readings) >= all_of_it
+        # the device can no longer send a reading of that sweep again
+        return sweep < newest.sweep and newest.number - readings[-1].number >= KEPT_READINGS
 
     def close(self) -> None:
         """Write the last sweep and the index, and close the file. A second call does nothing. Raises LogError."""
@@ -200,13 +206,17 @@ class LogWriter:
             self._end_sweep(sweep)
 
     def _end_sweep(self, sweep: int) -> None:
-        self._add(SWEEPS, laser_scan(self._sweeps.pop(sweep), self._time).SerializeToString())
+        readings = self._sweeps.pop(sweep)
+        times = [reading.host_time for reading in readings if reading.host_time is not None] or [self._time]
+        self._add(SWEEPS, laser_scan(readings, min(times)).SerializeToString(), min(times))
 
-    def _add(self, topic: str, data: bytes) -> None:
+    def _add(self, topic: str, data: bytes, published: float | None = None) -> None:
         if self._file.closed:
             raise LogError(f"{self._file.path}: the log is closed; open a new one")
-        nanoseconds = round(self._time * 1e9)
-        self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds)
+        logged = round(self._time * 1e9)  # never decreases, as other tools require
+        self._writer.add_message(
+            self._channels[topic], logged, data, logged if published is None else round(published * 1e9)
+        )
 
     def _commit(self) -> None:
         self._writer.flush()  # type: ignore[no-untyped-call]

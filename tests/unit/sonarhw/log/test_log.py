@@ -11,12 +11,15 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from sonarhw.errors import LogError, NotALog, SonarError
 from sonarhw.export.encoded_log import write_scan
+from sonarhw.host.actions import configuring
 from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
-from sonarhw.wire.messages import Finished, Hello, Message, ReadingMessage, Started, StartScan
+from sonarhw.wire.messages import Configure, Finished, Hello, Message, ReadingMessage, Started, StartScan
 from sonarhw.wire.reading_messages import reading_message
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
+from tests.fixtures.joined import without
+from tests.fixtures.pulled_cables import Bench
 
 
 def frame_of(message: Message, sequence: int = 0, time: float = 0.0) -> bytes:
@@ -325,3 +328,27 @@ def test_the_writer_counts_the_readings_that_the_log_will_have(tmp_path: Path) -
         writer.reading(example_reading(0))
         assert writer.count == 3
     assert len(read_log(path).readings) == 3
+
+
+def test_each_sweep_is_one_laser_scan_at_its_own_time_also_if_a_reading_is_measured_again(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    bench = Bench().connect()
+    with LogWriter(path, METADATA) as log:
+        bench.session.recording.use(log)
+        bench.run(configuring(Configure(20_000, 2_380, 0, 343_200)))
+        # the device no longer keeps reading 5 when it can arrive, so it is measured again after the second sweep
+        bench.up = without(lambda message: isinstance(message, ReadingMessage) and message.number == 5)
+        scan = bench.scan(StartScan(0, 2_000_000, 80, 2, 1))
+        bench.until(lambda: bench.session.statistics.lost_readings == 1)
+        bench.up = lambda data: data
+        bench.until(lambda: scan.done)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        sweeps = [
+            (message.publish_time, decoded) for _, _, message, decoded in reader.iter_decoded_messages(topics=["/scan"])
+        ]
+    assert [len(sweep.ranges) for _, sweep in sweeps] == [80, 80]
+    assert not any(math.isnan(distance) for _, sweep in sweeps for distance in sweep.ranges)
+    began = [min(one.host_time or 0 for one in scan.readings if one.sweep == number) for number in (0, 1)]
+    assert sorted(time * 1e-9 for time, _ in sweeps) == pytest.approx(began, abs=0.01)
+    assert sorted(sweep.timestamp.ToNanoseconds() * 1e-9 for _, sweep in sweeps) == pytest.approx(began, abs=0.01)
