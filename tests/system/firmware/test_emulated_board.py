@@ -374,10 +374,10 @@ def test_steps_lost_in_a_short_jam_are_reported() -> None:
     assert lost
 
 
-def test_homing_a_blocked_table_reports_the_missing_mark() -> None:
+def test_homing_a_blocked_table_names_the_cam() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         board.wedge(60)
-        with pytest.raises(DeviceError, match="zero mark"):
+        with pytest.raises(DeviceError, match="the cam never changed"):
             scanner.home()
 
 

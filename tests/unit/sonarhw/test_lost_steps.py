@@ -130,7 +130,7 @@ UNVERIFIED = "of 72 angles, from 0° on, could not be checked for lost steps: th
 
 
 # a board that receives nothing from its host continues for two seconds, then releases the motor
-@pytest.mark.parametrize(("faults", "count"), [("reset@r30", 30), ("slip=40@r5,reset@r30", 30), ("deaf=3@r30", 45)])
+@pytest.mark.parametrize(("faults", "count"), [("reset@r30", 30), ("slip=40@r5,reset@r30", 30), ("deaf=3@r30", 46)])
 def test_angles_before_a_homing_during_a_scan_are_reported_at_once_and_in_the_log(
     faults: str, count: int, tmp_path: Path
 ) -> None:
