@@ -192,6 +192,8 @@ def _record(scanner: "ConnectedScanner", request: _Request, metadata: "LogMetada
         exit_stack.enter_context(_interruption_reported(request, terminal))
         terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
         terminal.log = log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
+        if request.turns_by_itself:  # the start of a sweep may be far away
+            terminal.show_bar()
         plan = _plan(request, board, air)
         print_detail(
             f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s"
@@ -245,12 +247,20 @@ class _Terminal:
     def stop_wanted(self) -> bool:
         return self.interrupted.wanted
 
-    def homed(self) -> None:
-        # the bar shows the state of the scanner: "lost" while the driver reconnects
+    def show_bar(self) -> None:
+        """Show the progress bar."""
         order = self._request.order
         parts = order.sweeps if self._request.turns_by_itself else order.readings
-        bar = progress(parts, lambda: self._scanner.state.value)
-        self._advance = self._exit_stack.enter_context(bar)
+        self._advance = self._exit_stack.enter_context(progress(parts, self._state))
+
+    def _state(self) -> str:
+        """Return the state of the scanner: "lost" while the driver reconnects."""
+        state = self._scanner.state.value
+        return "waiting for the start of a sweep" if self._request.turns_by_itself and state == "moving" else state
+
+    def homed(self) -> None:
+        if not self._request.turns_by_itself:
+            self.show_bar()
         if self._request.show:
             self._print(HEADER)
 
