@@ -13,11 +13,14 @@
 #define THERMISTOR_CHANNEL 1
 #define SLOW (_BV(ADEN) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0)) // clock / 128
 #define FAST (_BV(ADEN) | _BV(ADPS2)) // clock / 16
+#define TICKS_A_SAMPLE (TRACE_PERIOD_NS / 500)
+#define MARGIN_TICKS 4 // phase of the converter's clock
 #define AVERAGED 32 // conversions per temperature
 #define OPEN_COUNT 1015 // from this value on, no thermistor is connected
 
 static uint8_t samples[TRACE_SAMPLES];
 static uint8_t *volatile sample_end;
+static uint16_t sample_due; // count of timer 4 at the end of the conversion of the next sample, less a margin
 static uint8_t *sample_stop;
 static bool tracing;
 static uint16_t sum;
@@ -31,14 +34,18 @@ void converter_start(void)
     ADCSRA = SLOW | _BV(ADSC);
 }
 
-// A sample, every 208 cycles. Budget 80 cycles.
+// A sample, every 208 cycles. Budget 160 cycles. An interrupt that lasts longer than a conversion costs samples. The next
+// sample takes their places, so that every later one is at its time.
 ISR(ADC_vect)
 {
+    uint8_t sample = ADCH;
     uint8_t *end = sample_end;
-    if (end < sample_stop) {
-        *end++ = ADCH;
-        sample_end = end;
+    int16_t late = (int16_t)(TCNT4 - sample_due);
+    for (; late >= 0 && end < sample_stop; late -= TICKS_A_SAMPLE) {
+        *end++ = sample;
+        sample_due += TICKS_A_SAMPLE;
     }
+    sample_end = end;
 }
 
 void converter_prepare(uint16_t count)
@@ -54,8 +61,11 @@ void converter_prepare(uint16_t count)
     sample_stop = samples + (count < TRACE_SAMPLES ? count : TRACE_SAMPLES);
 }
 
-void converter_go(void) { ADCSRA = FAST | _BV(ADIF) | _BV(ADIE) | _BV(ADATE) | _BV(ADSC); }
-
+void converter_go(void)
+{
+    ADCSRA = FAST | _BV(ADIF) | _BV(ADIE) | _BV(ADATE) | _BV(ADSC);
+    sample_due = TCNT4 + TICKS_A_SAMPLE - MARGIN_TICKS;
+}
 
 void converter_stop(void)
 {

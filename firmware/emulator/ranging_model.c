@@ -16,7 +16,6 @@
 #define NOISE 0.0001 // s after INIT
 #define NOISE_LASTS 160 // cycles
 #define SUPPLY 5000 // mV
-#define SAMPLE_CYCLES 208 // between two conversions of a trace; simavr takes slightly longer
 #define HOLD_CYCLES 24 // from the start of a conversion to sample-and-hold
 #define THERMISTOR_CHANNEL 1
 
@@ -30,7 +29,6 @@ static struct {
     avr_irq_t *converter;
     unsigned pending; // mV of the previous conversion
     unsigned conversions; // of this trace
-    avr_cycle_count_t sampled; // sample-and-hold of the first
 } board;
 
 static void set_echo(avr_t *avr, bool high)
@@ -123,7 +121,7 @@ static double thermistor(void)
 }
 
 // A conversion begins. In free-running mode simavr starts the next conversion before the firmware reads the last one.
-// So this sets the pending value of the last one.
+// So this sets the pending value of the last one. Conversions of simavr take slightly longer than 208 cycles.
 static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
 {
     (void)irq;
@@ -137,9 +135,7 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
         avr_raise_irq(board.converter + ADC_IRQ_ADC1, (uint32_t)lround(thermistor() * SUPPLY));
         return;
     }
-    if (!board.conversions)
-        board.sampled = avr->cycle + HOLD_CYCLES - board.fired;
-    double level = envelope(board.sampled + SAMPLE_CYCLES * board.conversions);
+    double level = envelope(avr->cycle + HOLD_CYCLES - board.fired);
     // plus half a count, so that rounding down by the converter gives the nearest of 256 levels
     unsigned now = (unsigned)lround((floor(level * 255 + 0.5) + 0.5) / 256 * SUPPLY);
     avr_raise_irq(board.converter + ADC_IRQ_ADC0, board.conversions++ ? board.pending : now);

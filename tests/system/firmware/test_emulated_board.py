@@ -128,6 +128,31 @@ def test_levels_and_times_of_a_trace_are_correct() -> None:
     assert np.abs(trace.samples - envelope(time)).max() < 0.005
 
 
+class Sawtooth(Echoes):
+    """Echo source whose trace is a sawtooth of 2 ms: its level identifies the time within a tooth to 4 us."""
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the given echoes and the sawtooth."""
+        time = np.arange(0, 0.0655, 1e-6)
+        return PingResult(super().receive(ping).echo_times, Trace(0.05 + 450 * (time % 0.002), 1e6, 0.0))
+
+
+def test_every_sample_is_at_its_time_although_echoes_delay_the_converter() -> None:
+    echoes = Sawtooth(*(0.003 + 0.0025 * k for k in range(8)))
+    with scanner_on(echoes) as (_, scanner):
+        scanner.configure(trace=True, rearm=REARM)
+        readings = list(scanner.scan(sector(0, 30, 10)))
+    for reading in readings:
+        assert reading.trace is not None
+        assert len(reading.echo_times) == 8
+        expected = reading.trace.times % 0.002
+        off = (reading.trace.samples - 0.05) / 450 - expected
+        inside = (expected > 0.0001) & (expected < 0.0019)
+        # one conversion and the resolution of a sample; not one conversion for each echo
+        assert np.abs(off[inside]).max() < 13e-6 + 5e-6
+        assert len(reading.trace.samples) == 4_800
+
+
 def test_pings_are_as_frequent_as_documented() -> None:
     rows = re.findall(r"^\| ([\d.]+) ms, [\d.]+ m \| ([\d.]+)° \| (yes|yes or no) \| ([\d.]+) \|$", DOCUMENT, re.M)
     assert len(rows) == 4
