@@ -468,5 +468,5 @@ def _readings_to_make(order: StartScan, total: int) -> int:
         raise RefusalError(Refusal.OUT_OF_RANGE, f"first is {order.first}; expected 0 to {total - 1}")
     most = total - order.first
     if order.count > most:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"count is {order.count}; expected 0 to {most} from {order.first} on")
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"count is {order.count}; expected 0 to {most}")
     return order.count or most

@@ -136,6 +136,16 @@ def test_invalid_requests_are_refused_with_their_error_code(talk: Talk, invalid:
     assert refused.text
 
 
+@pytest.mark.parametrize(
+    ("first", "count", "bound"),
+    [(10, 0, "first is 10; expected 0 to 9"), (5, 6, "count is 6; expected 0 to 5")],
+)
+def test_the_refusal_of_a_part_of_a_scan_states_the_right_bound(talk: Talk, first: int, count: int, bound: str) -> None:
+    talk.home()
+    refused = talk.ask(StartScan(0, DEGREE, 10, 1, 1, first, count), Refused)
+    assert bound in refused.text
+
+
 def test_an_angle_beyond_the_cable_is_refused_before_anything_turns(talk: Talk) -> None:
     talk.home()
     capabilities = talk.capabilities()

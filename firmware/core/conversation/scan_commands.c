@@ -75,6 +75,16 @@ void on_configure(const struct command_frame *frame, const struct configure *req
     });
 }
 
+static void refuse_number(const struct command_frame *frame, const char *flash_name, uint32_t number, uint64_t most)
+{
+    struct words words = {.size = 0};
+    words_add(&words, flash_name);
+    words_number(&words, number);
+    words_add(&words, FLASH_TEXT("; expected 0 to "));
+    words_number(&words, (int64_t)most);
+    answer_refused_in_words(frame, REFUSAL_OUT_OF_RANGE, &words);
+}
+
 void on_start_scan(const struct command_frame *frame, const struct start_scan *order)
 {
     if (refused_while_busy(frame))
@@ -83,8 +93,12 @@ void on_start_scan(const struct command_frame *frame, const struct start_scan *o
         answer_out_of_range(frame, FLASH_TEXT("step, headings, sweeps and pings must not be 0"));
     else if (refused_angle(frame, order->start) || refused_angle(frame, scan_end(order)))
         return;
-    else if (!scan_count(order))
+    else if (scan_readings(order) > MOST_READINGS)
         answer_out_of_range(frame, FLASH_TEXT("too many readings; expected at most 4294967295"));
+    else if (order->first >= scan_readings(order))
+        refuse_number(frame, FLASH_TEXT("first is "), order->first, scan_readings(order) - 1);
+    else if (!scan_count(order))
+        refuse_number(frame, FLASH_TEXT("count is "), order->count, scan_readings(order) - order->first);
     else
         action_scan(frame, order);
 }
