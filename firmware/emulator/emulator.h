@@ -67,6 +67,8 @@ void turntable_reset(avr_t *avr);
 double turntable_degrees(void);
 void turntable_slip(double microsteps);
 void turntable_wedge(avr_t *avr, double seconds);
+enum wiring_fault { CAM_INVERTED = 1, CAM_OPEN = 2, MOTOR_REVERSED = 4, MARK_OPEN = 8 };
+void turntable_miswire(avr_t *avr, uint32_t faults);
 
 /* serial_line.c */
 void line_start(avr_t *avr, const char *link, bool any_baud);

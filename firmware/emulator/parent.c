@@ -5,6 +5,7 @@
  *                    P degrees f64, seconds f64, sweep u16, ping u8: request the echoes of a ping
  *   from the parent  E count u32, count times f64, rate f64, start f64, samples u32, that many f32
  *                    R reset the board · H make it hang · S slip: microsteps f64 · W wedge: seconds f64
+ *                    M wiring faults u32
  *                    C request the longest duration of interrupt handlers; answer: C, cycles u32 of each vector
  */
 #include <errno.h>
@@ -102,6 +103,9 @@ static bool process_message(avr_t *avr, struct echoes *echoes)
         return false;
     case 'W':
         turntable_wedge(avr, read_double());
+        return false;
+    case 'M':
+        turntable_miswire(avr, read_count());
         return false;
     case 'C':
         send_message('C', longest_interrupts(), INTERRUPTS * sizeof(uint32_t));

@@ -22,6 +22,7 @@ static struct {
     double field_before; // a tick ago
     bool swinging;
     avr_cycle_count_t free_again;
+    uint32_t wiring; // enum wiring_fault
 } motor;
 
 double turntable_degrees(void)
@@ -33,8 +34,9 @@ double turntable_degrees(void)
 static void show_switches(avr_t *avr)
 {
     double turn = (motor.table - MARK) / MICROSTEPS;
-    set_pin(avr, 'A', 3, turn - floor(turn) < 0.5);
-    set_pin(avr, 'A', 4, motor.table > CAM);
+    // an open wire is high, because of its pull-up
+    set_pin(avr, 'A', 3, turn - floor(turn) < 0.5 || motor.wiring & MARK_OPEN);
+    set_pin(avr, 'A', 4, (motor.table > CAM) != ((motor.wiring & CAM_INVERTED) != 0) || motor.wiring & CAM_OPEN);
 }
 
 static void move_rotor(double seconds)
@@ -82,7 +84,7 @@ static void step_changed(avr_t *avr, bool high)
         return;
     if (ranging_listens())
         die("the firmware steps while it listens");
-    motor.field += motor.forwards ? 1 : -1;
+    motor.field += motor.forwards != ((motor.wiring & MOTOR_REVERSED) != 0) ? 1 : -1;
     start_updates(avr);
 }
 
@@ -118,6 +120,12 @@ void turntable_wedge(avr_t *avr, double duration)
 {
     motor.free_again = avr->cycle + (avr_cycle_count_t)(duration * FREQUENCY);
     start_updates(avr);
+}
+
+void turntable_miswire(avr_t *avr, uint32_t faults)
+{
+    motor.wiring = faults;
+    show_switches(avr);
 }
 
 void turntable_start(avr_t *avr, double degrees)

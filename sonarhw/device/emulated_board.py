@@ -14,6 +14,7 @@ import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from enum import IntFlag
 from pathlib import Path
 from typing import Literal
 
@@ -28,6 +29,15 @@ _READY_WITHIN = 60.0  # s, on a busy machine
 _ENDS_WITHIN = 30.0  # s, on a busy machine
 _HEADER = struct.Struct("<cI")
 _PING = struct.Struct("<ddHB")
+
+
+class WiringFault(IntFlag):
+    """Wiring faults of home switches and motor, as in firmware/emulator/emulator.h."""
+
+    CAM_INVERTED = 1
+    CAM_OPEN = 2
+    MOTOR_REVERSED = 4
+    MARK_OPEN = 8
 
 
 class EmulatedBoard:
@@ -54,6 +64,10 @@ class EmulatedBoard:
     def slip(self, microsteps: float) -> None:
         """Turn the table back by some microsteps, against the motor."""
         self._send(b"S", struct.pack("<d", microsteps))
+
+    def miswire(self, faults: WiringFault) -> None:
+        """Give the home switches and the motor these wiring faults."""
+        self._send(b"M", struct.pack("<I", faults))
 
     def wedge(self, seconds: float) -> None:
         """Block the turntable for some seconds."""

@@ -23,7 +23,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
 
 from sonarhw import Scanner, sector
-from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
+from sonarhw.device.emulated_board import EmulatedBoard, WiringFault, emulated_board
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.echo_source import Ping, PingResult
@@ -403,6 +403,23 @@ def test_homing_a_blocked_table_names_the_cam() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         board.wedge(60)
         with pytest.raises(DeviceError, match="the cam never changed"):
+            scanner.home()
+
+
+@pytest.mark.parametrize(
+    ("fault", "first", "again"),
+    [
+        (WiringFault.CAM_INVERTED, "the cam never changed", "may wind the cable no further"),
+        (WiringFault.MARK_OPEN, "the zero mark never came", "the zero mark never came"),
+        (WiringFault.CAM_INVERTED | WiringFault.MOTOR_REVERSED, "moved the wrong way", "moved the wrong way"),
+    ],
+)
+def test_home_with_a_wrong_wire_names_it(fault: WiringFault, first: str, again: str) -> None:
+    with scanner_on(Echoes(0.020), start_deg=99) as (board, scanner):
+        board.miswire(fault)
+        with pytest.raises(DeviceError, match=first):
+            scanner.home()
+        with pytest.raises(DeviceError, match=again):
             scanner.home()
 
 
