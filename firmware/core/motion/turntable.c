@@ -234,7 +234,7 @@ static void creep(void)
     start(CREEPING, STEPS_OF_DEGREES(CREEP_DEGREES), homing_speed(CREEP_SPEED));
 }
 
-// The mark was passed while creeping: set zero to its position.
+// Set zero to the position of the mark.
 static void set_zero(void)
 {
     interrupts_off();
@@ -247,6 +247,14 @@ static void set_zero(void)
     table.target = 0;
     // the table first slows down, then returns to zero
     table.leg = APPROACHING;
+}
+
+static void take_mark(void)
+{
+    if (mark_position - table.target <= STEPS_OF_DEGREES(MARK_DEGREES))
+        set_zero();
+    else
+        give_up(TROUBLE_WRONG_WAY);
 }
 
 static void lose(int32_t steps)
@@ -285,10 +293,8 @@ static void watch(void)
         stop();
     else if (table.leg == SEEKING_BELOW && !home_side())
         stop();
-    else if (table.leg == CREEPING && mark_passed && mark_position - table.target <= STEPS_OF_DEGREES(MARK_DEGREES))
-        set_zero();
     else if (table.leg == CREEPING && mark_passed)
-        give_up(TROUBLE_WRONG_WAY);
+        take_mark();
     else if (table.homed)
         check_mark();
 }
