@@ -102,12 +102,6 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sonarhw/device/device_protocol.py",
-        "if not 0 <= order.first <= order.first + count <= total or (total and not count):",
-        ("0 → (-1)",),
-        "`first` is unsigned in the message",
-    ),
-    (
-        "sonarhw/device/device_protocol.py",
         "repeats = -(-request.size // len(request.data))",
         ("-request.size // len(request.data) → (-request.size * len(request.data))",),
         "more repeats, of which the same bytes are sent",
