@@ -1,17 +1,12 @@
 """The flashed firmware on the emulated board: driver, protocol, chip and simulated ranging board together.
 
-The emulator runs at three times real time. It must not be faster, because the firmware treats a host as gone after 2 s
-of board time without a frame. Tests of the board's timing send nothing meanwhile: the times of host messages depend on
-the load of the machine.
+Tests of the board's timing send nothing meanwhile: the times of host messages depend on the load of the machine.
 """
 
 import os
 import re
 import subprocess
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,11 +18,10 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
 
 from sonarhw import Scanner, sector
-from sonarhw.device.emulated_board import EmulatedBoard, WiringFault, emulated_board
+from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.echo_source import Ping, PingResult
-from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import Origin, Reading, Trace
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
@@ -50,9 +44,8 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
-from tests.system.firmware.conftest import FIRMWARE
+from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, envelope, scanner_on
 
-PACE = 3.0
 DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
 TWO_TICKS = 1e-6  # s
 REARM = 0.0006  # s; so long that the interrupt of the board never loses an echo that the fake board reports
@@ -60,34 +53,6 @@ TIMER_WRAP = 65_536 * 0.5e-6  # s
 TRACE_STORE = 4_800  # bytes
 OTHER_VARIABLES = 1_600
 FREE_STACK = 1_024
-
-
-class Echoes:
-    """Echo source with the same echoes at every heading and a sine as trace."""
-
-    temperature_c = 21.3
-
-    def __init__(self, *times: float) -> None:
-        self._times = times
-        self.pings: list[Ping] = []
-
-    def receive(self, ping: Ping) -> PingResult:
-        """Return the given echoes and the trace."""
-        self.pings.append(ping)
-        time = np.arange(0, 0.0655, 2e-6)
-        return PingResult(self._times, Trace(envelope(time), 500_000.0, 0.0))
-
-
-def envelope(time: np.ndarray) -> np.ndarray:
-    """Return a sine of 50 Hz, so slow that a level identifies its time to a hundredth."""
-    return 0.5 + 0.5 * np.sin(2 * np.pi * 50 * time)
-
-
-@contextmanager
-def scanner_on(echoes: Echoes | RoomEchoes, **options: object) -> Iterator[tuple[EmulatedBoard, Scanner]]:
-    """A board with these echoes, and a scanner that is connected to it."""
-    with emulated_board(echoes, pace=PACE, **options) as board, Scanner.open(board.url) as scanner:  # type: ignore[arg-type]
-        yield board, scanner
 
 
 def demo_echoes() -> RoomEchoes:
@@ -357,79 +322,6 @@ def test_a_host_that_never_pauses_delays_neither_heartbeats_nor_pings() -> None:
         assert {one.reset_cause for one in statistics} == {ResetCause.POWER}
         # the line was full: the board could not keep all bytes
         assert statistics[-1].overruns > 1000
-
-
-def test_a_slipped_table_is_detected_at_the_mark() -> None:
-    with scanner_on(Echoes(0.020)) as (board, scanner):
-        scanner.turn(np.radians(-60))
-        board.slip(64)
-        with pytest.raises(DeviceError, match="steps were lost"):
-            list(scanner.scan(sector(-60, 60, 10)))
-        assert abs(scanner.device_statistics().lost_steps) == pytest.approx(64, abs=2)
-
-
-@pytest.mark.parametrize("mishap", ["slips", "is held"])
-def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None:
-    readings = []
-    with scanner_on(Echoes(0.020)) as (board, scanner):
-        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be wrong, from 40° on"):  # noqa: PT012
-            for reading in scanner.scan(sector(40, 130, 10)):
-                readings.append(reading)
-                if reading.number == 3:
-                    board.slip(64) if mishap == "slips" else board.wedge(60)
-        assert len(readings) == 9
-        assert scanner.device_statistics().lost_steps
-
-
-def test_steps_lost_in_a_short_jam_are_reported() -> None:
-    echoes = Echoes(0.020)
-    readings: list[Reading] = []
-    with scanner_on(echoes) as (board, scanner):
-        with pytest.raises(LostSteps, match="steps were lost"):  # noqa: PT012
-            for reading in scanner.scan(sector(-30, 40, 2)):
-                readings.append(reading)
-                if reading.number == 3:
-                    board.wedge(0.7)
-        lost = scanner.device_statistics().lost_steps
-    # the table itself was left behind by whole periods of the motor's field, and stays behind
-    behind = np.degrees([reading.angle - ping.angle for reading, ping in zip(readings, echoes.pings, strict=False)])
-    periods = behind[-1] / 3.2
-    assert periods >= 1
-    assert periods == pytest.approx(round(periods), abs=0.02)
-    assert lost
-
-
-def test_homing_a_blocked_table_names_the_cam() -> None:
-    with scanner_on(Echoes(0.020)) as (board, scanner):
-        board.wedge(60)
-        with pytest.raises(DeviceError, match="the cam never changed"):
-            scanner.home()
-
-
-@pytest.mark.parametrize(
-    ("fault", "first", "again"),
-    [
-        (WiringFault.CAM_INVERTED, "the cam never changed", "may wind the cable no further"),
-        (WiringFault.MARK_OPEN, "the zero mark never came", "the zero mark never came"),
-        (WiringFault.CAM_INVERTED | WiringFault.MOTOR_REVERSED, "moved the wrong way", "moved the wrong way"),
-    ],
-)
-def test_home_with_a_wrong_wire_names_it(fault: WiringFault, first: str, again: str) -> None:
-    with scanner_on(Echoes(0.020), start_deg=99) as (board, scanner):
-        board.miswire(fault)
-        with pytest.raises(DeviceError, match=first):
-            scanner.home()
-        with pytest.raises(DeviceError, match=again):
-            scanner.home()
-
-
-def test_the_table_is_at_rest_at_the_reported_angle_during_a_ping() -> None:
-    echoes = Echoes(0.020)
-    with scanner_on(echoes, start_deg=-300) as (_, scanner):
-        order = replace(sector(-45, 45, 4.5), sweeps=2)
-        reported = [reading.angle for reading in scanner.scan(order)]
-    assert [ping.angle for ping in echoes.pings] == pytest.approx(reported, abs=1e-9)
-    assert [ping.sweep for ping in echoes.pings] == [0] * 20 + [1] * 20
 
 
 class Broken(Echoes):

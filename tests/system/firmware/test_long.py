@@ -1,11 +1,18 @@
-"""Long runs of the firmware. A soak is longer than 36 minutes, after which the ticks of its timer wrap."""
+"""Long runs of the firmware, and hostile bytes in a build with sanitizers.
+
+A soak is longer than 36 minutes, after which the ticks of the timer wrap.
+"""
+
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarhw import sector
 from tests.conftest import Count
-from tests.system.firmware.test_emulated_board import FREE_STACK, TWO_TICKS, Echoes, scanner_on
+from tests.system.firmware.conftest import Echoes, scanner_on
+from tests.system.firmware.test_emulated_board import FREE_STACK, TWO_TICKS
 
 
 def test_repeated_scans_with_traces_stay_correct_and_memory_suffices(count: Count) -> None:
@@ -25,3 +32,13 @@ def test_repeated_scans_with_traces_stay_correct_and_memory_suffices(count: Coun
         assert statistics.rejected == statistics.overruns == statistics.lost_steps == 0
         assert statistics.stack_free >= FREE_STACK
     assert np.diff(fired).min() > 0.0999
+
+
+def test_hostile_sessions_cause_no_error(built: Path, count: Count) -> None:
+    for seed in range(count(2, 200)):
+        subprocess.run([built / "fuzz", "1000", str(seed)], check=True)
+
+
+def test_random_bytes_cause_no_error(built: Path) -> None:
+    noise = b"".join(bytes([(n * n * 2654435761 >> 13) & 0xFF]) for n in range(60_000))
+    subprocess.run([built / "fuzz"], input=noise, check=True)

@@ -1,0 +1,85 @@
+"""The turntable of the emulated board: lost steps, jams, and Home with wrong wires."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sonarhw import sector
+from sonarhw.device.emulated_board import WiringFault
+from sonarhw.errors import DeviceError, LostSteps
+from sonarhw.readings import Reading
+from tests.system.firmware.conftest import Echoes, scanner_on
+
+
+def test_a_slipped_table_is_detected_at_the_mark() -> None:
+    with scanner_on(Echoes(0.020)) as (board, scanner):
+        scanner.turn(np.radians(-60))
+        board.slip(64)
+        with pytest.raises(DeviceError, match="steps were lost"):
+            list(scanner.scan(sector(-60, 60, 10)))
+        assert abs(scanner.device_statistics().lost_steps) == pytest.approx(64, abs=2)
+
+
+@pytest.mark.parametrize("mishap", ["slips", "is held"])
+def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None:
+    readings = []
+    with scanner_on(Echoes(0.020)) as (board, scanner):
+        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be wrong, from 40° on"):  # noqa: PT012
+            for reading in scanner.scan(sector(40, 130, 10)):
+                readings.append(reading)
+                if reading.number == 3:
+                    board.slip(64) if mishap == "slips" else board.wedge(60)
+        assert len(readings) == 9
+        assert scanner.device_statistics().lost_steps
+
+
+def test_steps_lost_in_a_short_jam_are_reported() -> None:
+    echoes = Echoes(0.020)
+    readings: list[Reading] = []
+    with scanner_on(echoes) as (board, scanner):
+        with pytest.raises(LostSteps, match="steps were lost"):  # noqa: PT012
+            for reading in scanner.scan(sector(-30, 40, 2)):
+                readings.append(reading)
+                if reading.number == 3:
+                    board.wedge(0.7)
+        lost = scanner.device_statistics().lost_steps
+    # the table itself was left behind by whole periods of the motor's field, and stays behind
+    behind = np.degrees([reading.angle - ping.angle for reading, ping in zip(readings, echoes.pings, strict=False)])
+    periods = behind[-1] / 3.2
+    assert periods >= 1
+    assert periods == pytest.approx(round(periods), abs=0.02)
+    assert lost
+
+
+def test_homing_a_blocked_table_names_the_cam() -> None:
+    with scanner_on(Echoes(0.020)) as (board, scanner):
+        board.wedge(60)
+        with pytest.raises(DeviceError, match="the cam never changed"):
+            scanner.home()
+
+
+@pytest.mark.parametrize(
+    ("fault", "first", "again"),
+    [
+        (WiringFault.CAM_INVERTED, "the cam never changed", "may wind the cable no further"),
+        (WiringFault.MARK_OPEN, "the zero mark never came", "the zero mark never came"),
+        (WiringFault.CAM_INVERTED | WiringFault.MOTOR_REVERSED, "moved the wrong way", "moved the wrong way"),
+    ],
+)
+def test_home_with_a_wrong_wire_names_it(fault: WiringFault, first: str, again: str) -> None:
+    with scanner_on(Echoes(0.020), start_deg=99) as (board, scanner):
+        board.miswire(fault)
+        with pytest.raises(DeviceError, match=first):
+            scanner.home()
+        with pytest.raises(DeviceError, match=again):
+            scanner.home()
+
+
+def test_the_table_is_at_rest_at_the_reported_angle_during_a_ping() -> None:
+    echoes = Echoes(0.020)
+    with scanner_on(echoes, start_deg=-300) as (_, scanner):
+        order = replace(sector(-45, 45, 4.5), sweeps=2)
+        reported = [reading.angle for reading in scanner.scan(order)]
+    assert [ping.angle for ping in echoes.pings] == pytest.approx(reported, abs=1e-9)
+    assert [ping.sweep for ping in echoes.pings] == [0] * 20 + [1] * 20
