@@ -120,10 +120,7 @@ def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: 
 def sum_of_arrival(amplitudes: FloatArray, sets: Together, path: int) -> float:
     """Return the amplitude of the arrival that begins with one path."""
     members = slice(sets.begins[path], sets.ends[path])
-    phasors = sets.phasors[members]
-    random = np.isnan(phasors)
-    power = (amplitudes[members][random] ** 2).sum()
-    return math.sqrt(abs((amplitudes[members] * np.where(random, 0.0, phasors)).sum()) ** 2 + float(power))
+    return float(abs((amplitudes[members] * sets.phasors[members]).sum()))
 
 
 @compiled_part
