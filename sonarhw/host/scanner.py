@@ -15,12 +15,13 @@ loses no reading.
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, suppress
 from typing import Any, TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
 from sonarhw.host.actions import configuring, configuring_turntable, homing, requesting, scanning, turning
 from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
+from sonarhw.host.exclusive_use import ExclusiveUse
 from sonarhw.host.job import Job
 from sonarhw.host.recorder import Recorder
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Session
@@ -73,13 +74,10 @@ class Scanner:
         self._epoch = time.time() - time.monotonic()
         self._changed = threading.Condition()  # guards the session; notified when the session changes
         self._closing = threading.Event()
-        self._stop_wanted = False  # not an Event: a signal handler may run while the lock of an Event is held
         self._defect: BaseException | None = None  # the error that ended the thread
         self._scan: Job | None = None
         self._link: Link | None = None
-        self._in_use = threading.Lock()
-        self._sequence_of: int | None = None  # the thread for which `_in_use` is held
-        self._acting = False
+        self._use = ExclusiveUse(url)
         session.connect(self._now())
         self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
         self._thread.start()
@@ -266,7 +264,7 @@ class Scanner:
         the last reading the turntable turns over its zero mark. Raises what `home` raises, and LostSteps, after all
         readings, if the mark is misplaced.
         """
-        with self._using():
+        with self._use.action():
             self._scan = job = self._begin(scanning(start_scan(order or sector())))
             try:
                 while ready := self._next_readings(job):
@@ -275,33 +273,25 @@ class Scanner:
                 self._abandon(job)
         _raise_error(job)
 
-    @contextmanager
-    def sequence(self) -> Iterator[None]:
+    def sequence(self) -> AbstractContextManager[None]:
         """Combine the actions in a block: a `stop` during or between them also ends the later ones as STOPPED.
 
         Raises DeviceError while another thread uses the scanner.
         """
-        if not self._in_use.acquire(blocking=False):
-            raise DeviceError(f"{self.url}: is busy; stop it or wait until it has finished")
-        self._stop_wanted, self._sequence_of = False, threading.get_ident()
-        try:
-            yield
-        finally:
-            self._sequence_of = None
-            self._in_use.release()
+        return self._use.sequence()
 
     def stop(self) -> None:
         """Stop the running action, which then ends as STOPPED. Any thread may call this. A scan keeps its readings.
 
         Raises NoAnswer or LinkLost if no action runs and the device does not answer.
         """
-        self._stop_wanted = True
-        if self._in_use.acquire(blocking=False):  # no action is running
+        self._use.stop_wanted = True
+        if self._use.claim():  # no action is running
             try:
-                self._stop_wanted = False
+                self._use.stop_wanted = False
                 self._perform(requesting(Stop()))
             finally:
-                self._in_use.release()
+                self._use.release()
 
     def close(self) -> None:
         """Stop the running action, end the thread and close the link. A second call does nothing.
@@ -323,14 +313,14 @@ class Scanner:
     # jobs
 
     def _answer(self, job: Job, expected: type[T]) -> T:
-        with self._using():
+        with self._use.action():
             answer = self._perform(job)
         if job.stop_wanted or not isinstance(answer, expected):
             raise DeviceError(f"{self.url}: was stopped before it answered; send the request again")
         return answer
 
     def _outcome(self, job: Job) -> Outcome:
-        with self._using():
+        with self._use.action():
             return Outcome(self._perform(job))
 
     def _perform(self, job: Job) -> Any:
@@ -347,7 +337,7 @@ class Scanner:
     def _begin(self, job: Job) -> Job:
         with self._changed:
             self._check_thread()
-            job.stop_wanted = self._stop_wanted  # between two actions of a sequence
+            job.stop_wanted = self._use.stop_wanted  # between two actions of a sequence
             self._session.start(job, self._now())
             if job.stop_wanted:
                 self._session.stop(job, self._now())  # ends the job at once if the device is lost
@@ -373,17 +363,6 @@ class Scanner:
                 self._wake()
             while not job.done and time.monotonic() < until and self._thread.is_alive():
                 self._changed.wait(_TICK)
-
-    @contextmanager
-    def _using(self) -> Iterator[None]:
-        with nullcontext() if self._sequence_of == threading.get_ident() else self.sequence():
-            if self._acting:
-                raise DeviceError(f"{self.url}: is busy; stop it or wait until it has finished")
-            self._acting = True
-            try:
-                yield
-            finally:
-                self._acting = False
 
     def _wait(self) -> None:
         """Wait until the session changes, at most _TICK."""
@@ -485,7 +464,7 @@ class Scanner:
 
     def _forward_stop(self) -> None:
         job = self._session.job
-        if self._stop_wanted and job is not None and not job.stop_wanted:
+        if self._use.stop_wanted and job is not None and not job.stop_wanted:
             self._session.stop(job, self._now())
 
 

@@ -1,17 +1,17 @@
 """A scanner made of a plug-in for a device that does not speak the wire protocol."""
 
 import math
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
 from sonarhw.errors import DeviceError, InputError, LinkError, NoAnswer, SonarError
 from sonarhw.host.device_info import DeviceInfo, PingSettings, ping_settings
+from sonarhw.host.exclusive_use import ExclusiveUse
 from sonarhw.host.recorder import Recorder
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection
 from sonarhw.link.link_statistics import LinkStatistics
@@ -54,10 +54,8 @@ class PluginScanner:
         self._epoch = time.time() - time.monotonic()
         self._frames = PluginFrames(plugin.identity, self._now())
         self._reader = PluginReader(plugin, self._now, reconnect)
-        self._stop_wanted = False
+        self._use = ExclusiveUse(plugin.url, at_end=lambda: self._finish(Outcome.STOPPED))
         self._closed = False
-        self._in_use = threading.Lock()
-        self._sequence_of: int | None = None  # the thread for which `_in_use` is held
         self._in_scan = False
         self._tracker: SweepTracker | None = None  # of the newest scan
         self._ready: list[Placed] = []  # readings of the scan that `home` has begun
@@ -150,10 +148,11 @@ class PluginScanner:
     ) -> PingSettings:
         """Set the speed of sound (m/s) of the readings, and the listening time (s). Later echoes are ignored.
 
-        By default, the speed of sound is that at 20 °C. `trace` has no effect.
+        By default, the speed of sound is that at 20 °C. `trace` has no effect. Raises DeviceError during a scan.
         """
         speed = ScanAir().speed_of_sound(None) if speed_of_sound is None else speed_of_sound
-        self._frames.configure(listen, blanking, speed, self._now())
+        with self._use.action():
+            self._frames.configure(listen, blanking, speed, self._now())
         return ping_settings(self._frames.settings)
 
     def home(self) -> Outcome:
@@ -161,10 +160,10 @@ class PluginScanner:
 
         Returns DONE, or STOPPED after `stop`. Raises what `scan` raises.
         """
-        with self._using():
+        with self._use.action():
             if not self._plugin.takes_orders:
                 self._wait_for_sweep()
-            return Outcome.STOPPED if self._stop_wanted else Outcome.DONE
+            return Outcome.STOPPED if self._use.stop_wanted else Outcome.DONE
 
     def turn(self, angle: float) -> Outcome:
         """Raise InputError."""
@@ -177,33 +176,24 @@ class PluginScanner:
         of `order`. Raises NoAnswer if no measurement arrives for 10 s, and LinkLost if the device does not come back.
         """
         order = order or _ONE_SWEEP
-        with self._using():
+        with self._use.action():
             completed = False
             try:
                 yield from self._ordered(order) if self._plugin.takes_orders else self._swept(order.sweeps)
-                completed = not self._stop_wanted
+                completed = not self._use.stop_wanted
             finally:
                 self._finish(Outcome.DONE if completed else Outcome.STOPPED)
 
-    @contextmanager
-    def sequence(self) -> Iterator[None]:
+    def sequence(self) -> AbstractContextManager[None]:
         """Combine the actions in a block: a `stop` during or between them also ends the later ones.
 
         Raises DeviceError while another thread uses the scanner.
         """
-        if not self._in_use.acquire(blocking=False):
-            raise DeviceError(f"{self.url}: is busy; stop it or wait until it has finished")
-        self._stop_wanted, self._sequence_of = False, threading.get_ident()
-        try:
-            yield
-        finally:
-            self._finish(Outcome.STOPPED)
-            self._sequence_of = None
-            self._in_use.release()
+        return self._use.sequence()
 
     def stop(self) -> None:
         """End the running scan. Any thread may call this. The scan keeps its readings."""
-        self._stop_wanted = True
+        self._use.stop_wanted = True
 
     def close(self) -> None:
         """Close the device. A second call does nothing."""
@@ -278,25 +268,22 @@ class PluginScanner:
     def _finish(self, outcome: Outcome) -> None:
         if self._in_scan:
             self._in_scan = False
-            self._frames.finish(outcome, self._now())
-            self._reader.end()
+            try:
+                self._frames.finish(outcome, self._now())
+            finally:
+                self._reader.end()
 
     def _next_measurement(self) -> Measurement | None:
         """Return the next measurement; None after `stop`. Records what has arrived."""
         while not self._pending:
-            arrival = self._reader.next(lambda: self._stop_wanted)
+            arrival = self._reader.next(lambda: self._use.stop_wanted)
             if arrival is None:
                 return None
             self._frames.received(arrival.data, arrival.time)
             if arrival.gap and self._tracker:
                 self._tracker.gap()
             self._pending.extend(replace(one, time=one.time or arrival.time) for one in arrival.measurements)
-        return None if self._stop_wanted else self._pending.popleft()
-
-    @contextmanager
-    def _using(self) -> Iterator[None]:
-        with nullcontext() if self._sequence_of == threading.get_ident() else self.sequence():
-            yield
+        return None if self._use.stop_wanted else self._pending.popleft()
 
     def _now(self) -> float:
         return self._epoch + time.monotonic()

@@ -1,11 +1,15 @@
 """A package that is installed beside this one adds devices to every command, by its entry points."""
 
+import errno
+import importlib
 import json
 import math
 import os
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -16,6 +20,8 @@ from sonarhw.log import read_log
 from sonarhw.plugins import plugin_list
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.plugins.plugin_scanner import PluginScanner
+from sonarhw.readings import Reading
+from sonarhw.wire.messages import Outcome
 from tests.checkout import CHECKOUT
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 
@@ -114,6 +120,71 @@ class Defective(DevicePlugin):
 
     def close(self) -> None:
         """Do nothing."""
+
+
+@pytest.fixture
+def range_box(monkeypatch: pytest.MonkeyPatch) -> Iterator[PluginScanner]:
+    """A scanner with the device of the example."""
+    monkeypatch.syspath_prepend(EXAMPLE)
+    with PluginScanner(importlib.import_module("rangebox").RangeBox("rangebox:2.5")) as scanner:
+        yield scanner
+
+
+def test_a_scan_refuses_other_actions(range_box: PluginScanner) -> None:
+    scan = range_box.scan()
+    next(scan)
+    for action in (range_box.home, range_box.configure, range_box.scan().__next__):
+        with pytest.raises(DeviceError, match="is busy"):
+            action()
+    assert len([*scan]) == 29
+    with range_box.sequence():
+        assert range_box.home() is Outcome.DONE
+        scan = range_box.scan()
+        next(scan)
+        with pytest.raises(DeviceError, match="is busy"):
+            range_box.home()
+
+
+class FullDisk:
+    """A recorder on a disk with room for some frames."""
+
+    def __init__(self, room: float) -> None:
+        self.room = room
+
+    def frame(self, from_device: bool, time: float, wire: bytes) -> None:
+        """Store a frame. Raises OSError if the disk is full."""
+        self.room -= 1
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    def reading(self, reading: Reading) -> None:
+        """Store a reading."""
+
+
+def scan_once(scanner: PluginScanner) -> None:
+    """Wait for a sweep and scan it."""
+    with scanner.sequence():
+        scanner.home()
+        list(scanner.scan())
+
+
+def begin_only(scanner: PluginScanner) -> None:
+    """Wait for a sweep. The end of the block ends the scan, which the recorder stores."""
+    with scanner.sequence():
+        scanner.home()
+
+
+@pytest.mark.parametrize(("use", "room"), [(scan_once, 0), (scan_once, 1), (scan_once, 4), (begin_only, 1)])
+def test_after_a_full_disk_a_scanner_is_free_again(
+    range_box: PluginScanner, use: Callable[[PluginScanner], None], room: int
+) -> None:
+    range_box.record(disk := FullDisk(math.inf))
+    disk.room = room
+    with pytest.raises(OSError, match="No space"):
+        use(range_box)
+    range_box.record(None)
+    with ThreadPoolExecutor(1) as other_thread:
+        assert other_thread.submit(lambda: len([*range_box.scan()])).result() == 30
 
 
 @pytest.mark.parametrize(
