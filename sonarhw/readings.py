@@ -97,6 +97,7 @@ class ScanOrder:
     headings: int
     sweeps: int = 1
     pings: int = 1  # at each heading
+    in_place: bool = False  # all pings at the present angle, without homing or turning; `start` is ignored
 
     @property
     def readings(self) -> int:
@@ -114,6 +115,11 @@ class ScanOrder:
         if sweep % 2:
             index = self.headings - 1 - index
         return sweep, self.start + self.step * index, ping
+
+
+def pings_in_place(count: int) -> ScanOrder:
+    """Return the order of `count` pings, 1 to 65 535, at the present angle. Each is a sweep of one heading."""
+    return ScanOrder(0.0, 1.0, headings=1, sweeps=count, in_place=True)
 
 
 def headings_between(start: float, stop: float, step: float) -> int:

@@ -49,6 +49,7 @@ from sonarhw.wire.messages import (
     ResetCause,
     SetBaud,
     Settings,
+    SetZero,
     Started,
     StartScan,
     State,
@@ -60,6 +61,7 @@ from sonarhw.wire.messages import (
     Turn,
     TurntableSettings,
     WhenBusy,
+    Zero,
 )
 
 BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dropped
@@ -166,9 +168,13 @@ class ProtocolDevice(ABC):
         return TurntableSettings(sequence, request.speed, request.acceleration, request.settle_us, request.approach)
 
     @property
-    def homed(self) -> bool:
-        """Whether the turntable is homed."""
-        return True
+    def zero(self) -> Zero:
+        """How the zero of the turntable is known."""
+        return Zero.MARK
+
+    def set_zero(self, now: float) -> None:
+        """Make the present angle the zero of the turntable. Raises RefusalError."""
+        raise RefusalError(Refusal.UNKNOWN, "this device has no turntable")
 
     @property
     def listening(self) -> bool:
@@ -295,7 +301,7 @@ class ProtocolDevice(ABC):
 
     def _send_heartbeat(self, now: float) -> None:
         state = self._running.state if self._running else State.IDLE
-        beat = Heartbeat(state, self.angle(now), self._made, self.temperature(), self.boot, int(self.homed))
+        beat = Heartbeat(state, self.angle(now), self._made, self.temperature(), self.boot, self.zero)
         self.line.send(beat, now)
         self._next_heartbeat = now + HEARTBEAT
 
@@ -383,6 +389,9 @@ class ProtocolDevice(ABC):
                 self.line.send(Accepted(sequence), now)
             case Resend():
                 self._resend(message, sequence, now)
+            case SetZero():
+                self.set_zero(now)
+                self.line.send(Accepted(sequence), now)
             case AskCapabilities():
                 self.line.send(self.capabilities(sequence), now)
             case AskStatistics():

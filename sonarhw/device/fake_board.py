@@ -31,6 +31,7 @@ from sonarhw.wire.messages import (
     TraceKind,
     Turn,
     TurntableSettings,
+    Zero,
 )
 from sonarhw.wire.origin import FAKE_FIRMWARE
 from sonarhw.wire.reading_messages import scan_order, trace_chunks
@@ -110,7 +111,7 @@ class FakeBoard(ProtocolDevice):
             trace_rate=board.trace_rate,
             microsteps=MICROSTEPS,
             boot=board.boot,
-            homed=int(self.homed),
+            homed=self.zero,
         )
 
     def capabilities(self, sequence: int) -> Capabilities:
@@ -141,9 +142,13 @@ class FakeBoard(ProtocolDevice):
         )
 
     @property
-    def homed(self) -> bool:
-        """Whether the turntable is homed."""
-        return self._turntable.homed
+    def zero(self) -> Zero:
+        """How the zero of the turntable is known."""
+        return self._turntable.zero
+
+    def set_zero(self, now: float) -> None:
+        """Make the present angle the zero of the turntable."""
+        self._turntable.set_zero(now)
 
     @property
     def listening(self) -> bool:
@@ -158,7 +163,7 @@ class FakeBoard(ProtocolDevice):
     def release(self, now: float) -> None:
         """Release the motor. The turntable can then be moved from outside, so it is no longer homed."""
         self._turntable.halt(now)
-        self._turntable.homed = False
+        self._turntable.zero = Zero.UNKNOWN
 
     def configure(self, request: Configure, sequence: int) -> Settings:
         """Apply ping settings within the limits of the board, and return those in force. Raises RefusalError."""
@@ -206,8 +211,13 @@ class FakeBoard(ProtocolDevice):
         """Return the number of readings of the whole scan, and the scan. Raises RefusalError at once."""
         if 0 in (order.step, order.headings, order.sweeps, order.pings):
             raise RefusalError(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings must not be 0")
-        self._check_angle(order.start)
-        self._check_angle(order.start + order.step * (order.headings - 1))
+        if order.in_place > 1 or (order.in_place and order.headings > 1):
+            raise RefusalError(Refusal.OUT_OF_RANGE, "in_place: expected 0, or 1 with one heading")
+        if order.in_place:
+            order = replace(order, start=self.angle(now))
+        else:
+            self._check_angle(order.start)
+            self._check_angle(order.start + order.step * (order.headings - 1))
         scan = scan_order(order)
         last = order.first + order.count if order.count else scan.readings
         return scan.readings, self._scan(scan, range(order.first, last), now)
@@ -232,7 +242,7 @@ class FakeBoard(ProtocolDevice):
         self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
 
     def _check_angle(self, microdegrees: int) -> None:
-        if not self._turntable.homed:
+        if self._turntable.zero is Zero.UNKNOWN:
             raise RefusalError(Refusal.NOT_HOMED, "the zero of the turntable is unknown; send Home first")
         if abs(microdegrees) > REACH:
             reach = REACH / 1e6
@@ -250,7 +260,7 @@ class FakeBoard(ProtocolDevice):
         if self._turntable.mark_misplaced(now):
             lost = round(abs(self._turntable.error(now)) * MICROSTEPS / math.tau)
             self._lost_steps += lost
-            self._turntable.homed = False
+            self._turntable.zero = Zero.UNKNOWN
             text = f"the zero mark is {lost} microsteps from its place; check what blocks the turntable"
             raise ActionError(text, Outcome.LOST_STEPS)
 
@@ -261,9 +271,11 @@ class FakeBoard(ProtocolDevice):
         listen = seconds_of(self._settings.listen_us)
         for number in numbers:
             sweep, angle, ping = scan.ping_at(number)
-            fire = max(self._turntable.turn(angle, now), self._next_ping)
+            arrival = now if scan.in_place else self._turntable.turn(angle, now)
+            fire = max(arrival, self._next_ping)
             yield fire
-            self._check_mark(fire)
+            if not scan.in_place:
+                self._check_mark(fire)
             # from the reported start of this ping, in whole µs; also applies to the first ping of the next scan
             self._next_ping = round(fire, 6) + PING_PERIOD
             now = fire + listen
@@ -273,7 +285,7 @@ class FakeBoard(ProtocolDevice):
             self._report_ping(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
-        result = self._echoes.receive(replace(ping, angle=ping.angle + self._turntable.error(fired)))
+        result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))
         blanking = seconds_of(self._settings.blanking_us)
         times = [time for time in result.echo_times if blanking <= time <= ping.listen]
         echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]

@@ -6,6 +6,8 @@ homes directly, in the direction that unwinds the cable. It homes at twice the s
 
 import math
 
+from sonarhw.wire.messages import Zero
+
 SPEED = math.pi  # rad/s
 HOMING_SPEED = 2 * SPEED
 SETTLING = 0.020  # s after a move
@@ -20,7 +22,7 @@ class Turntable:
 
     def __init__(self, initial_angle: float) -> None:
         """`initial_angle` is the true angle at power-on, rad. The turntable does not report it."""
-        self.homed = False
+        self.zero = Zero.UNKNOWN
         self.speed = SPEED  # rad/s
         self.settling = SETTLING
         self._from = self._to = initial_angle
@@ -30,20 +32,25 @@ class Turntable:
 
     def angle(self, now: float) -> float:
         """Return the reported angle, rad from the zero mark; 0 before it is homed."""
-        return self._position(now) if self.homed else 0.0
+        return 0.0 if self.zero is Zero.UNKNOWN else self._position(now)
 
     def home(self, now: float) -> float:
         """Turn to the zero mark, and return the time of arrival, s. Then call `confirm_home`."""
-        self.homed = False
+        self.zero = Zero.UNKNOWN
+        self._count_from(self.true_angle(now), now)
         return self._move(0.0, now, HOMING_SPEED) + SETTLING
 
     def confirm_home(self, now: float) -> bool:
         """Return whether the zero mark is reached. If so, the table is homed and its angle is 0."""
         self._release_if_due(now)
-        self.homed = self._stuck is None
-        if self.homed:
-            self._slipped = 0.0
-        return self.homed
+        if self._stuck is None:
+            self.zero, self._slipped = Zero.MARK, 0.0
+        return self.zero is Zero.MARK
+
+    def set_zero(self, now: float) -> None:
+        """Call the present angle 0, without moving."""
+        self._count_from(0.0, now)
+        self.zero = Zero.HAND
 
     def turn(self, angle: float, now: float) -> float:
         """Turn to `angle`, and return the time when the table has settled there, s."""
@@ -61,8 +68,18 @@ class Turntable:
         self._release_if_due(now)
         return self._slipped if self._stuck is None else self._stuck[0] - self._position(now)
 
+    def true_angle(self, now: float) -> float:
+        """Return the true angle, rad."""
+        error = self.error(now)
+        return self._position(now) + error
+
     def mark_misplaced(self, now: float) -> bool:
-        """Return whether the last move passed the mark, or should have passed it, at a wrong angle."""
+        """Return whether the last move passed the mark, or should have passed it, at a wrong angle.
+
+        A zero that was set by hand is not checked.
+        """
+        if self.zero is Zero.HAND:
+            return False
         error = self.error(now)
         counted = self._from, self._to
         true = self._from + error, self._to + error
@@ -75,6 +92,12 @@ class Turntable:
     def wedge(self, now: float, until: float) -> None:
         """Block the table until that time. It counts the steps that it misses."""
         self._stuck = self._position(now) + self.error(now), until
+
+    def _count_from(self, angle: float, now: float) -> None:
+        """Count on from `angle`, rad, at the present position."""
+        self._slipped = self.true_angle(now) - angle
+        self._from = self._to = angle
+        self._start = self._arrival = now
 
     def _release_if_due(self, now: float) -> None:
         if self._stuck is not None and now >= self._stuck[1]:

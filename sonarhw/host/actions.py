@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from sonarhw.errors import LostSteps, NoAnswer
+from sonarhw.errors import DeviceError, LostSteps, NoAnswer
 from sonarhw.host.conversation import Conversation, broken_protocol
 from sonarhw.host.job import Job, Script
 from sonarhw.lost_steps import MARK_APPROACH, MARK_OVERRUN, lost_steps_clause, nearest_mark, unverified_clause
@@ -18,8 +18,10 @@ from sonarhw.wire.messages import (
     Message,
     Outcome,
     Settings,
+    SetZero,
     StartScan,
     Turn,
+    Zero,
 )
 from sonarhw.wire.reading_messages import scan_order
 from sonarhw.wire.reading_rules import broken_settings_rule
@@ -51,6 +53,11 @@ def homing() -> Job:
     return Job(home)
 
 
+def zeroing() -> Job:
+    """Return the job that makes the present angle the zero. Its result is an Outcome."""
+    return Job(lambda talk, _: _set_zero(talk))
+
+
 def turning(message: Turn) -> Job:
     """Return the job that turns the turntable, and homes it first if needed. Its result is an Outcome."""
     return Job(lambda talk, job: _turn(talk, message, job))
@@ -58,7 +65,12 @@ def turning(message: Turn) -> Job:
 
 def scanning(order: StartScan) -> Job:
     """Return the job that scans, and homes first if needed. It collects `readings`; its result is an Outcome."""
-    return Job(lambda talk, job: _scan(talk, order, job), readings=order.headings * order.sweeps * order.pings)
+    script = _ping_in_place if order.in_place else _scan
+    return Job(
+        lambda talk, job: script(talk, order, job),
+        readings=order.headings * order.sweeps * order.pings,
+        moves=not order.in_place,
+    )
 
 
 # the scripts of the jobs
@@ -66,12 +78,27 @@ def scanning(order: StartScan) -> Job:
 
 def home(talk: Conversation, job: Job | None) -> Script[Outcome]:
     """Home the turntable."""
-    talk.device.homed = False
+    talk.device.zero = Zero.UNKNOWN
     if job:
         job.note_homing()
     outcome = yield from talk.act(Home(), job)
-    talk.device.homed = outcome is Outcome.DONE
+    talk.device.zero = Zero.MARK if outcome is Outcome.DONE else Zero.UNKNOWN
     return outcome
+
+
+def _set_zero(talk: Conversation) -> Script[Outcome]:
+    _require_minor(talk, 2, "a zero that is set by hand")
+    yield from talk.request(SetZero())
+    talk.device.zero = Zero.HAND
+    return Outcome.DONE
+
+
+def _require_minor(talk: Conversation, minor: int, needs: str) -> None:
+    """Raise DeviceError if the protocol of the device is older than 1.`minor`."""
+    info = talk.device.info
+    if info is None or info.minor < minor:
+        has = "an unknown protocol" if info is None else f"protocol {info.major}.{info.minor}"
+        raise DeviceError(f"{talk.device.where}: its firmware uses {has}, {needs} needs 1.{minor}; update its firmware")
 
 
 def _configure(talk: Conversation, request: Configure) -> Script[Settings]:
@@ -96,16 +123,15 @@ def _configure_turntable(talk: Conversation, request: ConfigureTurntable) -> Scr
 
 
 def _turn(talk: Conversation, message: Turn, job: Job) -> Script[Outcome]:
-    if not talk.device.homed and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
+    if talk.device.zero is Zero.UNKNOWN and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
         return outcome
     return (yield from talk.act(message, job))
 
 
 def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
     """Scan, then verify the zero mark. Raises LostSteps, after all readings have been received."""
-    if talk.device.configured is None:
-        yield from _configure(talk, _default_settings(talk.device.info))
-    if not talk.device.homed and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
+    yield from _configure_if_new(talk)
+    if talk.device.zero is Zero.UNKNOWN and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
         return outcome
     try:
         outcome = yield from _make_readings(talk, order, job)
@@ -115,6 +141,18 @@ def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
         raise _with_wrong_angles(error, job.angles_between_homings()) from error
     job.unverified_angles = unverified_clause(job.angles_between_homings())
     return outcome
+
+
+def _ping_in_place(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
+    """Make pings at the present angle."""
+    _require_minor(talk, 2, "a ping without homing")
+    yield from _configure_if_new(talk)
+    return (yield from _make_readings(talk, order, job))
+
+
+def _configure_if_new(talk: Conversation) -> Script[None]:
+    if talk.device.configured is None:
+        yield from _configure(talk, _default_settings(talk.device.info))
 
 
 def _make_readings(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
@@ -146,7 +184,7 @@ def _part(talk: Conversation, order: StartScan, missing: tuple[int, int], job: J
 def _verify_mark(talk: Conversation, order: StartScan, job: Job) -> Script[None]:
     """Turn over the nearest zero mark, so that the device reports steps lost since its last check of the mark."""
     capabilities = talk.device.capabilities
-    if capabilities is None or not capabilities.features & Feature.LOST_STEPS:
+    if capabilities is None or not capabilities.features & Feature.LOST_STEPS or talk.device.zero is Zero.HAND:
         return
     before = MARK_APPROACH + radians_of(capabilities.backlash)
     lowest, highest = (

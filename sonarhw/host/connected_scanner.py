@@ -69,8 +69,8 @@ class ConnectedScanner(Protocol):
     def configure(self, listen: float, blanking: float, trace: bool, speed_of_sound: float | None) -> PingSettings:
         """Set the parameters of the next pings."""
 
-    def home(self) -> Outcome:
-        """Home the turntable, or wait for the start of a sweep."""
+    def home(self, here: bool = False) -> Outcome:
+        """Home the turntable, set its zero by hand, or wait for the start of a sweep."""
 
     def turn(self, angle: float) -> Outcome:
         """Turn to `angle`, rad."""

@@ -24,6 +24,7 @@ from sonarhw.wire.messages import (
     Settings,
     Started,
     Stop,
+    Zero,
 )
 
 MOVE_WITHIN = 120.0  # s; limit for a Home or a Turn
@@ -42,7 +43,7 @@ class KnownDevice:
     settings: Settings | None = None  # in force
     configured: Configure | None = None  # sent again in the next conversation
     turntable: ConfigureTurntable | None = None  # sent again in the next conversation
-    homed: bool = False
+    zero: Zero = Zero.UNKNOWN
 
 
 class Conversation:
@@ -154,7 +155,7 @@ class Conversation:
         if finished is None or finished.outcome in (Outcome.DONE, Outcome.STOPPED):
             return Outcome.STOPPED if finished is None else Outcome(finished.outcome)
         if finished.outcome == Outcome.LOST_STEPS:
-            self.device.homed = False
+            self.device.zero = Zero.UNKNOWN
             raise LostSteps(f"{where}: {finished.text or 'steps were lost'}")
         raise DeviceError(f"{where}: {command.name} failed: {finished.text or 'the board gave no reason'}")
 

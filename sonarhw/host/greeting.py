@@ -3,7 +3,7 @@
 import itertools
 import random
 
-from sonarhw.errors import Incompatible, LinkBusy, NoAnswer, WrongDevice
+from sonarhw.errors import DeviceError, Incompatible, LinkBusy, NoAnswer, WrongDevice
 from sonarhw.host.actions import home
 from sonarhw.host.conversation import Conversation, settled
 from sonarhw.host.job import Job, Script, Wait
@@ -18,6 +18,7 @@ from sonarhw.wire.messages import (
     SetBaud,
     Settings,
     TestLink,
+    Zero,
 )
 
 # a device uses the first after a reset, the second with protocol 1.0, and any of them after an earlier conversation
@@ -74,11 +75,28 @@ def prepare(talk: Conversation, job: Job | None) -> Script[None]:
         yield from talk.request(device.turntable)
     if device.configured:
         device.settings = yield from talk.request_typed(device.configured, Settings)
-    kept_zero = info.minor >= 1 and bool(info.homed) and (known is None or info.boot == known.boot)
+    zero = _kept_zero(info, known)
     if known is None:
-        device.homed = kept_zero
-    elif device.homed and not kept_zero:
-        yield from home(talk, job)
+        device.zero = zero
+    elif device.zero is not Zero.UNKNOWN and zero is Zero.UNKNOWN:
+        yield from _restore_zero(talk, job)
+
+
+def _kept_zero(info: Info, known: Info | None) -> Zero:
+    if info.minor < 1 or not info.homed or (known is not None and info.boot != known.boot):
+        return Zero.UNKNOWN
+    return Zero.HAND if info.homed == Zero.HAND else Zero.MARK
+
+
+def _restore_zero(talk: Conversation, job: Job | None) -> Script[None]:
+    """Home, unless the zero was set by hand or the job does not turn."""
+    device = talk.device
+    lost, device.zero = device.zero, Zero.UNKNOWN
+    if job is not None and not job.moves:
+        return
+    if lost is Zero.HAND:
+        raise DeviceError(f"{device.where}: lost the zero that was set by hand; put the table there and start again")
+    yield from home(talk, job)
 
 
 def _request_capabilities(talk: Conversation) -> Script[None]:

@@ -36,12 +36,13 @@ Script: TypeAlias = Generator[Wait, None, T]
 class Job:
     """A job of the device. When it is `done`, it has a `result` or an `error`."""
 
-    def __init__(self, script: "Callable[[Any, Job], Script[Any]]", readings: int = 0) -> None:
+    def __init__(self, script: "Callable[[Any, Job], Script[Any]]", readings: int = 0, moves: bool = True) -> None:
         """`script` creates the script from a `Conversation`, again after each loss of the device.
 
-        `readings` is the number of readings in a scan.
+        `readings` is the number of readings in a scan. `moves` is False if the turntable must not home for this job.
         """
         self.script = script
+        self.moves = moves
         self.since = 0.0
         self.moving = False  # whether the device homes, turns or scans for this job
         self.command: Command | None = None  # the newest Home, Turn or StartScan

@@ -19,7 +19,7 @@ from contextlib import AbstractContextManager, suppress
 from typing import Any, TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
-from sonarhw.host.actions import configuring, configuring_turntable, homing, requesting, scanning, turning
+from sonarhw.host.actions import configuring, configuring_turntable, homing, requesting, scanning, turning, zeroing
 from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
 from sonarhw.host.exclusive_use import ExclusiveUse
 from sonarhw.host.job import Job
@@ -245,12 +245,12 @@ class Scanner:
         """Return the counters of the device since it started. Raises CommandRefused if its firmware is too old."""
         return self._answer(requesting(AskStatistics()), Statistics)
 
-    def home(self) -> Outcome:
-        """Home the turntable. Returns DONE, or STOPPED after `stop`.
+    def home(self, here: bool = False) -> Outcome:
+        """Home the turntable, or with `here` make its present angle the zero. Returns DONE, or STOPPED after `stop`.
 
-        Raises DeviceError if homing fails, CommandRefused, NoAnswer, LinkLost.
+        Raises DeviceError if homing fails or the firmware is too old for `here`, CommandRefused, NoAnswer, LinkLost.
         """
-        return self._outcome(homing())
+        return self._outcome(zeroing() if here else homing())
 
     def turn(self, angle: float) -> Outcome:
         """Turn to `angle`, rad, and home first if needed. Returns and raises what `home` does."""

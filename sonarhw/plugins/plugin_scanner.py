@@ -155,11 +155,13 @@ class PluginScanner:
             self._frames.configure(listen, blanking, speed, self._now())
         return ping_settings(self._frames.settings)
 
-    def home(self) -> Outcome:
+    def home(self, here: bool = False) -> Outcome:
         """Wait for the start of a sweep, where a scan in the same `sequence` begins.
 
-        Returns DONE, or STOPPED after `stop`. Raises what `scan` raises.
+        Returns DONE, or STOPPED after `stop`. Raises what `scan` raises, and InputError for `here`.
         """
+        if here:
+            raise InputError(f"{self.url}: the zero of this device cannot be set by a command")
         with self._use.action():
             if not self._plugin.takes_orders:
                 self._wait_for_sweep()

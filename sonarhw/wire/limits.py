@@ -4,7 +4,7 @@
 """
 
 PROTOCOL_MAJOR = 1
-PROTOCOL_MINOR = 1
+PROTOCOL_MINOR = 2
 
 # sizes
 FIRST_BAUD = 250_000  # baud rate after every start of a device; exact with a clock of 16 MHz

@@ -1,10 +1,10 @@
 """Definitions of all messages of the wire protocol. Code, document and tests are derived from them.
 
 A message is a frozen dataclass. The metadata of each field describes its encoding. `pack` and `unpack` process the
-fields in order, little-endian, without padding. A field with a default was added in version 1.1. Senders of version 1.0
-omit it, and receivers of version 1.0 ignore it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` contain every message that is
-defined here. `firmware/generate.py` writes the C structures from this file, and `firmware/protocol_tables.py` writes
-the tables of firmware_protocol.md.
+fields in order, little-endian, without padding. A field with a default was added after version 1.0. Senders of older
+versions omit it, and receivers of older versions ignore it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` contain every
+message that is defined here. `firmware/generate.py` writes the C structures from this file, and
+`firmware/protocol_tables.py` writes the tables of firmware_protocol.md.
 """
 
 from dataclasses import MISSING, dataclass, field, fields
@@ -17,12 +17,21 @@ from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MINOR
 
 
 def _on_wire(wire: Wire, meaning: str) -> Any:
-    return field(metadata={"wire": wire, "meaning": meaning})
+    return field(metadata={"wire": wire, "meaning": meaning, "since": 0})
 
 
 def _since_1_1(wire: Wire, meaning: str, default: int) -> Any:
-    """A field that senders of version 1.0 omit; receivers then use `default`."""
-    return field(default=default, metadata={"wire": wire, "meaning": f"{meaning} · 1.1, else {default}"})
+    return _since(1, wire, meaning, default)
+
+
+def _since_1_2(wire: Wire, meaning: str, default: int) -> Any:
+    return _since(2, wire, meaning, default)
+
+
+def _since(minor: int, wire: Wire, meaning: str, default: int) -> Any:
+    """A field that senders of versions below 1.`minor` omit; receivers then use `default`."""
+    meaning = f"{meaning} · 1.{minor}, else {default}"
+    return field(default=default, metadata={"wire": wire, "meaning": meaning, "since": minor})
 
 
 BY_TYPE: "dict[int, type[Message]]" = {}
@@ -40,7 +49,7 @@ class Message:
 
     def pack(self, minor: int = PROTOCOL_MINOR) -> bytes:
         """Return the payload for version 1.`minor`. Raises MessageError if a value does not fit its field."""
-        sent = (item for item in fields(self) if minor >= 1 or item.default is MISSING)
+        sent = (item for item in fields(self) if minor >= item.metadata["since"])
         return b"".join(item.metadata["wire"].pack(getattr(self, item.name)) for item in sent)
 
     @classmethod
@@ -127,6 +136,14 @@ class TraceKind(IntEnum):
     NONE = 0
     ENVELOPE = 1
     CARRIER = 2
+
+
+class Zero(IntEnum):
+    """How the zero of the turntable is known."""
+
+    UNKNOWN = 0
+    MARK = 1
+    HAND = 2
 
 
 class Approach(IntEnum):
@@ -218,6 +235,7 @@ class StartScan(ActionMessage):
     pings: int = _on_wire(U8, "number of pings at each heading, at least 1")
     first: int = _since_1_1(U32, "number of the first reading to make; earlier readings are skipped", 0)
     count: int = _since_1_1(U32, "number of readings to make; 0: all from `first` to the end", 0)
+    in_place: int = _since_1_2(U8, "1: ping at the present angle; `start` is ignored, `headings` is 1", 0)
 
 
 @dataclass(frozen=True)
@@ -287,6 +305,15 @@ class TestLink(CommandMessage):
     data: bytes = _on_wire(Samples(), "pattern to repeat, 1 to 64 bytes")
 
 
+@dataclass(frozen=True)
+class SetZero(CommandMessage):
+    """Make the present angle the zero of the turntable, without moving. Answer: Accepted."""
+
+    TYPE = 0x0D
+    SINCE = 2
+    WHEN_BUSY = WhenBusy.REFUSED
+
+
 # device to host
 
 
@@ -305,7 +332,7 @@ class Info(AnswerMessage):
     trace_rate: int = _on_wire(U32, "sample rate of traces, Hz; 0: no traces")
     microsteps: int = _on_wire(U32, "microsteps per turn of the table")
     boot: int = _since_1_1(U32, "how many times the device has started; 0: not counted", 0)
-    homed: int = _since_1_1(U8, "1: the zero of the turntable is known; 0: it is not", 0)
+    homed: int = _since_1_1(U8, "zero code: how the zero of the turntable is known", 0)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,12 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
 def scan_order(message: StartScan) -> ScanOrder:
     """Return the whole scan of which `message` requests all or a part."""
     return ScanOrder(
-        radians_of(message.start), radians_of(message.step), message.headings, message.sweeps, message.pings
+        radians_of(message.start),
+        radians_of(message.step),
+        message.headings,
+        message.sweeps,
+        message.pings,
+        bool(message.in_place),
     )
 
 
@@ -57,4 +62,5 @@ def start_scan(order: ScanOrder) -> StartScan:
         headings=order.headings,
         sweeps=order.sweeps,
         pings=order.pings,
+        in_place=int(order.in_place),
     )

@@ -56,7 +56,7 @@ def _broken_place(reading: ReadingMessage, order: StartScan, microsteps: int) ->
     if (reading.sweep, reading.ping) != (sweep, ping):
         return f"sweep {reading.sweep}, ping {reading.ping}; its number means sweep {sweep}, ping {ping}"
     angle = order.start + order.step * (order.headings - 1 - index if sweep % 2 else index)
-    if abs(reading.angle - angle) > _TURN / (microsteps or _COARSEST):
+    if not order.in_place and abs(reading.angle - angle) > _TURN / (microsteps or _COARSEST):
         return f"angle {reading.angle / 1e6:g} degrees; its number means {angle / 1e6:g} degrees"
     return None
 

@@ -28,6 +28,7 @@ from sonarhw.wire.messages import (
     Refused,
     Resend,
     Settings,
+    SetZero,
     Started,
     StartScan,
     State,
@@ -35,12 +36,14 @@ from sonarhw.wire.messages import (
     Stop,
     TestLink,
     Turn,
+    Zero,
 )
 from sonarhw.wire.units import NO_TEMPERATURE
 from tests.contract.talk import Talk, readings
 
 pytestmark = pytest.mark.one_line
 DEGREE = 1_000_000  # µdeg
+NOISE = 20_000  # ns; of the time of an echo. At 10° it is 76 µs earlier than at 0°
 TEN = StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=5, sweeps=2, pings=1)
 LONG = StartScan(start=0, step=DEGREE, headings=90, sweeps=4, pings=1)
 
@@ -126,6 +129,8 @@ def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
         Resend(0, 65),
         TestLink(481, b"x"),
         TestLink(1, b""),
+        StartScan(0, 1, 2, 1, 1, in_place=1),
+        StartScan(0, 1, 1, 1, 1, in_place=2),
     ],
     ids=short,
 )
@@ -232,6 +237,57 @@ def test_after_a_stopped_homing_the_zero_is_unknown(talk: Talk) -> None:
     assert isinstance(refused, Refused)
     assert refused.code == Refusal.NOT_HOMED
     assert isinstance(talk.answer(TEN), Refused)
+
+
+# without homing
+
+
+def forget_zero(talk: Talk) -> None:
+    """Let the device forget its zero."""
+    talk.answers(Home(), Stop())
+
+
+def heartbeat(talk: Talk) -> Heartbeat:
+    """Return the next heartbeat."""
+    *_, beat = talk.until(ends_with_heartbeat, len(talk.received))
+    assert isinstance(beat, Heartbeat)
+    return beat
+
+
+def test_pings_in_place_need_no_zero_and_turn_nothing(talk: Talk) -> None:
+    settings = talk.home()
+    talk.act(Turn(10 * DEGREE))
+    here = StartScan(0, DEGREE, 1, sweeps=3, pings=2, in_place=1)
+    (at_ten,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
+    for zero, angle in (Zero.MARK, 10 * DEGREE), (Zero.UNKNOWN, 0):
+        if zero is Zero.UNKNOWN:
+            forget_zero(talk)
+        assert (heartbeat(talk).homed, heartbeat(talk).angle) == (zero, angle)
+        started, messages, finished = talk.act(here)
+        assert isinstance(started, Started)
+        made = readings(messages)
+        assert [(one.number, one.sweep, one.ping, one.angle) for one in made] == [
+            (number, number // 2, number % 2, angle) for number in range(6)
+        ]
+        assert all(settings.blanking_us <= echo / 1000 <= settings.listen_us for one in made for echo in one.echoes)
+        if zero is Zero.MARK:
+            assert all(one.echoes[0] == pytest.approx(at_ten.echoes[0], abs=NOISE) for one in made)
+        assert finished.outcome == Outcome.DONE
+        assert heartbeat(talk).homed == zero
+
+
+def test_a_zero_set_by_hand_is_the_present_angle_until_the_next_home(talk: Talk) -> None:
+    talk.home()
+    talk.act(Turn(10 * DEGREE))
+    (there,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
+    assert isinstance(talk.answer(SetZero()), Accepted)
+    assert (heartbeat(talk).homed, heartbeat(talk).angle) == (Zero.HAND, 0)
+    (here,) = readings(talk.act(StartScan(0, DEGREE, 1, 1, 1))[1])
+    assert here.echoes[0] == pytest.approx(there.echoes[0], abs=NOISE)
+    talk.home()
+    assert heartbeat(talk).homed == Zero.MARK
+    (there_again,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
+    assert there_again.echoes[0] == pytest.approx(there.echoes[0], abs=NOISE)
 
 
 # scanning

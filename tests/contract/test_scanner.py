@@ -10,7 +10,7 @@ import pytest
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.log import LogWriter, read_log
-from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
 from sonarhw.wire.messages import Outcome, StartScan
 from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
@@ -64,6 +64,25 @@ def test_a_scan_anywhere_ends_at_a_zero_mark_in_the_expected_place(free_url: str
             order = replace(sector(360 * turns - 8, 360 * turns + 9, 8), sweeps=2)
             assert_complete(list(scanner.scan(order)), order)
         assert scanner.device_statistics().lost_steps == before
+
+
+def test_pings_in_place_leave_the_turntable_as_it_is(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        scanner.turn(0.1)
+        readings = list(scanner.scan(pings_in_place(3)))
+        assert [reading.angle for reading in readings] == pytest.approx([0.1] * 3, abs=MICROSTEP)
+        assert [reading.sweep for reading in readings] == [0, 1, 2]
+
+
+def test_a_scan_from_a_zero_set_by_hand_does_not_home(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        scanner.turn(math.radians(10))
+        (at_ten,) = scanner.scan(pings_in_place(1))
+        assert scanner.home(here=True) is Outcome.DONE
+        first, *others = scanner.scan(sector(0, 30, 10))
+        assert first.angle == 0
+        assert first.echo_times[0] == pytest.approx(at_ten.echo_times[0], abs=20e-6)
+        assert len(others) == 2
 
 
 def test_stop_from_another_thread_ends_a_scan_and_keeps_its_readings(free_url: str) -> None:

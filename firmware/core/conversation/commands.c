@@ -38,6 +38,7 @@ static bool read_start_scan(struct start_scan *to, struct payload *from)
     to->pings = get_u8(from);
     to->first = more(from) ? get_u32(from) : 0;
     to->count = more(from) ? get_u32(from) : 0;
+    to->in_place = more(from) ? get_u8(from) : 0;
     return from->whole;
 }
 
@@ -103,6 +104,7 @@ enum command_reading command_read(const struct command_frame *frame, union comma
     case STOP:
     case ASK_CAPABILITIES:
     case ASK_STATISTICS:
+    case SET_ZERO:
         break;
     default:
         return COMMAND_UNKNOWN;
@@ -148,6 +150,9 @@ void command_handle(const struct command_frame *frame, const union command *comm
         break;
     case TEST_LINK:
         on_test_link(frame, &command->test_link);
+        break;
+    case SET_ZERO:
+        on_set_zero(frame);
         break;
     }
 }

@@ -37,5 +37,6 @@ void on_configure_turntable(const struct command_frame *frame, const struct conf
 void on_ask_statistics(const struct command_frame *frame);
 void on_set_baud(const struct command_frame *frame, const struct set_baud *command);
 void on_test_link(const struct command_frame *frame, const struct test_link *command);
+void on_set_zero(const struct command_frame *frame);
 
 #endif

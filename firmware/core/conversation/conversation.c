@@ -92,7 +92,7 @@ static void send_next(uint64_t now_us)
         .readings = kept_end(),
         .temperature = thermometer(),
         .boot = boot_count(),
-        .homed = turntable_homed(),
+        .homed = turntable_zero(),
     });
 }
 

@@ -11,7 +11,7 @@
 #include "outbox.h" // outbox_finish
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_info
-#include "turntable.h" // turntable_homed
+#include "turntable.h" // turntable_zero
 
 void on_hello(const struct command_frame *frame, const struct hello *hello)
 {
@@ -30,7 +30,7 @@ void on_hello(const struct command_frame *frame, const struct hello *hello)
         .trace_rate = TRACE_RATE,
         .microsteps = MICROSTEPS,
         .boot = boot_count(),
-        .homed = turntable_homed(),
+        .homed = turntable_zero(),
     });
 }
 

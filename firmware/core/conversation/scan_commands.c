@@ -91,7 +91,9 @@ void on_start_scan(const struct command_frame *frame, const struct start_scan *o
         return;
     if (!order->step || !order->headings || !order->sweeps || !order->pings)
         answer_out_of_range(frame, FLASH_TEXT("step, headings, sweeps and pings must not be 0"));
-    else if (refused_angle(frame, order->start) || refused_angle(frame, scan_end(order)))
+    else if (order->in_place > 1 || (order->in_place && order->headings > 1))
+        answer_out_of_range(frame, FLASH_TEXT("in_place: expected 0, or 1 with one heading"));
+    else if (!order->in_place && (refused_angle(frame, order->start) || refused_angle(frame, scan_end(order))))
         return;
     else if (scan_readings(order) > MOST_READINGS)
         answer_out_of_range(frame, FLASH_TEXT("too many readings; expected at most 4294967295"));

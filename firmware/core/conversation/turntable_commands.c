@@ -1,8 +1,8 @@
-/* Commands of the turntable: Home, Turn, ConfigureTurntable. */
+/* Commands of the turntable: Home, SetZero, Turn, ConfigureTurntable. */
 #include "commands.h"
 
 #include "action.h" // action_home, action_turn
-#include "answers.h" // answer_out_of_range
+#include "answers.h" // answer_accepted
 #include "board_facts.h" // SPEED
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_turntable_settings
@@ -12,6 +12,14 @@ void on_home(const struct command_frame *frame)
 {
     if (!refused_while_busy(frame))
         action_home(frame);
+}
+
+void on_set_zero(const struct command_frame *frame)
+{
+    if (refused_while_busy(frame))
+        return;
+    turntable_set_zero();
+    answer_accepted(frame);
 }
 
 void on_turn(const struct command_frame *frame, const struct turn *order)

@@ -25,7 +25,7 @@ static struct {
     enum leg leg;
     enum order order; // starts as soon as the table is at rest
     enum turntable_trouble trouble;
-    bool homed;
+    enum zero zero;
     bool proven; // a Home has succeeded since the start, so the switches and the motor are wired correctly
     int32_t target; // steps
     int32_t awaited; // next expected position of the mark, steps
@@ -67,7 +67,8 @@ void turntable_reset(void)
     table.leg = STILL;
     table.trouble = TROUBLE_NONE;
     table.order = NOTHING;
-    table.homed = table.proven = false;
+    table.zero = ZERO_UNKNOWN;
+    table.proven = false;
     table.lost = 0;
     position = 0;
     turntable_set_manner((struct turntable_manner){0, 0, SETTLING_US, APPROACH_COUNTER_CLOCKWISE});
@@ -88,7 +89,9 @@ void turntable_set_manner(struct turntable_manner request)
 
 struct turntable_manner turntable_manner(void) { return table.manner; }
 
-bool turntable_homed(void) { return table.homed; }
+enum zero turntable_zero(void) { return table.zero; }
+
+bool turntable_homed(void) { return table.zero != ZERO_UNKNOWN; }
 
 static int32_t steps_of(int32_t microdegrees)
 {
@@ -98,7 +101,7 @@ static int32_t steps_of(int32_t microdegrees)
 
 static int32_t microdegrees_of(int32_t steps) { return (int32_t)((int64_t)steps * TURN_MICRODEGREES / MICROSTEPS); }
 
-int32_t turntable_microdegrees(void) { return table.homed ? microdegrees_of(position_now()) : 0; }
+int32_t turntable_microdegrees(void) { return turntable_homed() ? microdegrees_of(position_now()) : 0; }
 
 int32_t turntable_nearest(int32_t microdegrees) { return microdegrees_of(steps_of(microdegrees)); }
 
@@ -160,7 +163,7 @@ static bool approach(void)
 static void give_up(enum turntable_trouble trouble)
 {
     table.trouble = trouble;
-    table.homed = false;
+    table.zero = ZERO_UNKNOWN;
     table.leg = HALTING;
     stop();
 }
@@ -201,7 +204,7 @@ static void take(enum order order)
 
 void turntable_home(void)
 {
-    table.homed = false;
+    table.zero = ZERO_UNKNOWN;
     take(HOMING);
 }
 
@@ -209,6 +212,17 @@ void turntable_turn(int32_t microdegrees)
 {
     table.target = steps_of(microdegrees);
     take(TURNING);
+}
+
+void turntable_stay(void) { take(NOTHING); }
+
+void turntable_set_zero(void)
+{
+    interrupts_off();
+    position = 0;
+    interrupts_on();
+    table.zero = ZERO_HAND;
+    table.awaited = MICROSTEPS;
 }
 
 void turntable_halt(void)
@@ -224,7 +238,7 @@ void turntable_release(void)
 {
     turntable_halt();
     motor_release();
-    table.homed = false;
+    table.zero = ZERO_UNKNOWN;
 }
 
 // Back over the edge of the cam to the mark. A table that turns the wrong way finds the mark, too, but further away.
@@ -242,7 +256,8 @@ static void set_zero(void)
     ramp_halt(&ramp);
     interrupts_on();
     mark_passed = false;
-    table.homed = table.proven = true;
+    table.zero = ZERO_MARK;
+    table.proven = true;
     table.awaited = MICROSTEPS;
     table.target = 0;
     // the table first slows down, then returns to zero
@@ -295,7 +310,7 @@ static void watch(void)
         stop();
     else if (table.leg == CREEPING && mark_passed)
         take_mark();
-    else if (table.homed)
+    else if (table.zero == ZERO_MARK)
         check_mark();
 }
 

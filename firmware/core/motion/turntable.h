@@ -9,6 +9,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "messages.h" // enum zero
+
 enum turntable_trouble {
     TROUBLE_NONE,
     TROUBLE_NO_MARK, // the cam changed, but no mark came
@@ -29,12 +31,15 @@ void turntable_reset(void);
 // Set speed, acceleration, settling and approach. 0 selects the default; values out of range are limited.
 void turntable_set_manner(struct turntable_manner request);
 struct turntable_manner turntable_manner(void);
-bool turntable_homed(void);
+enum zero turntable_zero(void);
+bool turntable_homed(void); // whether the zero is known
 int32_t turntable_microdegrees(void); // 0 before it is homed
 bool turntable_reaches(int64_t microdegrees);
 int32_t turntable_nearest(int32_t microdegrees); // angle of the nearest microstep
 
 void turntable_home(void);
+void turntable_stay(void); // end a halt, and clear the trouble of the last movement
+void turntable_set_zero(void); // here; the mark is not checked until the next Home
 void turntable_turn(int32_t microdegrees); // to the nearest microstep; must be homed and within reach
 void turntable_halt(void); // as soon as the ramp allows; after a Home that was stopped, the zero is unknown
 void turntable_release(void); // without current it can be turned by hand, so it must be homed again

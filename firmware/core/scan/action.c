@@ -12,7 +12,7 @@
 #include "words.h" // struct words
 
 #define PATIENCE_US 100000 // answers may delay a ping by this
-#define KEY_MOST 24 // bytes of a payload compared to recognize a repeated command; commands of version 1.1 are shorter
+#define KEY_MOST 24 // bytes of a payload compared to recognize a repeated command; commands of version 1.2 are shorter
 
 enum phase { AIMING, TURNING_THERE, READY, LISTENING, SENDING_TRACE };
 
@@ -193,6 +193,8 @@ void action_scan(const struct command_frame *order, const struct start_scan *wan
     scan.order = *wanted;
     scan.end = wanted->first + scan_count(wanted);
     scan.phase = AIMING;
+    if (wanted->in_place)
+        turntable_stay();
     begin(order);
 }
 
@@ -318,7 +320,8 @@ static void work_on_scan(uint64_t now_us, bool turning)
     switch (scan.phase) {
     case AIMING:
         ping_place = scan_place(&scan.order, kept_end());
-        turntable_turn(ping_place.angle);
+        if (!scan.order.in_place)
+            turntable_turn(ping_place.angle);
         turning = turntable_work(now_us);
         scan.phase = TURNING_THERE;
         // fall through
@@ -326,6 +329,8 @@ static void work_on_scan(uint64_t now_us, bool turning)
         if (turning)
             break;
         scan.phase = READY;
+        if (scan.order.in_place)
+            scan.order.start = turntable_microdegrees();
         if (scan.next_ping < now_us)
             scan.next_ping = now_us;
         // fall through

@@ -7,7 +7,7 @@
 
 #define NO_TEMPERATURE -32768
 #define PROTOCOL_MAJOR 1
-#define PROTOCOL_MINOR 1
+#define PROTOCOL_MINOR 2
 #define FIRST_BAUD 250000
 #define MAX_PAYLOAD 512
 #define MAX_ECHOES 122
@@ -35,6 +35,7 @@ enum message_type {
     ASK_STATISTICS = 0x0a,
     SET_BAUD = 0x0b,
     TEST_LINK = 0x0c,
+    SET_ZERO = 0x0d,
     INFO = 0x81,
     ACCEPTED = 0x82,
     REFUSED = 0x83,
@@ -77,6 +78,12 @@ enum trace_kind {
     TRACE_KIND_NONE = 0,
     TRACE_KIND_ENVELOPE = 1,
     TRACE_KIND_CARRIER = 2,
+};
+
+enum zero {
+    ZERO_UNKNOWN = 0,
+    ZERO_MARK = 1,
+    ZERO_HAND = 2,
 };
 
 enum approach {
@@ -134,6 +141,7 @@ struct start_scan {
     uint8_t pings; // number of pings at each heading, at least 1
     uint32_t first; // number of the first reading to make; earlier readings are skipped · 1.1, else 0
     uint32_t count; // number of readings to make; 0: all from `first` to the end · 1.1, else 0
+    uint8_t in_place; // 1: ping at the present angle; `start` is ignored, `headings` is 1 · 1.2, else 0
 };
 
 struct resend {
@@ -168,7 +176,7 @@ struct info {
     uint32_t trace_rate; // sample rate of traces, Hz; 0: no traces
     uint32_t microsteps; // microsteps per turn of the table
     uint32_t boot; // how many times the device has started; 0: not counted · 1.1, else 0
-    uint8_t homed; // 1: the zero of the turntable is known; 0: it is not · 1.1, else 0
+    uint8_t homed; // zero code: how the zero of the turntable is known · 1.1, else 0
 };
 
 struct accepted {

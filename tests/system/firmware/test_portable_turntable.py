@@ -15,6 +15,7 @@ from sonarhw.wire.messages import (
     Outcome,
     Refusal,
     Refused,
+    SetZero,
     StartScan,
     Statistics,
     Turn,
@@ -99,6 +100,34 @@ def test_a_wrong_wire_is_named_and_repeated_homes_wind_the_cable_no_further(
     for _ in range(4):
         assert finished_of(board, Home(), 40_000_000).outcome == Outcome.FAULT
         assert abs(board.c.host_position() / A_DEGREE - degrees) <= 751
+
+
+def test_pings_in_place_switch_no_motor_on_also_after_a_failed_home(board: PortableBoard) -> None:
+    board.c.host_grain(200)
+    board.ask(Hello(1, 2))
+    in_place = StartScan(0, 1, 1, 2, 1, in_place=1)
+    assert finished_of(board, in_place, 500_000).outcome == Outcome.DONE
+    assert not board.c.host_powered()
+    board.c.host_wiring(MARK_OPEN)
+    board.ask(Hello(1, 0))
+    assert finished_of(board, Home(), 40_000_000).outcome == Outcome.FAULT
+    position = board.c.host_position()
+    assert finished_of(board, in_place, 500_000).outcome == Outcome.DONE
+    assert board.c.host_position() == position
+
+
+def test_a_zero_set_by_hand_needs_no_mark(board: PortableBoard) -> None:
+    board.c.host_grain(50)
+    board.c.host_set_position(100 * A_DEGREE)
+    board.c.host_wiring(MARK_OPEN | CAM_OPEN)
+    board.ask(Hello(1, 0))
+    board.ask(SetZero())
+    assert not board.c.host_powered()
+    assert finished_of(board, Turn(400_000_000)).outcome == Outcome.DONE
+    assert board.c.host_position() == 500 * A_DEGREE
+    (refused,) = board.ask(Turn(721_000_000))
+    assert isinstance(refused, Refused)
+    assert refused.code == Refusal.OUT_OF_RANGE
 
 
 def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:

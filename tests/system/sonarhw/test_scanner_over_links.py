@@ -381,7 +381,7 @@ def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
         scanner.turn(0.1)
         turned = board._now
         wait_until(lambda: board._now > turned + 1.2 * HOST_SILENCE)
-        assert board.homed
+        assert board.zero
         assert scanner.state is Connection.READY
 
 

@@ -96,7 +96,7 @@ def test_motor_and_conversation_end_after_two_seconds_without_the_host() -> None
     host.send(StartScan(0, 1_000_000, 300, 1, 1))
     sent = host.receive(HOST_SILENCE + 0.5)
     assert host.board.busy is False
-    assert not host.board.homed
+    assert not host.board.zero
     stopped = [message for message in sent if isinstance(message, Finished)]
     assert [message.outcome for message in stopped] == [Outcome.STOPPED]
     assert host.receive(2.0) == []
@@ -110,7 +110,7 @@ def test_a_keepalive_keeps_motor_and_conversation() -> None:
     host.act(Home())
     for _ in range(20):
         host.send(AskStatistics(), 0.5)
-    assert host.board.homed
+    assert host.board.zero
 
 
 def test_a_host_of_version_1_0_may_be_silent() -> None:
@@ -118,7 +118,7 @@ def test_a_host_of_version_1_0_may_be_silent() -> None:
     assert any(isinstance(message, Finished) for message in host.send(Home(), 3.0))
     beats = host.receive(10.0)
     assert len(beats) == 40
-    assert host.board.homed
+    assert host.board.zero
 
 
 def test_statistics_count_frames_noise_and_pings() -> None:

@@ -9,13 +9,23 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.errors import CommandRefused, DeviceError, Incompatible, LinkLost, LogError, NoAnswer, WrongDevice
-from sonarhw.host.actions import configuring, configuring_turntable, homing, scanning, turning
+from sonarhw.host.actions import configuring, configuring_turntable, homing, scanning, turning, zeroing
 from sonarhw.host.conversation import MOVE_WITHIN
 from sonarhw.host.session import Connection, Session
 from sonarhw.link.serial_link import BOOTLOADER
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, pings_in_place
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import Configure, ConfigureTurntable, Heartbeat, Outcome, ReadingMessage, StartScan, Turn
+from sonarhw.wire.messages import (
+    Configure,
+    ConfigureTurntable,
+    Heartbeat,
+    Outcome,
+    ReadingMessage,
+    StartScan,
+    Turn,
+    Zero,
+)
+from sonarhw.wire.reading_messages import start_scan
 from tests.conftest import Count
 from tests.fixtures.joined import dropping, flipping, without
 from tests.fixtures.plain_echoes import echo_time
@@ -135,7 +145,7 @@ def test_a_short_unplug_needs_no_new_homing() -> None:
     bench.until(lambda: len(scan.readings) == 7)
     bench.pull(0.5)
     homed = []
-    bench.until(lambda: homed.append(bench.board.homed) or scan.done)  # type: ignore[func-returns-value]
+    bench.until(lambda: homed.append(bench.board.zero) or scan.done)  # type: ignore[func-returns-value]
     assert all(homed)
     check([*scan.readings])
 
@@ -145,10 +155,10 @@ def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent()
     bench.run(homing())
     start = bench.now
     bench.until(lambda: bench.now > start + 10)
-    assert bench.board.homed
+    assert bench.board.zero
     bench.pull(1e6, port_vanishes=False)
     pulled = bench.now
-    bench.until(lambda: not bench.board.homed)
+    bench.until(lambda: not bench.board.zero)
     assert bench.now - pulled == pytest.approx(2.0, abs=0.51)
 
 
@@ -163,6 +173,42 @@ def test_a_device_of_version_1_0_gets_no_keepalive_and_continues_after_an_unplug
     # the old firmware received no unknown command
     assert bench.board.statistics(0).rejected == 0
     assert bench.session.statistics.rejected_messages == 0
+
+
+def test_a_device_of_version_1_1_is_not_sent_what_it_would_misinterpret() -> None:
+    bench = Bench(BoardIdentity(minor=1)).connect()
+    for job, needs in (
+        (scanning(start_scan(pings_in_place(2))), r"protocol 1\.1, a ping without homing needs 1\.2"),
+        (zeroing(), r"protocol 1\.1, a zero that is set by hand needs 1\.2"),
+    ):
+        with pytest.raises(DeviceError, match=needs):
+            raise bench.run(job).error or AssertionError
+        assert bench.board.zero is Zero.UNKNOWN
+    bench.run(homing())
+    assert bench.board.zero is Zero.MARK
+
+
+def test_a_zero_set_by_hand_is_not_replaced_by_homing_after_a_reset() -> None:
+    bench = Bench().connect()
+    bench.run(zeroing())
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 7)
+    bench.reset()
+    bench.until(lambda: scan.done)
+    assert "lost the zero that was set by hand" in str(scan.error)
+    assert bench.board.zero is Zero.UNKNOWN
+
+
+def test_after_a_reset_pings_in_place_continue_without_homing() -> None:
+    bench = Bench().connect()
+    bench.run(homing())
+    scan = bench.scan(start_scan(pings_in_place(20)))
+    bench.until(lambda: len(scan.readings) == 7)
+    bench.reset()
+    bench.until(lambda: scan.done)
+    assert scan.result is Outcome.DONE
+    assert sorted(reading.number for reading in scan.readings) == list(range(20))
+    assert bench.board.zero is Zero.UNKNOWN
 
 
 def test_another_device_at_the_same_usb_socket_is_refused() -> None:

@@ -42,6 +42,7 @@ from sonarhw.wire.messages import (
     Stop,
     TraceKind,
     Turn,
+    Zero,
     unpack_message,
 )
 from tests.checkout import CHECKOUT
@@ -89,6 +90,7 @@ def test_exactly_the_existing_messages_are_documented() -> None:
     [
         ("State codes", State),
         ("Outcome codes", Outcome),
+        ("Zero codes", Zero),
         ("Refusal codes", Refusal),
         ("Trace codes", TraceKind),
         ("Approach codes", Approach),
@@ -139,7 +141,7 @@ def test_every_step_of_the_worked_example_is_correct() -> None:
     assert stuffed + DELIMITER == wire
     (frame,) = FrameDecoder().feed(wire)
     assert isinstance(frame, Frame)
-    assert unpack_message(frame.type, frame.payload) == Hello(1, 1)
+    assert unpack_message(frame.type, frame.payload) == Hello(1, 2)
 
 
 def test_a_last_piece_of_254_bytes_decodes_with_and_without_an_empty_rest() -> None:
@@ -239,7 +241,7 @@ def test_the_fake_board_repeats_the_documented_conversation_byte_for_byte() -> N
 def conversation() -> str:
     """Return the conversation with the present fake board; paste it into the document if the protocol has changed."""
     commands = [
-        (0.000, Hello(1, 1)),
+        (0.000, Hello(1, 2)),
         (0.001, AskCapabilities()),
         (0.002, Configure(20_000, 2_380, 1, 343_200)),
         (0.004, Home()),

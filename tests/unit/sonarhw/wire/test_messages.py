@@ -121,7 +121,7 @@ def documented_defaults() -> list[tuple[int, str, int]]:
     for line in Path("firmware_protocol.md").read_text(encoding="utf-8").splitlines():
         if heading := re.match(r"### \w+ · (0x\w\w) ", line):
             kind = int(heading[1], 16)
-        if row := re.match(r"\| `(\w+)` \|.* · 1\.1, else (\d+) \|", line):
+        if row := re.match(r"\| `(\w+)` \|.* · 1\.[12], else (\d+) \|", line):
             found.append((kind, row[1], int(row[2])))
     return found
 
