@@ -14,7 +14,7 @@ Scan
   that prints text `lines:PORT?preset=NAME`.
 - `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
 - `PluginScanner`: a connected device of a plug-in. `DevicePlugin`, `DeviceIdentity`, `Measurement`: to write a plug-in.
-- `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`: the pings of a scan.
+- `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`, `pings_in_place`: the pings of a scan.
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
 
 Predict

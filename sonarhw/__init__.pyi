@@ -42,7 +42,7 @@ from .host.scanner import Scanner
 from .log import Log, LogMetadata, LogWriter, read_log
 from .plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from .plugins.plugin_scanner import PluginScanner
-from .readings import Reading, ScanOrder, Trace, sector
+from .readings import Reading, ScanOrder, Trace, pings_in_place, sector
 
 __version__: str
 
@@ -90,6 +90,7 @@ __all__ = [
     "locate",
     "map_scans",
     "open_scanner",
+    "pings_in_place",
     "predict",
     "read_faults",
     "read_log",

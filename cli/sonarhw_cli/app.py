@@ -30,6 +30,7 @@ from sonarhw_cli.instrument import fake_command as fake
 from sonarhw_cli.instrument import import_command as import_csv
 from sonarhw_cli.instrument import info_command as info
 from sonarhw_cli.instrument import log_command
+from sonarhw_cli.instrument import ping_command as ping
 from sonarhw_cli.instrument import ports_command as ports
 from sonarhw_cli.instrument import replay_command as replay
 from sonarhw_cli.instrument import scan_command as scan
@@ -66,6 +67,7 @@ app.command("home")(bench.home)
 app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
 app.command("stop")(bench.stop)
 app.command("monitor")(bench.monitor)
+app.command("ping")(ping.ping)
 app.command("calibrate")(calibrate.calibrate_scanner)
 app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)

@@ -27,7 +27,7 @@ TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES)
 class LogMetadata:
     """The origin of a log; the first record of the file."""
 
-    made_by: str  # "scan", "import", "simulate"; "unknown" if it is missing in a torn file
+    made_by: str  # "scan", "ping", "import", "simulate"; "unknown" if it is missing in a torn file
     started: float  # s since the epoch; 0 if it is missing in a torn file
     room_file: str = ""  # name of the room file, empty without one
     room_text: str = ""  # text of the room file when the log was made

@@ -30,6 +30,7 @@ class ScanPlan:
     blanking: float  # s; earlier echoes are ignored
     air: ScanAir
     traces: bool = False
+    zero_here: bool = False  # zero is where the turntable is now; it is not homed
 
 
 class ScanWatcher(Protocol):
@@ -61,7 +62,7 @@ def record_scan(scanner: ConnectedScanner, plan: ScanPlan, log: LogWriter, watch
     with log:
         scanner.record(log)
         try:
-            outcome = _scan(scanner, plan, log.path, progress)
+            outcome = run_scan(scanner, plan, progress, log.path)
         except (LinkError, NoAnswer, WrongDevice, Incompatible) as error:
             kept = f"; {_readings_are(progress.count)} kept in {log.path}" if progress.count else ""
             raise type(error)(f"{error}{kept}") from error
@@ -74,27 +75,41 @@ def record_scan(scanner: ConnectedScanner, plan: ScanPlan, log: LogWriter, watch
 
 @dataclass
 class _Progress:
-    """Counts the readings and passes them to a watcher."""
+    """A watcher that counts the readings and passes everything to another one."""
 
     watcher: ScanWatcher
     count: int = 0
+
+    @property
+    def stop_wanted(self) -> bool:
+        return self.watcher.stop_wanted
+
+    def homed(self) -> None:
+        self.watcher.homed()
 
     def reading(self, reading: Reading) -> None:
         self.count += 1
         self.watcher.reading(reading)
 
+    def warn(self, message: str) -> None:
+        self.watcher.warn(message)
 
-def _scan(scanner: ConnectedScanner, plan: ScanPlan, path: Path, progress: _Progress) -> Outcome:
-    watcher = progress.watcher
+
+def run_scan(scanner: ConnectedScanner, plan: ScanPlan, watcher: ScanWatcher, path: Path | None = None) -> Outcome:
+    """Configure the scanner, home unless the pings are in place, and scan. `path` is the log, if there is one.
+
+    Returns DONE or STOPPED. Raises what `Scanner.scan` raises.
+    """
     speed = plan.air.speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
-    _warn_if_disk_is_too_small(scanner, plan, path, watcher)
+    if path is not None:
+        _warn_if_disk_is_too_small(scanner, plan, path, watcher)
     with scanner.sequence():  # a stop between two steps also ends the later steps
-        if watcher.stop_wanted or scanner.home() is Outcome.STOPPED:
+        if watcher.stop_wanted or (not plan.order.in_place and scanner.home(plan.zero_here) is Outcome.STOPPED):
             return Outcome.STOPPED
         watcher.homed()
         for reading in scanner.scan(plan.order):
-            progress.reading(reading)
+            watcher.reading(reading)
     if scanner.unverified_angles:
         watcher.warn(scanner.unverified_angles)
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE

@@ -12,7 +12,9 @@ from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.scanners.scanner_url import Find
+    from sonarhw_sim.board.profile import Board
 
+    from sonarhw.host.connected_scanner import ConnectedScanner
     from sonarhw.host.scanner import Scanner
     from sonarhw.plugins.plugin_scanner import PluginScanner
 
@@ -50,6 +52,15 @@ def connect_turntable(url: str) -> "Iterator[Scanner]":
         raise InputError(f"{url}: this device obeys no commands to turn; `sonarhw scan` records its readings")
     with connect(url) as scanner:
         yield cast("Scanner", scanner)  # only the URLs of plug-ins give another class
+
+
+def board_of(scanner: "ConnectedScanner", chosen: str | None) -> "Board":
+    """Return the profile that --board names, else that of the scanner, else the default."""
+    from sonarhw_sim.board.profile import board_names, load_board
+    from sonarhw_sim.choices import DEFAULT_BOARD
+
+    named = scanner.info.board
+    return load_board(chosen or (named if named in board_names() else DEFAULT_BOARD))
 
 
 @contextmanager

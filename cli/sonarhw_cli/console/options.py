@@ -76,6 +76,13 @@ FromAngle = Annotated[float, typer.Option("--from", help="First turntable angle,
 ToAngle = Annotated[float, typer.Option("--to", help="End of the turntable angles, degrees; itself excluded.")]
 StepAngle = Annotated[float, typer.Option("--step", help="Step from one turntable angle to the next, degrees.")]
 
+ZeroHere = Annotated[
+    bool,
+    typer.Option(
+        "--zero-here", help="Zero is where the turntable is now: do not home, and do not expect the zero mark."
+    ),
+]
+
 EdgeStrengthChoice = Annotated[
     EdgeStrength | None,
     typer.Option(

@@ -11,7 +11,7 @@ from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import ScannerUrl, connect_turntable, resolve
 from sonarhw_cli.console.lines import print_line, print_note
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import MOST_DEGREES
+from sonarhw_cli.console.options import MOST_DEGREES, ZeroHere
 
 if TYPE_CHECKING:
     from sonarhw.link.serial_link import Link
@@ -32,11 +32,14 @@ def home(url: ScannerUrl) -> None:
 def turn(
     url: ScannerUrl,
     degrees: Annotated[float, typer.Argument(help="Turntable angle, degrees, counter-clockwise.", metavar="DEG")],
+    zero_here: ZeroHere = False,
 ) -> None:
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
     if not abs(degrees) <= MOST_DEGREES:
         raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
     with connect_turntable(url) as scanner:
+        if zero_here:
+            scanner.home(here=True)
         outcome = scanner.turn(math.radians(degrees))
     print_note(f"{url}: {_ended(outcome, f'turned to {degrees:.1f}°')}")
 

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
 from sonarhw.export.csv_rows import HEADER, row
-from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, connect
+from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_detail, print_error, print_note
 from sonarhw_cli.console.number_format import counted
@@ -26,6 +25,7 @@ from sonarhw_cli.console.options import (
     RoomToStore,
     StepAngle,
     ToAngle,
+    ZeroHere,
     check_temperature,
     checked_out,
     chosen_place,
@@ -48,7 +48,14 @@ if TYPE_CHECKING:
 
 
 # options that a device which turns by itself cannot obey, by parameter
-_ORDERS = {"start": "--from", "stop": "--to", "step": "--step", "pings": "--pings", "traces": "--traces"}
+_ORDERS = {
+    "start": "--from",
+    "stop": "--to",
+    "step": "--step",
+    "pings": "--pings",
+    "traces": "--traces",
+    "zero_here": "--zero-here",
+}
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,7 @@ class _Request:
     temperature: float | None  # °C
     traces: bool
     show: bool
+    zero_here: bool
     turns_by_itself: bool  # the device takes no order, and the number of its readings is unknown
 
 
@@ -92,6 +100,7 @@ def scan(
             "--print", help="Write each reading to standard output as CSV; heading_deg is the turntable angle."
         ),
     ] = False,
+    zero_here: ZeroHere = False,
     reconnect: Annotated[
         float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)
     ] = RECONNECT,
@@ -103,7 +112,7 @@ def scan(
     if not takes_orders(url):
         _refuse_orders(context)
     order = order_in_degrees(start, stop, step, sweeps, pings)
-    request = _Request(order, out, force, board, max_range, temperature, traces, show, not takes_orders(url))
+    request = _Request(order, out, force, board, max_range, temperature, traces, show, zero_here, not takes_orders(url))
     checked_out(out, (LOG,), force, url, room, board)
     _check(request)
     metadata, air = _room(room, place, out)
@@ -178,7 +187,7 @@ def _record(scanner: "ConnectedScanner", request: _Request, metadata: "LogMetada
     from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.scanning.scan_recording import record_scan
 
-    board = _board(scanner, request)
+    board = board_of(scanner, request.board)
     metadata = replace(metadata, board=board.name, board_text=board.text)
     if request.max_range is not None and request.max_range > board.max_range:
         warn(
@@ -207,13 +216,6 @@ def _record(scanner: "ConnectedScanner", request: _Request, metadata: "LogMetada
     _warn_of_the_link(scanner)
 
 
-def _board(scanner: "ConnectedScanner", request: _Request) -> "Board":
-    from sonarhw_sim.board.profile import board_names, load_board
-
-    named = scanner.info.board
-    return load_board(request.board or (named if named in board_names() else DEFAULT_BOARD))
-
-
 def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
     from sonarhw.scanning.scan_recording import ScanPlan
     from sonarhw.sound_speed import ScanAir
@@ -224,6 +226,7 @@ def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
         blanking=board.blanking_end,
         air=ScanAir(air.speed_at, air.temperature_c, request.temperature),
         traces=request.traces,
+        zero_here=request.zero_here,
     )
 
 

@@ -1,0 +1,143 @@
+"""`sonarhw ping`: the echoes of a ranging board without a turntable, live in the terminal."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw_cli.console.connect import ScannerUrl, board_of, connect_turntable
+from sonarhw_cli.console.interruption import Interruption, interruption
+from sonarhw_cli.console.lines import print_line, print_note
+from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.options import LOG, Force, check_temperature, checked_out
+from sonarhw_cli.console.warning_line import warn
+
+if TYPE_CHECKING:
+    from sonarhw_sim.board.profile import Board
+
+    from sonarhw.host.scanner import Scanner
+    from sonarhw.readings import Reading, Trace
+    from sonarhw.scanning.scan_recording import ScanPlan
+
+MOST_PINGS = 65535  # largest number that fits into the scan command
+LEVELS = " .:-=+*#%@"  # of a trace, each LEVEL_DB stronger; the last one reaches full scale
+LEVEL_DB = 5.0
+COLUMNS = 60  # characters of a trace
+
+
+def ping(
+    url: ScannerUrl,
+    count: Annotated[
+        int | None, typer.Option(help="Number of pings; default: until Ctrl-C.", min=1, max=MOST_PINGS)
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Also write a log.", metavar="LOG.mcap")] = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
+    ] = None,
+    max_range: Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")] = None,
+    temperature: Annotated[
+        float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")
+    ] = None,
+    traces: Annotated[
+        bool, typer.Option("--traces", help="Also show the receive signal of every ping, as one row of characters.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Ping at the present angle, and print each reading as it arrives.
+
+    The turntable is not homed or turned and its motor stays off, so a ranging board alone is enough.
+    """
+    from sonarhw_sim.board.profile import MOST_RANGE, load_board
+
+    if out is not None:
+        checked_out(out, (LOG,), force, url, board)
+    if board is not None:
+        load_board(board)
+    if max_range is not None and not 0 < max_range <= MOST_RANGE:
+        raise InputError(f"--max-range {max_range:g}: expected metres above 0, at most {MOST_RANGE:g}")
+    check_temperature(temperature)
+    with connect_turntable(url) as scanner:
+        profile = board_of(scanner, board)
+        plan = _plan(count or MOST_PINGS, profile, max_range, temperature, traces)
+        if traces and not scanner.info.trace_rate:
+            warn(f"{url}: the scanner sends no traces; only echo times are shown")
+        terminal = _Terminal(plan.reach)
+        try:
+            _run(scanner, plan, profile, out, force, terminal)
+        finally:
+            if terminal.count:
+                kept = "" if out is None else f", in {out}"
+                print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo{kept}")
+
+
+def _plan(count: int, board: "Board", max_range: float | None, temperature: float | None, traces: bool) -> "ScanPlan":
+    from sonarhw.readings import pings_in_place
+    from sonarhw.scanning.scan_recording import ScanPlan
+    from sonarhw.sound_speed import ScanAir
+
+    reach = board.max_range if max_range is None else max_range
+    return ScanPlan(
+        pings_in_place(count), reach, board.blanking_end, ScanAir(chosen_temperature=temperature), traces=traces
+    )
+
+
+def _run(
+    scanner: "Scanner", plan: "ScanPlan", board: "Board", out: Path | None, force: bool, terminal: "_Terminal"
+) -> None:
+    from sonarhw.log import LogMetadata, LogWriter
+    from sonarhw.scanning.scan_recording import record_scan, run_scan
+
+    with interruption(scanner.stop) as terminal.interrupted:
+        if out is None:
+            run_scan(scanner, plan, terminal)
+            return
+        metadata = LogMetadata(made_by="ping", started=time.time(), board=board.name, board_text=board.text)
+        record_scan(scanner, plan, LogWriter(out, metadata, overwrite=force, warn=warn), terminal)
+
+
+class _Terminal:
+    """Prints the readings as they arrive, and counts them."""
+
+    def __init__(self, reach: float) -> None:
+        """`reach` is the range at the end of a printed trace, m."""
+        self.interrupted: Interruption
+        self._reach = reach
+        self._began: float | None = None
+        self.count = self.echoes = 0  # readings, and those with an echo
+
+    @property
+    def stop_wanted(self) -> bool:
+        return self.interrupted.wanted
+
+    def homed(self) -> None:
+        """Do nothing: no turntable homes."""
+
+    def reading(self, reading: "Reading") -> None:
+        self.count += 1
+        self.echoes += bool(reading.echo_times)
+        if self._began is None:
+            self._began = reading.time
+        row = "" if reading.trace is None else f"|{trace_row(reading.trace, reading.speed_of_sound, self._reach)}|  "
+        ranges = " ".join(f"{distance:.3f}" for distance in reading.echo_ranges)
+        with self.interrupted.at_once():  # writing to a pipe may block
+            print_line(f"{reading.time - self._began:9.3f} s  {row}{ranges + ' m' if ranges else 'no echo'}")
+
+    def warn(self, message: str) -> None:
+        warn(message)
+
+
+def trace_row(trace: "Trace", speed_of_sound: float, reach: float) -> str:
+    """Return a trace from 0 to `reach` m as COLUMNS characters of LEVELS for the strongest sample; `?`: all are lost.
+
+    `speed_of_sound` is in m/s.
+    """
+    columns = (trace.times * speed_of_sound / 2 / reach * COLUMNS).astype(int)
+    shown = (columns >= 0) & (columns < COLUMNS) & ~np.isnan(trace.samples)
+    highest = np.full(COLUMNS, -1.0)
+    np.maximum.at(highest, columns[shown], np.abs(trace.samples[shown]))
+    steps = len(LEVELS) + 20 * np.log10(np.maximum(highest, 1e-9)) / LEVEL_DB
+    steps = np.clip(np.floor(steps), 0, len(LEVELS) - 1).astype(int)
+    return "".join("?" if level < 0 else LEVELS[step] for level, step in zip(highest, steps, strict=True))
