@@ -68,7 +68,7 @@ app.command("turn", context_settings={"ignore_unknown_options": True})(bench.tur
 app.command("stop")(bench.stop)
 app.command("monitor")(bench.monitor)
 app.command("ping")(ping.ping)
-app.command("calibrate")(calibrate.calibrate_scanner)
+app.command("calibrate")(calibrate.calibrate)
 app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)

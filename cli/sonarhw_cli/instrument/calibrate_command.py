@@ -1,4 +1,4 @@
-"""`sonarhw calibrate`: measure range offset and home angle with a flat plate, and write a board profile."""
+"""`sonarhw calibrate`: calibrate a board with a flat plate, now or from logs, and write a board profile."""
 
 import math
 from pathlib import Path
@@ -8,11 +8,13 @@ import typer
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.connect import ScannerUrl, connect_turntable
+from sonarhw_cli.comparison.calibrate_logs import calibrate_logs
+from sonarhw_cli.console.connect import connect_turntable
 from sonarhw_cli.console.interruption import interruption
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
+    LOG,
     BoardName,
     Force,
     check_temperature,
@@ -32,13 +34,29 @@ PROFILE = ".toml"
 _LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
-def calibrate_scanner(
-    url: ScannerUrl,
-    distance: Annotated[float, typer.Option(help="From the transducer's face to the plate, metres.", metavar="M")],
+def calibrate(
+    context: typer.Context,
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            help="URL of a scanner, which scans the plate now, or logs of scans of a plate.", metavar="URL|LOG"
+        ),
+    ],
+    distances: Annotated[
+        list[float],
+        typer.Option(
+            "--distance", help="From the transducer's face to the plate, metres; once for each log.", metavar="M"
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
-    direction: Annotated[
-        float, typer.Option(help="Turntable angle that should face the plate, degrees.", metavar="DEG")
-    ] = 0.0,
+    directions: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--direction",
+            help="Turntable angle that should face the plate, degrees; once, or once for each log. Default: 0.",
+            metavar="DEG",
+        ),
+    ] = None,
     board: BoardName = DEFAULT_BOARD,
     width: Annotated[float, typer.Option(help="Sector to scan around the plate, degrees.", min=2, max=180)] = 60.0,
     step: Annotated[float, typer.Option(help="Step from one angle to the next, degrees.", min=0.05, max=10)] = 0.5,
@@ -48,13 +66,49 @@ def calibrate_scanner(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Measure range offset and home angle with a flat plate. The result is written to a board profile."""
+    """Calibrate a board with a flat plate, and write a profile.
+
+    A URL: scan the plate, and measure range offset and home angle. Logs of a plate at several distances: find aperture,
+    gain steps, threshold, swelling, ring-down and blanking, each with an interval.
+    """
+    checked_out(out, (PROFILE,), force, *sources, board)
+    logs = [Path(source) for source in sources if Path(source).suffix == LOG]
+    if len(logs) == len(sources):
+        _refuse_scan_options(context)
+        calibrate_logs(logs, distances, directions or [], board, out, force)
+        return
+    if len(sources) > 1:
+        raise InputError(f"{', '.join(sources)}: expected the URL of one scanner, or logs (*{LOG})")
+    check_temperature(temperature)
+    # of an option that is given twice, the last one counts, as in other commands
+    _calibrate_scanner(
+        sources[0], distances[-1], (directions or [0.0])[-1], out, board, (width, step, pings), temperature, force
+    )
+
+
+def _refuse_scan_options(context: typer.Context) -> None:
+    """Raise InputError for an option of a scan, because logs are scans already."""
+    for name in ("width", "step", "pings", "temperature"):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise InputError(f"--{name}: is for a scan by a scanner; remove it, or give a URL in place of logs")
+
+
+def _calibrate_scanner(
+    url: str,
+    distance: float,
+    direction: float,
+    out: Path,
+    board: str,
+    sector: tuple[float, float, int],
+    temperature: float | None,
+    force: bool,
+) -> None:
+    """Scan a plate and write a profile with range offset and home angle; `sector` is width, step and pings."""
     from sonarhw_sim.air import Air
     from sonarhw_sim.board.profile import load_board
 
-    checked_out(out, (PROFILE,), force, url, board)
-    check_temperature(temperature)
-    profile = load_board(board)
+    profile, (width, step, pings) = load_board(board), sector
     nearest = profile.blanked_range(Air())
     if not nearest < distance < profile.max_range:
         raise InputError(
@@ -66,9 +120,9 @@ def calibrate_scanner(
         readings = _scan(scanner, order, profile, temperature)
     from sonarhw_sim.predict.plate_echo import plate_echo
 
-    from sonarhw.scanning.calibration import calibrate
+    from sonarhw.scanning import calibration
 
-    found = calibrate(
+    found = calibration.calibrate(
         readings,
         distance,
         math.radians(direction),

@@ -123,13 +123,18 @@ def _with_provenance(
     text: str, before: str, found: Sequence[str], logs: Sequence[str], unconstrained: Sequence[str]
 ) -> str:
     """Return the text below a header with the fitted values; its old header is quoted as that of profile `before`."""
-    lines = text.splitlines()
-    behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     fitted = ", ".join(found) or "no value"
     header = [f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with profile {before!r}: {fitted}."]
     if unconstrained:
         header.append(f"# Kept, the scans hardly constrain it: {', '.join(unconstrained)}.")
-    if behind:
-        header.append(f"# Header of profile {before!r}, for its own values only:")
-        header += [f"#   {line.removeprefix('#').removeprefix(' ')}".rstrip() for line in lines[:behind]]
-    return "\n".join(header + lines[behind:]) + "\n"
+    return below_header(header, text, before)
+
+
+def below_header(header: Sequence[str], text: str, before: str) -> str:
+    """Return the text of a profile below a new header; its old one is quoted as that of profile `before`."""
+    lines = text.splitlines()
+    behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    quoted = [f"#   {line.removeprefix('#').removeprefix(' ')}".rstrip() for line in lines[:behind]]
+    if quoted:
+        quoted.insert(0, f"# Header of profile {before!r}, for its own values only:")
+    return "\n".join([*header, *quoted, *lines[behind:]]) + "\n"

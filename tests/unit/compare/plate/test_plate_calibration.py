@@ -1,0 +1,85 @@
+"""Scans of a wall by a fake scanner with hidden constants: the calibration finds them, or says why not."""
+
+from dataclasses import replace
+
+import pytest
+from sonarhw_compare.plate.plate_calibration import calibrate_with_plates
+from sonarhw_compare.plate.plate_profile import plate_profile
+from sonarhw_compare.plate.plate_readings import plate_readings
+from sonarhw_sim.board.profile import load_board
+
+from sonarhw.errors import NoPlate
+from tests.unit.compare.plate.plate_scans import CONSTANTS, hidden_board, plates, scanned_plate, start_board
+
+# the largest accepted error of each constant, in its unit
+TOLERANCES = {
+    "aperture_radius": 0.02 * CONSTANTS["aperture_radius"],
+    "gain_step_db": 0.5,
+    "threshold_db": 0.5,
+    "rise_cycles": 0.05 * CONSTANTS["rise_cycles"],
+    "own_burst_db": 1.0,
+    "blanking": 20e-6,
+}
+
+
+def test_all_hidden_constants_are_found_from_traces() -> None:
+    start, scans = start_board(), plates(hidden_board(), tilt_deg=1.3)
+    found = calibrate_with_plates(start, scans)
+    assert not found.kept
+    assert not found.doubts
+    assert {one.key for one in found.findings} == set(CONSTANTS)
+    for one in found.findings:
+        assert one.value == pytest.approx(CONSTANTS[one.key], abs=TOLERANCES[one.key]), one.key
+        assert one.low <= CONSTANTS[one.key] <= one.high, one.key
+        assert one.high - one.low < 4 * TOLERANCES[one.key], one.key
+    text = plate_profile(start, found, scans, "mine").text
+    assert "#   0.25 m: plate at 0.25 m" in text
+    assert "beginning with profile 'polaroid-6500'" in text
+    lines = {line.split(" = ")[0]: line for line in text.splitlines() if " = " in line}
+    assert "# calibrated, 95 % 0.0" in lines["aperture_radius"]
+    assert "before: 0.0192 (m)" in lines["aperture_radius"]
+
+
+def test_without_traces_hearing_gives_threshold_aperture_and_gain() -> None:
+    hidden = hidden_board(rise_cycles=1.5)
+    found = calibrate_with_plates(start_board(), plates(hidden, traces=False))
+    assert set(found.kept) == {"rise_cycles", "own_burst_db"}
+    assert found.kept["rise_cycles"] == "the logs contain no traces"
+    for one in found.findings:
+        assert one.value == pytest.approx(CONSTANTS[one.key], abs=TOLERANCES[one.key]), one.key
+
+
+def test_one_plate_shows_no_gain_and_no_blanking() -> None:
+    start, scans = start_board(), plates(hidden_board(), distances=(1.0,))
+    found = calibrate_with_plates(start, scans)
+    assert found.kept["gain_step_db"] == "one log shows the gain at one time only"
+    assert "no plate is so near" in found.kept["blanking"]
+    assert (found.board.gain_step_db, found.board.blanking) == (start.gain_step_db, start.blanking)
+    assert found.board.aperture_radius == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
+
+
+def test_what_the_scans_hardly_determine_stays() -> None:
+    """With an ideal gain and a threshold above the side lobes, one arc gives a relation of aperture and threshold."""
+    start = replace(load_board("paper"), threshold_db=-20.0)
+    readings = scanned_plate(start, 1.0, traces=False)
+    found = calibrate_with_plates(start, [plate_readings("1 m", readings, 1.0, 0.0, start)])
+    assert {"aperture_radius", "threshold_db"} & set(found.kept)
+    assert "the scans determine it to ±" in " ".join(found.kept.values())
+
+
+def test_blanking_by_the_scanner_hides_that_of_the_board() -> None:
+    scans = [replace(scan, blanked_until=CONSTANTS["blanking"]) for scan in plates(hidden_board(), traces=False)]
+    found = calibrate_with_plates(start_board(), scans)
+    assert found.kept["blanking"] == "the scanner ignored all echoes before 1.7 ms; scan with less blanking"
+
+
+def test_a_plate_elsewhere_is_refused() -> None:
+    readings = scanned_plate(hidden_board(), 1.0, traces=False)
+    with pytest.raises(NoPlate, match=r"2 m\.mcap: the plate is detected at 0 headings, expected at least 5"):
+        plate_readings("2 m.mcap", readings, 2.0, 0.0, start_board())
+
+
+def test_plates_within_blanking_give_no_levels() -> None:
+    scans = plates(hidden_board(), distances=(0.25,))
+    with pytest.raises(NoPlate, match=r"no plate is beyond 0\.29 m, where blanking ends"):
+        calibrate_with_plates(start_board(), scans)
