@@ -54,10 +54,8 @@ def rows() -> Iterator[Row]:
 
     def every_arrival() -> set[tuple[int, int]]:
         no_limits = all_rays(len(HALF_CIRCLE), len(targets))
-        _, candidates = follow_fan(
-            place, HALF_CIRCLE, small.surfaces, small.reflectances, targets, longest, BOUNCES, no_limits
-        )
-        return {(int(ray), int(bounces)) for ray, bounces, _ in candidates}
+        found = follow_fan(place, HALF_CIRCLE, small.surfaces, small.reflectances, targets, longest, BOUNCES, no_limits)
+        return {(int(ray), int(bounces)) for ray, bounces, _ in found.candidates}
 
     def with_numpy() -> set[tuple[int, int]]:
         return follow_with_numpy(place, HALF_CIRCLE, small.walls, LONGEST, BOUNCES)

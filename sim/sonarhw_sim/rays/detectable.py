@@ -58,9 +58,13 @@ class TransducerAxes:
         )
 
 
-def all_rays(rays: int, targets: int) -> Detectable:
-    """Return the limits for a search that drops only rays without any sound left."""
-    return Detectable(np.ones(rays), np.zeros(targets), 1.0, 0.0, _for_kernels(np.ones(1)))
+def all_rays(rays: int, targets: int, faintest: float = 0.0) -> Detectable:
+    """Return the limits for a search that drops only rays without any sound left.
+
+    Paths to targets but the first may be omitted if they are fainter than `faintest`.
+    """
+    least = np.append(0.0, np.full(targets - 1, faintest / _LOUDER))
+    return Detectable(np.ones(rays), least, 1.0, 0.0, _for_kernels(np.ones(1)))
 
 
 @lru_cache(maxsize=16)

@@ -187,6 +187,32 @@ def _loud_enough(
     return first, second, gains, np.angle(amplitudes)
 
 
+def amplitudes_at_edges(
+    room: Room, edges: IntArray, bends: IntArray, points: FloatArray, wavelengths: FloatArray, strength: EdgeStrength
+) -> NDArray[np.complex128]:
+    """Return the amplitudes of the `edges` (n,) of diffracted paths, relative to reflected ones of their length, (n,).
+
+    `bends` (n,) and `points` (n, p, 2) are as in `rays.paths.Paths`, `wavelengths` (n,) m.
+    """
+    before, at, after = (points[np.arange(len(edges)), bends + step] for step in (0, 1, 2))
+    legs = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0))
+    there = np.where(np.arange(legs.shape[1]) <= bends[:, None], legs, 0.0).sum(axis=1)
+    on = np.nansum(legs, axis=1) - there
+    one, other = (_angle_at(room.edges, edges, point - at) for point in (before, after))
+    wedges = room.edges.openings[edges] / math.pi
+    if strength is EdgeStrength.UNIFORM:
+        return by_wedge(one, other, wedges, room.reflectances[room.edges.faces[edges]], there, on, wavelengths)
+    gains = [edge_gain(*legs_and_wave) for legs_and_wave in zip(there, on, wavelengths, strict=True)]
+    if strength is EdgeStrength.PAPER:
+        return np.array(gains, dtype=np.complex128)
+    factors = [keller(*angles) for angles in zip(one, other, wedges, strict=True)]
+    return np.minimum(np.array(gains) * factors, 1.0).astype(np.complex128)
+
+
+def _angle_at(edges: Edges, rows: IntArray, directions: FloatArray) -> FloatArray:
+    return np.mod(np.arctan2(directions[:, 1], directions[:, 0]) - edges.starts[rows], math.tau)
+
+
 _UNIFORM, _KELLER, _PAPER = range(3)  # in the order of EdgeStrength
 
 

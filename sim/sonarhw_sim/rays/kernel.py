@@ -15,11 +15,13 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.detectable import Detectable
+from sonarhw_sim.rays.passing import KernelHeights, Passing, no_heights, surface_at
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 
 # Distance, in ray spacings, within which a ray is a candidate. A path midway between two rays is half a spacing from
 # both; the rest finds paths through gaps narrower than the spacing.
 ALLOWANCE = 1.5
+WIDER = 16.0  # times this distance, if rays have slopes
 _AT_START = 1e-11  # m
 _MOST_TOUCHES = 100_000_000  # 400 MB
 _FULL = 0.5  # share of a hash table's slots in use at which it grows
@@ -130,6 +132,14 @@ class _Leg(NamedTuple):
     amplitude: float
 
 
+class Fan(NamedTuple):
+    """What the rays of a fan touch and come near to, one row each."""
+
+    touched: IntArray  # (r, b): surfaces, in order, padded with -1
+    candidates: IntArray  # (c, 3): row, reflections before the target, row of the target
+    directions: FloatArray  # (r,), rad
+
+
 def follow_fan(
     source: FloatArray,
     directions: FloatArray,
@@ -140,37 +150,47 @@ def follow_fan(
     max_bounces: int,
     detectable: Detectable,
     radii: FloatArray | None = None,
-) -> tuple[IntArray, IntArray]:
+    passing: Passing | None = None,
+) -> Fan:
     """Follow every ray until its path is too long or too faint for every target.
 
     `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges or the centres of
-    posts; `longest` (t,) m; `radii` (t,) m of the targets, None for points.
+    posts; `longest` (t,) m; `radii` (t,) m of the targets, None for points. A ray that meets one of the surfaces of
+    `passing` touches or passes it, and there are several for each direction, with different slopes.
 
-    Returns the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
-    target, row of the target. Each sequence of surfaces to a target is listed once.
+    Returns each sequence of surfaces to a target once.
 
     Raises InputError if rays times reflections, or the candidates, would need too much memory.
     """
-    if len(directions) * max_bounces > _MOST_TOUCHES:
-        raise InputError(
-            f"{len(directions)} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
-            "reflections in all, because of memory; use fewer rays or fewer reflections"
-        )
     # what NumPy does as fast is not compiled: a call of min(), zeros() or full() in a kernel costs a tenth of a second
     # or more at its compilation
     spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
     to_receiver = np.hypot(*(targets[1:] - targets[0]).T)
     radii = np.zeros(len(targets)) if radii is None else radii
+    heights, slopes, leaving = no_heights(len(reflectances)), np.zeros(len(directions)), detectable.leaving
+    if passing is not None:
+        # a path has one slope, and few of the rays nearest to it have a similar one
+        spacing *= WIDER
+        of_each = passing.slopes(directions)
+        heights, slopes, count = passing.heights, of_each.ravel(), of_each.shape[1]
+        directions, leaving = np.repeat(directions, count), np.repeat(leaving, count)
+    if len(directions) * max_bounces > _MOST_TOUCHES:
+        raise InputError(
+            f"{len(directions)} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
+            "reflections in all, because of memory; use fewer rays or fewer reflections"
+        )
     touched = np.full((len(directions), max_bounces), -1, np.int32)
     candidates = _follow(
         source,
         directions,
+        slopes,
         surfaces,
+        heights,
         reflectances,
         targets,
         radii,
         longest,
-        detectable,
+        detectable._replace(leaving=leaving),
         list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
         touched,
         np.full(4096, -1, np.int32),
@@ -182,14 +202,16 @@ def follow_fan(
         path_table.MOST_POINTS,
     )
     path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
-    return touched, candidates
+    return Fan(touched, candidates, directions)
 
 
 @compiled
 def _follow(
     source: FloatArray,
     directions: FloatArray,
+    slopes: FloatArray,
     surfaces: Surfaces,
+    heights: KernelHeights,
     reflectances: FloatArray,
     targets: FloatArray,
     radii: FloatArray,
@@ -207,8 +229,9 @@ def _follow(
 ) -> IntArray:
     """Fill `touched` (n, b), all -1, and return the candidates of `follow_fan`, up to `most_points` points in all.
 
-    `edges` lists the targets after the first, by the cells near them; `slots` is a hash table, all -1; `met` (t,) is
-    all 0; `max_return` is the length of the longest path to any target and straight on to the receiver, m.
+    `slopes` (n,) are the slopes of the rays; `edges` lists the targets after the first, by the cells near them; `slots`
+    is a hash table, all -1; `met` (t,) is all 0; `max_return` is the length of the longest path to any target and
+    straight on to the receiver, m.
     """
     # one long function: passing growing lists between compiled functions costs 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
@@ -225,7 +248,8 @@ def _follow(
         surface: int = np.int64(-1)  # type: ignore[assignment]
         if leg.amplitude <= faintest:
             continue
-        for bounces in range(max_bounces + 1):
+        bounces = 0
+        while True:
             # find the next surface
             distance, following = first_among(
                 leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
@@ -241,8 +265,8 @@ def _follow(
                 nearby[passed] = 0
                 passed += 1
             for target in nearby[:passed]:
-                x, y = targets[target]
-                miss, loudest = _passes(leg, reach, x, y, radii[target], longest[target], spacing)
+                tx, ty = targets[target]
+                miss, loudest = _passes(leg, reach, tx, ty, radii[target], longest[target], spacing)
                 if target == 0 and miss >= 0.0:
                     loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
                 if miss < 0.0 or loudest <= least[target]:
@@ -260,9 +284,20 @@ def _follow(
                     slots = _grown(slots, candidates[:found], misses, touched)
 
             # stop where the path leaves the room, is long enough or can no longer return in time
-            if bounces == max_bounces or leg.length + distance > max_length:
+            if leg.length + distance > max_length:
                 break
             if _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) > max_return:
+                break
+
+            # pass the surface, if it is not as high as the ray is there
+            surface = following
+            if heights.low[following]:
+                x, y = leg.x + distance * leg.dx, leg.y + distance * leg.dy
+                following = surface_at(x, y, slopes[ray] * (leg.length + distance), following, heights, walls)
+                if following < 0:
+                    leg = _passed(leg, distance)
+                    continue
+            if bounces == max_bounces:
                 break
 
             # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
@@ -271,6 +306,7 @@ def _follow(
                 break
             surface = following
             touched[ray, bounces] = following
+            bounces += 1
     return candidates[:found]
 
 
@@ -306,6 +342,13 @@ def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: fl
     """Return the least length of a path that continues from `distance` ahead to the receiver: straight."""
     home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
     return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
+
+
+@inlined
+def _passed(leg: _Leg, distance: float) -> _Leg:
+    """Return the leg from `distance` on, where the tube is wider."""
+    x, y, width = leg.x + distance * leg.dx, leg.y + distance * leg.dy, leg.width + leg.opening * distance
+    return _Leg(x, y, leg.dx, leg.dy, leg.length + distance, width, leg.opening, leg.amplitude)
 
 
 @compiled_part
@@ -421,6 +464,16 @@ def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
     while same < one[1] and touched[one[0], same] == touched[other[0], same]:
         same += 1
     return bool(same == one[1])
+
+
+@compiled
+def distances_ahead(points: FloatArray, headings: FloatArray, surfaces: Surfaces) -> FloatArray:
+    """Return the distance from `points` (n, 2) along `headings` (n,) rad to the first surface, or inf, (n,) m."""
+    distances = np.empty(headings.shape[0])
+    for k in range(headings.shape[0]):
+        x, y = math.cos(headings[k]), math.sin(headings[k])
+        distances[k] = first_hit(points[k, 0], points[k, 1], x, y, -1, surfaces)[0]
+    return distances
 
 
 def fan(rays: int, heading: float | None = None) -> FloatArray:

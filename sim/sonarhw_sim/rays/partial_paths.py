@@ -1,13 +1,15 @@
 """Paths from a place to the receiver or to an edge, each solved exactly, without duplicates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.detectable import Detectable
-from sonarhw_sim.rays.kernel import follow_fan
+from sonarhw_sim.rays.kernel import Fan, follow_fan
+from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.sequences import solve_candidates
 from sonarhw_sim.room.grid import IntArray
@@ -45,37 +47,46 @@ def find_partial_paths(
     directions: FloatArray,
     max_bounces: int,
     detectable: Detectable,
+    passing: Passing | None,
 ) -> PartialPaths:
     """Return every detectable path from `place` (2,) to targets (t, 2), not longer than their `longest` (t,) m.
 
     Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
     `edges` (t - 1,).
     """
-    touched, candidates = follow_fan(
-        place, directions, room.surfaces, room.reflectances, targets, longest, max_bounces, detectable
+    found = follow_fan(
+        place,
+        directions,
+        room.surfaces,
+        room.reflectances,
+        targets,
+        longest,
+        max_bounces,
+        detectable,
+        passing=passing,
     )
-    candidates = with_direct_paths(candidates, len(targets))
+    found = found._replace(candidates=with_direct_paths(found.candidates, len(targets)))
     leads_to = np.append(-1, edges).astype(np.int32)
-    return solved_paths(room, place, directions, touched, candidates, targets, longest, leads_to)
+    return solved_paths(room, place, found, targets, longest, leads_to, passing)
 
 
 def solved_paths(
     room: Room,
     place: FloatArray,
-    directions: FloatArray,
-    touched: IntArray,
-    candidates: IntArray,
+    fan: Fan,
     targets: FloatArray,
     longest: FloatArray,
     leads_to: IntArray,
+    passing: Passing | None,
 ) -> PartialPaths:
-    """Return those candidates of `follow_fan` that are real paths; `leads_to` (t,) is the edge at each target or -1."""
+    """Return those candidates of a fan that are real paths; `leads_to` (t,) is the edge at each target or -1."""
+    blocking = room.surfaces if passing is None else passing.blocking
     real, points, lengths, divergences = solve_candidates(
-        place, directions, touched, candidates, targets, longest, room.surfaces
+        place, fan.directions, fan.touched, fan.candidates, targets, longest, blocking
     )
-    ray, bounces, target = candidates[real].T
+    ray, bounces, target = fan.candidates[real].T
     most = points.shape[1] - 2
-    surfaces = np.where(np.arange(most) < bounces[:, None], touched[ray, :most], -1).astype(np.int32)
+    surfaces = np.where(np.arange(most) < bounces[:, None], fan.touched[ray, :most], -1).astype(np.int32)
     # surface -1, "none", selects the appended 1
     gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences[real])
     points = np.concatenate((points[real], np.full((len(ray), 1, 2), np.nan)), axis=1)
@@ -92,10 +103,36 @@ def with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
     return np.vstack((straight, candidates[(bounces > 0) | (target == 0)]))
 
 
-def shortest_first(paths: PartialPaths) -> PartialPaths:
-    """Sort paths by length and drop duplicates: through a vertex, several sequences describe one path."""
+def shortest_first(paths: PartialPaths, by_points: bool = True) -> PartialPaths:
+    """Sort paths by length and drop duplicates.
+
+    These are paths with equal points: through a vertex, several sequences describe one path. Without `by_points`, only
+    paths with equal surfaces are dropped.
+    """
     paths = paths.select(_in_order(paths))
-    return paths.select(np.flatnonzero(_first_of_kind(paths)))
+    if by_points:
+        return paths.select(np.flatnonzero(first_of_kind(paths.lengths, paths.edges, paths.points)))
+    _, first = np.unique(np.column_stack((paths.edges, paths.bends, paths.surfaces)), axis=0, return_index=True)
+    return paths.select(np.sort(first))
+
+
+def reversed_paths(paths: PartialPaths) -> PartialPaths:
+    """Return paths between one place and itself in the reverse direction."""
+    count = (paths.surfaces >= 0).sum(axis=1)
+    points = np.isfinite(paths.points[:, :, 0]).sum(axis=1)
+    return replace(
+        paths,
+        surfaces=_turned(paths.surfaces, count),
+        bends=(count - np.where(paths.edges < 0, 0, paths.bends)).astype(np.int32),
+        points=_turned(paths.points, points),
+    )
+
+
+def _turned(table: NDArray[Any], count: NDArray[np.intp]) -> NDArray[Any]:
+    """Return a table with the first `count` (n,) columns of each row in reverse order."""
+    column = np.arange(table.shape[1])
+    order = np.where(column < count[:, None], count[:, None] - 1 - column, column)
+    return np.asarray(table[np.arange(len(table))[:, None], order])
 
 
 def _in_order(paths: PartialPaths) -> NDArray[np.intp]:
@@ -111,9 +148,12 @@ def _in_order(paths: PartialPaths) -> NDArray[np.intp]:
     return order
 
 
-def _first_of_kind(paths: PartialPaths) -> NDArray[np.bool_]:
-    """Return which rows, in order of length, have no earlier row of equal length, departure, arrival and edge."""
-    rows, points = np.arange(len(paths.lengths)), paths.points
+def first_of_kind(lengths: FloatArray, edges: IntArray, points: FloatArray) -> NDArray[np.bool_]:
+    """Return which paths, in order of length, have no earlier one of equal length, departure, arrival and edge, (n,).
+
+    `lengths` (n,) m, `edges` (n,), `points` (n, p, 2) m, padded with NaN.
+    """
+    rows = np.arange(len(lengths))
     last = np.isfinite(points[:, :, 0]).sum(axis=1) - 1
     legs = np.stack((points[:, 1] - points[:, 0], points[rows, last] - points[rows, last - 1]), axis=1)
     kept = np.ones(len(rows), dtype=np.bool_)
@@ -122,8 +162,8 @@ def _first_of_kind(paths: PartialPaths) -> NDArray[np.bool_]:
     while len(later):
         before += 1
         later = later[later >= before]
-        later = later[paths.lengths[later] - paths.lengths[later - before] <= _SAME]
-        alike = (paths.edges[later] == paths.edges[later - before]) & _are_parallel(legs[later], legs[later - before])
+        later = later[lengths[later] - lengths[later - before] <= _SAME]
+        alike = (edges[later] == edges[later - before]) & _are_parallel(legs[later], legs[later - before])
         pairs += [(row, row - before) for row in later[alike].tolist()]
     for row, earlier in sorted(pairs):
         kept[row] &= ~kept[earlier]

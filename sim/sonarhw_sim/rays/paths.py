@@ -15,7 +15,8 @@ from sonarhw_sim.rays.cylinder import thin_post_factors
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
-from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, shortest_first
+from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, reversed_paths, shortest_first
+from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.post_paths import post_paths
 from sonarhw_sim.room.grid import IntArray
@@ -104,29 +105,37 @@ def find_paths(
     position: tuple[float, float],
     search: PathSearch,
     receiver: tuple[float, float] | None = None,
+    passing: Passing | None = None,
 ) -> Paths:
     """Return every path of `search` from `position` back to it, or to `receiver`, shortest first.
 
-    There are no paths to or from the inside of a post.
+    Sound may pass the low surfaces of `passing` as well as touch them; then paths that differ only by the surfaces that
+    they touch at one point are all listed. There are no paths to or from the inside of a post that sound cannot pass.
     """
     source = np.array(position, dtype=np.float64)
     end = source if receiver is None else np.array(receiver, dtype=np.float64)
-    if _inside_post(room, source) or _inside_post(room, end):
+    if _inside_post(room, source, passing) or _inside_post(room, end, passing):
         return _paths_of(PartialPaths.none())
     edges = _diffracting_edges(room, source, end, search)
     leaving, arriving = _fan(search, back=False), _fan(search, back=True)
-    out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, search.max_length + SLACK)
+    out = _partial_paths_from(
+        room, source, end, edges, search, search.axes, leaving, search.max_length + SLACK, passing
+    )
     back = out
     # paths back are only used at edges
     if receiver is not None and len(edges):
         axes = None if search.axes is None else search.axes.reversed
-        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, to_other=0.0)
+        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, passing)
     straight = out.select(np.flatnonzero(out.edges < 0))
     diffracted = diffracted_paths(
         room, out, back, search.edge_diffraction, search.max_length + SLACK, search.max_bounces
     )
-    by_posts = post_paths(room, source, end, leaving, arriving, search.max_length + SLACK, search.max_bounces)
-    paths = shortest_first(PartialPaths.join([straight, diffracted, by_posts]))
+    by_posts = post_paths(room, source, end, leaving, arriving, search.max_length + SLACK, search.max_bounces, passing)
+    found = [straight, diffracted, by_posts]
+    if passing is not None and receiver is None:
+        # rays with slopes leave gaps, which are seldom the same for a path and its reverse
+        found += [reversed_paths(paths) for paths in found]
+    paths = shortest_first(PartialPaths.join(found), by_points=passing is None)
     return _paths_of(replace(paths, gains=paths.gains * thin_post_factors(room, paths, search.wavelength)))
 
 
@@ -145,6 +154,7 @@ def _partial_paths_from(
     axes: TransducerAxes | None,
     directions: FloatArray,
     to_other: float,
+    passing: Passing | None,
 ) -> PartialPaths:
     """Return the paths from `place` to these edges and, not longer than `to_other`, to the other end.
 
@@ -153,15 +163,15 @@ def _partial_paths_from(
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_partial(room, other, search)[edges])
     if axes is None:
-        detectable = all_rays(len(directions), len(targets))
+        detectable = all_rays(len(directions), len(targets), search.faintest_diffraction)
     else:
         there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
-    return find_partial_paths(room, place, targets, edges, longest, directions, search.max_bounces, detectable)
+    return find_partial_paths(room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing)
 
 
-def _inside_post(room: Room, place: FloatArray) -> bool:
-    posts = room.posts
+def _inside_post(room: Room, place: FloatArray, passing: Passing | None) -> bool:
+    posts = room.posts if passing is None else room.posts[~passing.low[len(room.walls) :]]
     return bool((np.hypot(posts[:, 0] - place[0], posts[:, 1] - place[1]) < posts[:, 2]).any())
 
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import follow_fan
+from sonarhw_sim.rays.kernel import Fan, follow_fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, solved_paths, with_direct_paths
+from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.sequences import solve_candidates
 from sonarhw_sim.room.grid import IntArray, Listing, whole_numbers
 from sonarhw_sim.room.model import Room
@@ -41,6 +42,7 @@ def post_paths(
     arriving: FloatArray,
     max_length: float,
     max_bounces: int,
+    passing: Passing | None,
 ) -> PartialPaths:
     """Return the paths by posts, up to `max_length` (m), from `source` (2,) to `end` (2,).
 
@@ -49,9 +51,9 @@ def post_paths(
     most = min(max_bounces, MOST_REFLECTIONS)
     if most == 0 or len(room.posts) == 0:
         return PartialPaths.none()
-    out = _ways_to_posts(room, source, end, leaving, max_length, most - 1)
+    out = _ways_to_posts(room, source, end, leaving, max_length, most - 1, passing)
     same = np.array_equal(source, end) and np.array_equal(leaving, arriving)
-    back = out if same else _ways_to_posts(room, end, source, arriving, max_length, most - 1)
+    back = out if same else _ways_to_posts(room, end, source, arriving, max_length, most - 1, passing)
     first, second = _pairs(out, back)
     bounces = out.bounces[first] + 1 + back.bounces[second]
     # a path is shorter than the two ways to the centre by up to the diameter
@@ -61,54 +63,55 @@ def post_paths(
     candidates = np.column_stack((np.arange(len(first)), bounces, np.zeros_like(bounces))).astype(np.int32)
     sequences = _sequences(out, back, first, second, len(room.walls))
     longest, no_edge = np.array([max_length]), np.array([-1], np.int32)
-    return solved_paths(
-        room, source, _aimed(room, out, back, first, second), sequences, candidates, end[None], longest, no_edge
-    )
+    found = Fan(sequences, candidates, _aimed(room, out, back, first, second))
+    return solved_paths(room, source, found, end[None], longest, no_edge, passing)
 
 
 def _ways_to_posts(
-    room: Room, place: FloatArray, other: FloatArray, directions: FloatArray, max_length: float, most: int
+    room: Room,
+    place: FloatArray,
+    other: FloatArray,
+    directions: FloatArray,
+    max_length: float,
+    most: int,
+    passing: Passing | None,
 ) -> _Ways:
     """Return the ways from `place` to posts with up to `most` reflections that may continue to `other`."""
     targets, radii = np.vstack((other, room.posts[:, :2])), np.append(0.0, room.posts[:, 2])
     # the receiver is not a target
     longest = np.append(0.0, max_length + radii[1:] - np.hypot(*(targets[1:] - other).T))
     no_limits = all_rays(len(directions), len(targets))
-    touched, candidates = follow_fan(
-        place, directions, room.surfaces, room.reflectances, targets, longest, max(most, 1), no_limits, radii
+    found = follow_fan(
+        place, directions, room.surfaces, room.reflectances, targets, longest, max(most, 1), no_limits, radii, passing
     )
-    candidates = with_direct_paths(candidates, len(targets))
+    candidates = with_direct_paths(found.candidates, len(targets))
     candidates = candidates[(candidates[:, 1] <= most) & (candidates[:, 2] > 0)]
     candidates = candidates[np.argsort(candidates[:, 2], kind="stable")]
-    return _solved_ways(room, place, directions, touched, candidates, targets)
+    return _solved_ways(room, place, found._replace(candidates=candidates), targets)
 
 
-def _solved_ways(
-    room: Room,
-    place: FloatArray,
-    directions: FloatArray,
-    touched: IntArray,
-    candidates: IntArray,
-    targets: FloatArray,
-) -> _Ways:
+def _solved_ways(room: Room, place: FloatArray, fan: Fan, targets: FloatArray) -> _Ways:
     # a way ends within its post, so an empty grid: nothing blocks; the whole path is checked later
     surfaces = room.surfaces
     nothing = Listing(np.zeros_like(surfaces.listing.starts), surfaces.listing.numbers[:0])
     real, points, lengths, divergences = solve_candidates(
         place,
-        directions,
-        touched,
-        candidates,
+        fan.directions,
+        fan.touched,
+        fan.candidates,
         targets,
         np.full(len(targets), np.inf),
         surfaces._replace(listing=nothing),
     )
-    ray, bounces, target = candidates[real].T
+    # a place above a low post is no way to it
+    real &= lengths > 0.0
+    ray, bounces, target = fan.candidates[real].T
     points, row = points[real], np.arange(len(ray))
     away, last = points[:, 1] - place, points[row, bounces + 1] - points[row, bounces]
     # every reflection swaps left and right
     shifts = np.where(bounces % 2, -1.0, 1.0) * lengths[real] * divergences[real]
-    rows = np.where(np.arange(touched.shape[1]) < bounces[:, None], touched[ray], -1).astype(np.int32)
+    touched = fan.touched[ray]
+    rows = np.where(np.arange(touched.shape[1]) < bounces[:, None], touched, -1).astype(np.int32)
     directions = np.arctan2(away[:, 1], away[:, 0])
     # a way that reflects off a wall at the centre of a post has no last leg
     ahead = last / np.maximum(np.hypot(*last.T), 1e-300)[:, None]

@@ -120,12 +120,13 @@ def by_wedge(
     faces: FloatArray,
     to_edge: FloatArray,
     from_edge: FloatArray,
-    wavelength: float,
+    wavelength: float | FloatArray,
 ) -> ComplexArray:
     """Return the amplitude of diffracted paths relative to reflected ones of their length from a perfect wall, (m,).
 
     `one` and `other` (m,) are the angles (rad) of the two legs from the first face of a wedge of air of nπ, `faces`
-    (m, 2) the reflectances of the first and the last face, `to_edge` and `from_edge` (m,) the lengths of the legs, m.
+    (m, 2) the reflectances of the first and the last face, `to_edge` and `from_edge` (m,) the lengths of the legs, m;
+    the wavelength, m, is one or (m,).
     The reflectance of a face multiplies its reflection term. For n below 1, image sources of several reflections have
     boundaries too, and a term has the reflectances of the nearest one. The whole is at most as loud as the louder face,
     so an edge of two absorbers is silent.

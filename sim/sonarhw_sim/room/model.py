@@ -1,7 +1,7 @@
 """The room as arrays: walls, posts, reflectances, edges, and its places.
 
 Surfaces are numbered walls first, then posts, both in the order of the file, then floor and ceiling, if any. Floor and
-ceiling exist in vertical sections only.
+ceiling reflect sound only from places with a height.
 """
 
 import math

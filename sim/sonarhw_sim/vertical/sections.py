@@ -1,8 +1,8 @@
 """All paths of a place: in the plan, and out of it if the height of the transducer is known.
 
 A place without a height uses the plan only. A place with a height uses a horizontal section with the walls and posts
-that span this height, and vertical sections through the transducer (`vertical.vertical_paths`). Each section uses the
-two-dimensional core (CIM-92-9 §4), and the paths are merged here.
+that span this height, the paths that floor and ceiling turn out of it (`vertical.in_space`), and those that the upper
+and lower ends of walls bend (`vertical.vertical_paths`). All are merged here.
 """
 
 import math
@@ -17,15 +17,22 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.scatter import scattered_paths
 from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.clearance import courses_of
+from sonarhw_sim.vertical.in_space import raised_paths, straight_paths
 from sonarhw_sim.vertical.incidence import reflectance_factors
+from sonarhw_sim.vertical.plan import edge_numbers, plan_of
 from sonarhw_sim.vertical.rough_levels import rough_level_paths
-from sonarhw_sim.vertical.vertical_paths import vertical_paths
+from sonarhw_sim.vertical.vertical_paths import rim_paths
 
 Receiver = tuple[float, float] | None  # position of the receiver, m; None: as the sender
 
-# m: sender and receiver up to this distance use vertical sections midway between them. At a distance s, a path of
-# length L is then too short by s²/2L, 0.2 mm for 26 mm at 2 m. Farther apart, sound leaves every vertical plane.
+# m: sender and receiver up to this distance use vertical planes midway between them for the ends of walls, and patches
+# of rough levels seen from there. At a distance s, a path of length L is then too short by s²/2L, 0.2 mm for 26 mm at
+# 2 m. Farther apart, sound leaves every vertical plane.
 SIDE_BY_SIDE = 0.1
+# Paths bent by an edge and by levels, in a room that sound can pass at several heights, are many and faint: those below
+# -40 dB, if the others are listed from -60 dB on, are omitted.
+_LOUDER = 10.0
 _MOST_SURFACES = 46_000  # with more, the number of an edge in sections exceeds 32 bits
 
 
@@ -49,21 +56,40 @@ def _all_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver,
     if place.height is None:
         return _planar_paths(room, place, search, receiver)
     if len(room.names) > _MOST_SURFACES:
-        raise InputError(f"room {room.name!r}: sections take up to {_MOST_SURFACES} surfaces, got {len(room.names)}")
+        raise InputError(f"room {room.name!r}: heights take up to {_MOST_SURFACES} surfaces, got {len(room.names)}")
     strips = _strips(place.height, face, sections)
     flat = _horizontal_paths(room, place, search, receiver, strips)
+    parts = [flat, *_raised_paths(room, place, place.height, search, receiver, flat)]
     middle, flat_at_middle = place, flat
-    if receiver is not None:
-        if math.dist(place.position, receiver) > SIDE_BY_SIDE:
-            return flat
+    if receiver is None:
+        parts += straight_paths(room, place, place.height, search)
+    elif math.dist(place.position, receiver) > SIDE_BY_SIDE:
+        return _by_length(Paths.join(parts))
+    else:
         (x, y), (other_x, other_y) = place.position, receiver
         middle = replace(place, position=((x + other_x) / 2, (y + other_y) / 2))
         flat_at_middle = _horizontal_paths(room, middle, search, None, strips)
+    parts += rough_level_paths(room, middle, place.height, search)
     # sound does not leave the inside of a post
-    if set(room.posts_at(middle.position)) & set(spanning_at(room, place.height)):
-        return flat
-    vertical = vertical_paths(room, middle, place.height, search, flat_at_middle)
-    return _by_length(Paths.join([flat, *vertical, *rough_level_paths(room, middle, place.height, search)]))
+    if not set(room.posts_at(middle.position)) & set(spanning_at(room, place.height)):
+        parts += rim_paths(room, middle, place.height, search, flat_at_middle)
+    return _by_length(Paths.join(parts))
+
+
+def _raised_paths(
+    room: Room, place: Place, height: float, search: PathSearch, receiver: Receiver, flat: Paths
+) -> list[Paths]:
+    """Return the paths by floor and ceiling; `flat` are those of the horizontal section."""
+    if not room.levels:
+        return []
+    plan = plan_of(room, height, search)
+    if plan.passing is None:
+        paths = flat.select(np.flatnonzero(~flat.scattered))
+    else:
+        search = replace(search, faintest_diffraction=_LOUDER * search.faintest_diffraction)
+        paths = find_paths(plan.room, place.position, search, receiver, plan.passing)
+    raised = raised_paths(courses_of(plan, paths), height, search)
+    return [replace(paths, edges=plan.edges[paths.edges]) for paths in raised]
 
 
 def _planar_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver) -> Paths:
@@ -130,27 +156,9 @@ def cut(room: Room, spanning: tuple[int, ...]) -> Room:
 
 def _in_room(paths: Paths, section: Room, room: Room, spanning: tuple[int, ...]) -> Paths:
     """Return the paths of a section with surfaces and edges numbered as in the room."""
-    if section.edges is room.edges:
-        edges = paths.edges
-    else:
-        edges = np.array([*_edge_numbers(section, room), -1], dtype=np.int32)[paths.edges]
+    edges = paths.edges if section.edges is room.edges else edge_numbers(section.edges, room, spanning)[paths.edges]
     surfaces = np.array([*spanning, -1], dtype=np.int32)[paths.surfaces]
     return replace(paths, surfaces=surfaces, edges=edges)
-
-
-def _edge_numbers(section: Room, room: Room) -> list[int]:
-    rows = {(*point, name): row for row, (point, name) in enumerate(_edges(room))}
-    surfaces = {name: number for number, name in enumerate(room.names)}
-    numbers = []
-    for point, name in _edges(section):
-        first, _, second = name.partition("/")
-        between = room.edge_between(surfaces[first], surfaces[second or first])
-        numbers.append(rows.get((*point, name), between))
-    return numbers
-
-
-def _edges(room: Room) -> list[tuple[list[float], str]]:
-    return list(zip(room.edges.points.tolist(), room.edges.names, strict=True))
 
 
 def _summed(parts: list[Paths]) -> Paths:

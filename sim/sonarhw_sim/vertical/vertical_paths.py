@@ -28,13 +28,14 @@ from sonarhw_sim.vertical.vertical_section import (
 )
 
 
-def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, flat: Paths) -> list[Paths]:
-    """Return the paths that leave the horizontal, one table for each plane; `flat` are those of the plan."""
-    if not room.levels and not np.isfinite(room.heights).any():
+def rim_paths(room: Room, place: Place, height: float, search: PathSearch, flat: Paths) -> list[Paths]:
+    """Return the paths that rims bend, one table for each plane; `flat` are those of the plan."""
+    if not np.isfinite(room.heights[: room.levels.start]).any() or not search.diffraction:
         return []
     view = SectionQuery(room, place.position, height, search)
     planes = [Plane(0.0, ()), *_wall_planes(view), *_post_planes(view), *_edge_and_corner_planes(view, flat)]
-    return [_follow(view, plane) for plane in planes]
+    tables = [_follow(view, plane) for plane in planes]
+    return [paths.select(np.flatnonzero(paths.edges >= len(room.edges))) for paths in tables]
 
 
 def _wall_planes(view: SectionQuery) -> Iterator[Plane]:

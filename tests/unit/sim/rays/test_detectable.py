@@ -62,6 +62,6 @@ def test_ray_ends_where_it_is_too_faint() -> None:
     longest, targets = np.array([20.0]), np.array([[0.45, 0.55]])
     # with a reflectance of 0.9, six reflections leave more than half, seven less
     half = all_rays(64, 1)._replace(least=np.array([0.5]))
-    touched, candidates = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
-    assert len(candidates)
-    assert ((touched >= 0).sum(axis=1) == 6).all()
+    found = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
+    assert len(found.candidates)
+    assert ((found.touched >= 0).sum(axis=1) == 6).all()

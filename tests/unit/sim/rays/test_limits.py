@@ -38,13 +38,13 @@ def test_candidates_of_the_fan_are_limited_as_if_all_had_as_many_points_as_the_l
 ) -> None:
     corridor = room_of([(-50, 0, 50, 0), (-50, 1, 50, 1)])
     fans: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(partial_paths, "follow_fan", lambda *given: fans.append(given) or follow_fan(*given))
+    monkeypatch.setattr(partial_paths, "follow_fan", lambda *given, **_: fans.append(given) or follow_fan(*given))
     find_paths(corridor, (0.0, 0.4), PathSearch(max_length=41.0, wavelength=0.007, max_bounces=500, diffraction=False))
     (fan,) = fans
-    candidates = follow_fan(*fan)[1]
+    candidates = follow_fan(*fan).candidates
     count, points = len(candidates), candidates[:, 1].max() + 2
     monkeypatch.setattr(path_table, "MOST_POINTS", count * points)
-    assert len(follow_fan(*fan)[1]) == count
+    assert len(follow_fan(*fan).candidates) == count
     monkeypatch.setattr(path_table, "MOST_POINTS", count * points - 1)
     with pytest.raises(InputError, match=rf"^too many paths: \d+ or more, with up to {points} points each"):
         follow_fan(*fan)

@@ -1,0 +1,130 @@
+"""Surfaces that sound may pass over or under, and the slopes of rays that find the ways past them.
+
+A ray with a slope has one height at each distance in the plan, so it either touches such a surface or passes it. Rays
+only find which surfaces sound may touch in which order: the heights of the exact paths are checked later.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled_part
+from sonarhw_sim.room.grid import Listing, Surfaces
+
+BoolArray = NDArray[np.bool_]
+
+_SLOPES = 8  # of the rays in each direction, of each kind
+_FLUSH = 1e-9  # m: walls this near to one line touch sound at one point
+
+
+class KernelHeights(NamedTuple):
+    """KernelHeights for kernels; m."""
+
+    low: BoolArray  # (s,): surfaces to which heights apply; to others, sound has any height
+    spans: FloatArray  # (s, 2): lower and upper end
+    flush: Listing  # for each surface, the other walls on its line
+    start: float  # of the transducer
+    floor: float  # -inf: none
+    ceiling: float  # inf: none
+
+
+@dataclass(frozen=True)
+class Passing:
+    """Walls and posts with their heights, and where sound may be in between."""
+
+    surfaces: Surfaces
+    spans: FloatArray  # (s, 2), m: lower and upper end of walls and posts
+    low: BoolArray  # (s,): those that sound may pass
+    height: float  # m, of the transducer
+    floor: float  # m; -inf: none
+    ceiling: float  # m; inf: none
+    climbs: FloatArray  # (c,), m: up and down travelled by the paths to find, negative if these first go down
+    max_length: float  # m
+
+    @property
+    def blocking(self) -> Surfaces:
+        """The surfaces with a grid that lists only those that no sound passes."""
+        starts, numbers = self.surfaces.listing
+        kept = ~self.low[numbers]
+        before = np.append(0, np.cumsum(kept)).astype(np.int32)
+        return self.surfaces._replace(listing=Listing(before[starts], numbers[kept]))
+
+    @property
+    def heights(self) -> KernelHeights:
+        """The same for kernels, with the walls flush with a low one among the low ones."""
+        flush = self._flush()
+        low = self.low.copy()
+        low[[one for one, _ in flush]] = True
+        starts = np.searchsorted([one for one, _ in flush], np.arange(len(low) + 1)).astype(np.int32)
+        others = Listing(starts, np.array([other for _, other in flush], dtype=np.int32))
+        return KernelHeights(low, self.spans, others, self.height, self.floor, self.ceiling)
+
+    def _flush(self) -> list[tuple[int, int]]:
+        """Return the pairs of walls on one line that overlap there, one of them low, in both orders, sorted."""
+        walls = self.surfaces.walls
+        along = walls[:, 2:] - walls[:, :2]
+        lengths = np.hypot(*along.T)
+        pairs = set()
+        for one in np.flatnonzero(self.low[: len(walls)]).tolist():
+            away = walls.reshape(-1, 2, 2) - walls[one, :2]
+            aside = np.abs(away[..., 0] * along[one, 1] - away[..., 1] * along[one, 0]).max(axis=1) / lengths[one]
+            on = (away @ along[one]) / lengths[one]
+            overlap = np.minimum(on.max(axis=1), lengths[one]) - np.maximum(on.min(axis=1), 0.0)
+            for other in np.flatnonzero((aside <= _FLUSH) & (overlap > _FLUSH)).tolist():
+                pairs |= {(one, other), (other, one)} if other != one else set()
+        return sorted(pairs)
+
+    def slopes(self, directions: FloatArray) -> FloatArray:
+        """Return slopes (n, k) of rays in each of these directions (n,).
+
+        Half of them are those of paths with the climbs of this room, at lengths in the plan that are the more frequent
+        the longer they are. The others are spread from flat to steep. Neighbouring rays have different slopes, so that
+        together they leave smaller gaps.
+        """
+        turned = (np.arange(len(directions)) * (math.sqrt(5) - 1) / 2) % 1.0
+        share = np.minimum((np.arange(_SLOPES) + turned[:, None]) / _SLOPES, 1 - 1e-6)
+        longest = np.sqrt(np.maximum(self.max_length**2 - self.climbs**2, 1e-12))
+        bounds = np.append(0.0, np.cumsum(longest**2)) / (longest**2).sum()
+        which = np.searchsorted(bounds, share, side="right") - 1
+        within = (share - bounds[which]) / (bounds[which + 1] - bounds[which])
+        of_climbs = self.climbs[which] / (longest[which] * np.sqrt(np.maximum(within, 1e-6)))
+        return np.hstack((of_climbs, np.sign(of_climbs) * np.tan(math.pi / 2 * share**2)))
+
+
+def no_heights(surfaces: int) -> KernelHeights:
+    """Return the heights for a search in which sound passes none of so many surfaces."""
+    nothing = Listing(np.zeros(surfaces + 1, np.int32), np.empty(0, np.int32))
+    return KernelHeights(np.zeros(surfaces, np.bool_), np.empty((0, 2)), nothing, 0.0, 0.0, 0.0)
+
+
+@compiled_part
+def surface_at(x: float, y: float, climb: float, surface: int, heights: KernelHeights, walls: FloatArray) -> int:
+    """Return the surface that sound touches where it meets `surface` at (x, y) m, after a `climb` (m); -1: none."""
+    height = _folded(heights.start + climb, heights.floor, heights.ceiling)
+    if heights.spans[surface, 0] <= height <= heights.spans[surface, 1]:
+        return surface
+    for k in range(heights.flush.starts[surface], heights.flush.starts[surface + 1]):
+        other = heights.flush.numbers[k]
+        wall = walls[other]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        along = (x - wall[0]) * ex + (y - wall[1]) * ey
+        if 0.0 <= along <= ex * ex + ey * ey and heights.spans[other, 0] <= height <= heights.spans[other, 1]:
+            return int(other)
+    return -1
+
+
+@compiled_part
+def _folded(height: float, floor: float, ceiling: float) -> float:
+    """Return the height (m) of sound that floor and ceiling reflect and that would otherwise reach `height`."""
+    if height < floor and ceiling == np.inf:
+        return 2.0 * floor - height
+    if height > ceiling and floor == -np.inf:
+        return 2.0 * ceiling - height
+    if floor <= height <= ceiling:
+        return height
+    up = (height - floor) % (2.0 * (ceiling - floor))
+    return floor + min(up, 2.0 * (ceiling - floor) - up)
