@@ -10,7 +10,7 @@ from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import Hello, Info
 
 
-@pytest.mark.parametrize(("faults", "minor"), [("", 1), ("drift=200", 1), ("protocol=1.9", 9)])
+@pytest.mark.parametrize(("faults", "minor"), [("", 2), ("drift=200", 2), ("protocol=1.9", 9)])
 def test_a_new_fake_scanner_reports_its_first_start_seed_and_profile(faults: str, minor: int) -> None:
     room = load_room("rooms/simple.toml")
     device, _ = fake_device(room, room.places["figure9"], load_board("lego-nxt"), 42, read_faults(faults))
