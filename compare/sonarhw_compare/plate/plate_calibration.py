@@ -120,19 +120,17 @@ def _find_swelling(result: _Result, scans: Sequence[PlateReadings]) -> Measured 
 
 
 def _find_levels(result: _Result, scans: Sequence[PlateReadings]) -> LevelFit:
-    """Fit the levels; what they do not determine is held, one key after the other, the worst first."""
-    keys = list(free_keys(result.start, scans))
+    """Fit the levels. Keys that they do not determine stay, and count as unknown in the intervals of the others."""
+    keys = free_keys(result.start, scans)
     if LevelKey.GAIN_STEP not in keys:
         result.kept[LevelKey.GAIN_STEP] = (
             "one log shows the gain at one time only" if result.start.gain_steps else "this profile has no gain steps"
         )
     fit = fit_levels(result.board, scans, keys)
-    while undetermined := [key for key in keys if _share(fit, key) > 1]:
-        worst = max(undetermined, key=lambda key: _share(fit, key))
-        result.kept[worst] = f"the scans determine it to ± {_half_text(fit, worst)} only"
-        keys.remove(worst)
-        fit = fit_levels(result.board, scans, keys)
     for key in keys:
+        if _share(fit, key) > 1:
+            result.kept[key] = f"the scans determine it to ± {_half_text(fit, key)} only"
+            continue
         aperture = key is LevelKey.APERTURE
         value = float(getattr(fit.board, key))
         least = _LEAST_APERTURE * value if aperture else _LEAST_DB

@@ -3,6 +3,7 @@
 Tests of the board's timing send nothing meanwhile: the times of host messages depend on the load of the machine.
 """
 
+import math
 import os
 import re
 import subprocess
@@ -13,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.console.demo_room import PLACE, ROOM
+from sonarhw_compare.plate.plate_calibration import calibrate_with_plates
+from sonarhw_compare.plate.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.model import Place, load_room
 
 from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
@@ -45,6 +48,7 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, envelope, scanner_on
+from tests.unit.compare.plate.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 
 DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
 TWO_TICKS = 1e-6  # s
@@ -378,3 +382,22 @@ def test_the_reset_cause_after_power_on_is_power() -> None:
         assert scanner.device_statistics().reset_cause == ResetCause.POWER
         times = [reading.time for reading in scanner.scan(sector(0, 10, 5))]
         assert all(after - before >= 0.1 for before, after in pairwise(times))
+
+
+def test_a_plate_in_front_of_the_emulated_board_gives_its_constants() -> None:
+    """At several distances, the calibration finds the hidden constants."""
+    start, scans = start_board(), []
+    for seed, distance in enumerate((0.5, 1.0, 2.0)):
+        place = Place("here", (-distance, 0.0), math.radians(1.0))
+        echoes = RoomEchoes(wall_room(), place, hidden_board(), seed, ALONE)
+        echoes.prepare()
+        with scanner_on(echoes) as (_, scanner):
+            scanner.configure(0.020, start.blanking, True)
+            scanned = list(scanner.scan(sector(-28, 28, 1)))
+        assert all(reading.trace is not None for reading in scanned)
+        scans.append(plate_readings(f"{distance:g} m", scanned, distance, 0.0, start, start.blanking))
+    found = {one.key: one.value for one in calibrate_with_plates(start, scans).findings}
+    assert found["aperture_radius"] == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
+    assert found["gain_step_db"] == pytest.approx(CONSTANTS["gain_step_db"], abs=0.5)
+    assert found["threshold_db"] == pytest.approx(CONSTANTS["threshold_db"], abs=0.5)
+    assert found["rise_cycles"] == pytest.approx(CONSTANTS["rise_cycles"], rel=0.10)
