@@ -28,7 +28,7 @@ def plate_profile(start: Board, found: PlateCalibration, scans: Sequence[PlateRe
             _set(profile, finding)
         text = below_header(_header(start, found, scans), tomlkit.dumps(profile), start.name)
     except TOMLKitError as error:
-        raise InputError(f"the board profile cannot be changed: {error}; give another --board") from error
+        raise InputError(f"the board profile cannot be changed: {error}; choose another profile") from error
     return parse_board(text, f"profile {name!r}")
 
 
