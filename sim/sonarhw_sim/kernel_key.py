@@ -58,7 +58,12 @@ def digest_of(kernel: Callable[..., Any]) -> str:
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     used = [function.__globals__[name] for name in sorted(_names(function.__code__)) if name in function.__globals__]
     where = f"{function.__module__}.{function.__qualname__}"
-    parts = [*_code(function.__code__), *(_value(value, where) for value in (*cells, *used, function.__defaults__))]
+    # stored code loads the modules of the kernels that it uses by name
+    parts = [
+        where,
+        *_code(function.__code__),
+        *(_value(value, where) for value in (*cells, *used, function.__defaults__)),
+    ]
     return _digest("\n".join(parts))
 
 

@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import loudest_by_separation
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.partial_paths import PartialPaths
-from sonarhw_sim.rays.wedge import by_wedge, most_by_wedge
 from sonarhw_sim.room.edges import Edges, inside_wedge
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
+from sonarhw_sim.wedges.narrow_walls import Arriving, along_narrow_walls
+from sonarhw_sim.wedges.wedge import by_wedge, most_by_wedge
 
 _AT_EDGE = 1e-7  # m
 _FEWEST_POINTS = 3  # of a diffracted path
@@ -161,7 +163,7 @@ def join_at_edges(
     path_table.check_size(count, _FEWEST_POINTS)
     pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
     _join(out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
-    return _loud_enough(out, back, pairs, bounds, wedges, faces, edge_diffraction)
+    return _loud_enough(out, back, pairs, bounds, edges, faces, edge_diffraction)
 
 
 def _loud_enough(
@@ -169,16 +171,16 @@ def _loud_enough(
     back: EdgePaths,
     pairs: NDArray[np.intp],
     bounds: FloatArray,
-    wedges: FloatArray,
+    edges: Edges,
     faces: FloatArray,
     edge_diffraction: EdgeDiffraction,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
     """Return the result of `join_at_edges` from the pairs (m, 2) of `_join` and their bounds (m, 2)."""
     (first, second), (legs, factors) = pairs.T, bounds.T
     if edge_diffraction.strength is EdgeStrength.UNIFORM:
-        edge = out.edges[first]
-        angles, lengths = (out.angles[first], back.angles[second]), (out.lengths[first], back.lengths[second])
-        amplitudes = by_wedge(*angles, wedges[edge], faces[edge], *lengths, edge_diffraction.wavelength)
+        arriving = _arriving(out)
+        halves = arriving, arriving if back is out else _arriving(back)
+        amplitudes = _uniform(halves, (first, second), edges, faces, edge_diffraction.wavelength)
     else:
         amplitudes = factors.astype(np.complex128)
     loud = np.flatnonzero(legs * np.abs(amplitudes) >= edge_diffraction.faintest)
@@ -211,6 +213,30 @@ def amplitudes_at_edges(
 
 def _angle_at(edges: Edges, rows: IntArray, directions: FloatArray) -> FloatArray:
     return np.mod(np.arctan2(directions[:, 1], directions[:, 0]) - edges.starts[rows], math.tau)
+
+
+def _arriving(paths: EdgePaths) -> Arriving:
+    return Arriving(paths.edges, paths.angles, paths.lengths)
+
+
+def _uniform(
+    halves: tuple[Arriving, Arriving],
+    rows: tuple[NDArray[np.intp], NDArray[np.intp]],
+    edges: Edges,
+    faces: FloatArray,
+    wavelength: float,
+) -> ComplexArray:
+    """Return the amplitude of the edge of each path by the uniform theory, at most that of its louder face, (m,).
+
+    Arguments as for `along_narrow_walls`.
+    """
+    (out, back), (first, second) = halves, rows
+    edge = out.edges[first]
+    angles, lengths = (out.angles[first], back.angles[second]), (out.lengths[first], back.lengths[second])
+    amplitudes = by_wedge(*angles, edges.openings[edge] / math.pi, faces[edge], *lengths, wavelength)
+    amplitudes += along_narrow_walls(halves, rows, edges, faces, wavelength)
+    loudest, sizes = faces[edge].max(axis=1), np.abs(amplitudes)
+    return np.asarray(amplitudes * np.minimum(1.0, loudest / np.maximum(sizes, 1e-300)))
 
 
 _UNIFORM, _KELLER, _PAPER = range(3)  # in the order of EdgeStrength

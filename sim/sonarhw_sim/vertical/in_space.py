@@ -79,7 +79,7 @@ def _bent(
         was = amplitudes_at_edges(*at_edges, flat, search.edge_strength)
         now = amplitudes_at_edges(*at_edges, flat / np.cos(elevations[bent]), search.edge_strength)
         gains[bent] *= np.abs(now) / np.maximum(np.abs(was), 1e-300)
-        phases[bent] = np.angle(now)
+        phases[bent] += np.angle(now * was.conj())
     return gains, phases
 
 

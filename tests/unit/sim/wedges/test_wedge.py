@@ -1,4 +1,4 @@
-"""Edges by the uniform theory: against the Fresnel integral, exact values, and its own symmetries."""
+"""Edges by the uniform theory: against the Fresnel integral, exact solutions, and its own symmetries."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from scipy.special import fresnel, modfresnelm
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.rays.wedge import by_wedge, most_by_wedge, transition
+from sonarhw_sim.wedges.wedge import by_wedge, most_by_wedge, transition
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
@@ -66,7 +66,7 @@ def test_every_wall_end_agrees_with_the_fresnel_integral(beyond: float) -> None:
     assert found <= level + 0.5
 
 
-@pytest.mark.parametrize(("width", "level"), [(0.01, -15.4), (0.02, -9.4), (0.04, -3.4), (0.101, 2.6), (0.2, 1.4)])
+@pytest.mark.parametrize(("width", "level"), [(0.02, -9.4), (0.04, -3.4), (0.101, 2.6), (0.2, 1.4)])
 def test_strip_is_as_loud_as_its_width_allows(width: float, level: float) -> None:
     assert by_fresnel(-width / 2, width / 2) == pytest.approx(level, abs=0.1)
     assert summed_db(paths_to(wall_from(-width / 2, width / 2))) == pytest.approx(level, abs=0.2)

@@ -127,9 +127,10 @@ def by_wedge(
     `one` and `other` (m,) are the angles (rad) of the two legs from the first face of a wedge of air of nπ, `faces`
     (m, 2) the reflectances of the first and the last face, `to_edge` and `from_edge` (m,) the lengths of the legs, m;
     the wavelength, m, is one or (m,).
-    The reflectance of a face multiplies its reflection term. For n below 1, image sources of several reflections have
-    boundaries too, and a term has the reflectances of the nearest one. The whole is at most as loud as the louder face,
-    so an edge of two absorbers is silent.
+    The reflectance of a face multiplies its reflection term. The shadow terms are 1 at the boundary of the shadow, and
+    straight back (1 + ρ)/2 with the mean reflectance ρ of both faces. For n below 1, image sources of several
+    reflections have boundaries too, and a term has the reflectances of the nearest one. The whole is at most as loud as
+    the louder face, so an edge of two absorbers is silent.
     """
     # 2 √(kL/π) with the distance parameter L = s s′/(s + s′) of a cylindrical wave
     legs = to_edge * from_edge / np.maximum(to_edge + from_edge, 1e-300)
@@ -137,9 +138,11 @@ def by_wedge(
     apart, mirrored = one - other, one + other
     first, last = faces.T
     both = np.where(n < 1.0, first * last, 1.0)
+    # an edge of impedance walls returns half of what a black one does, but has the same shadow
+    of_shadow = 1.0 - 0.5 * np.cos(0.5 * apart) ** 2 * (1.0 - 0.5 * (first + last))
     total = (
-        both ** np.abs(_turns(math.pi + apart, n)) * _term(math.pi + apart, n, scale)
-        + both ** np.abs(_turns(math.pi - apart, n)) * _term(math.pi - apart, n, scale)
+        of_shadow * both ** np.abs(_turns(math.pi + apart, n)) * _term(math.pi + apart, n, scale)
+        + of_shadow * both ** np.abs(_turns(math.pi - apart, n)) * _term(math.pi - apart, n, scale)
         + last * both ** np.maximum(_turns(math.pi + mirrored, n) - 1, 0) * _term(math.pi + mirrored, n, scale)
         + first * both ** np.abs(_turns(math.pi - mirrored, n)) * _term(math.pi - mirrored, n, scale)
     )
