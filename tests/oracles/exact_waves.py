@@ -1,4 +1,4 @@
-"""Exact sound of a line source at a rigid wedge and at a rigid cylinder, in two dimensions. Time dependence e^{+jωt}."""
+"""Exact sound of a line source at a rigid wedge and a rigid cylinder, in two dimensions. Time dependence e^{+jωt}."""
 
 import math
 
@@ -33,7 +33,7 @@ def diffracted_by_wedge(
 
 
 def scattered_by_cylinder(radius: float, distance: float, wavenumber: float) -> complex:
-    """Return the sound back at a line source `distance` m from the axis, relative to a line source at the path's length.
+    """Return the sound back at a line source `distance` m from the axis, relative to one at the path's length.
 
     The series of Morse and Ingard, Theoretical Acoustics, ch. 8.
     """
