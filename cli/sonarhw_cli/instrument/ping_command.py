@@ -4,7 +4,6 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from sonarhw.errors import InputError
@@ -134,6 +133,8 @@ def trace_row(trace: "Trace", speed_of_sound: float, reach: float) -> str:
 
     `speed_of_sound` is in m/s.
     """
+    import numpy as np
+
     columns = (trace.times * speed_of_sound / 2 / reach * COLUMNS).astype(int)
     shown = (columns >= 0) & (columns < COLUMNS) & ~np.isnan(trace.samples)
     highest = np.full(COLUMNS, -1.0)

@@ -280,7 +280,7 @@ def test_a_link_that_vanishes_during_a_scan_is_an_error(served: Serve) -> None:
 
 def test_another_protocol_version_is_an_error_with_both_versions(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
-    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.1"):
+    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.2"):
         Scanner.open(endpoint.url)
 
 

@@ -107,7 +107,7 @@ def test_info_prints_identity_and_link_statistics(url: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert facts["serial"] == "FAKE-0002"
-    assert facts["protocol"] == "1.1"
+    assert facts["protocol"] == "1.2"
     assert facts["temperature"] == "21.3 °C"
     assert facts["started"] == "1 time"
     assert {"home mark", "thermometer", "envelope"} <= set(facts["capabilities"].split(", "))
@@ -130,7 +130,7 @@ def test_info_as_json_has_the_documented_keys(url: str) -> None:
         "url": url,
         "origin": "fake",
         "serial": "FAKE-0002",
-        "protocol": "1.1",
+        "protocol": "1.2",
         "temperature_c": 21.3,
         "starts": 1,
     }
