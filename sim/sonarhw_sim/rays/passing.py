@@ -17,7 +17,7 @@ from sonarhw_sim.room.grid import Listing, Surfaces
 
 BoolArray = NDArray[np.bool_]
 
-_SLOPES = 8  # of the rays in each direction, of each kind
+SLOPES = 8  # of the rays in each direction, of each kind
 _FLUSH = 1e-9  # m: walls this near to one line touch sound at one point
 
 
@@ -86,7 +86,7 @@ class Passing:
         together they leave smaller gaps.
         """
         turned = (np.arange(len(directions)) * (math.sqrt(5) - 1) / 2) % 1.0
-        share = np.minimum((np.arange(_SLOPES) + turned[:, None]) / _SLOPES, 1 - 1e-6)
+        share = np.minimum((np.arange(SLOPES) + turned[:, None]) / SLOPES, 1 - 1e-6)
         longest = np.sqrt(np.maximum(self.max_length**2 - self.climbs**2, 1e-12))
         bounds = np.append(0.0, np.cumsum(longest**2)) / (longest**2).sum()
         which = np.searchsorted(bounds, share, side="right") - 1

@@ -11,6 +11,7 @@ from sonarhw_sim.wedges.wedge import by_wedge, most_by_wedge, transition
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
+from tests.oracles.exact_wedge import diffracted_by_wedge
 
 WAVELENGTH = 343.99 / 49_400
 DISTANCE = 1.0  # m, of walls
@@ -51,6 +52,17 @@ def test_transition_function_is_that_of_scipy() -> None:
     x = np.concatenate((np.linspace(0, 70, 7001), np.geomspace(1e-12, 1e6, 500)))
     exact = 2j * np.sqrt(x) * np.exp(1j * x) * modfresnelm(np.sqrt(x))[0]
     assert np.abs(transition(x) - exact).max() < 1e-7
+
+
+@pytest.mark.parametrize("air", [210, 240, 270, 300, 330])
+def test_outer_corners_are_those_of_the_exact_integral(air: int) -> None:
+    # the scene of the wave benchmark, in which the grid blurs the sharpest corners
+    opening, wavelength, leg = math.radians(air), 0.024, 0.29
+    for one, other in ((0.5, 0.5), (0.45, 0.48), (0.35, 0.6)):
+        angles = one * opening, other * opening
+        exact = diffracted_by_wedge(angles, opening, (leg, leg), math.tau / wavelength)
+        columns = (np.array([value]) for value in (*angles, opening / math.pi, HARD, leg, leg))
+        assert abs(by_wedge(*columns, wavelength)[0]) == pytest.approx(abs(exact), rel=0.01, abs=1e-4)
 
 
 @pytest.mark.parametrize(("beyond", "level"), [(-0.1, -20.6), (-0.03, -11.9), (0.003, -5.4), (0.051, 1.4)])

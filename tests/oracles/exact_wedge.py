@@ -1,10 +1,10 @@
-"""Exact sound of a line source at a rigid wedge and a rigid cylinder, in two dimensions. Time dependence e^{+jωt}."""
+"""Exact sound of a line source at a rigid wedge, in two dimensions. Time dependence e^{+jωt}."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import h2vp, hankel2, jvp
+from scipy.special import hankel2
 
 Complexes = NDArray[np.complex128]
 _DOWN = 1 - 0.2j  # along this direction the integrand decays
@@ -30,15 +30,3 @@ def diffracted_by_wedge(
         for beyond in ((math.pi + turn) / n for turn in (one - other, other - one, one + other, -one - other))
     )
     return complex(-total / (math.tau * n) / hankel2(0, wavenumber * (near + far)))
-
-
-def scattered_by_cylinder(radius: float, distance: float, wavenumber: float) -> complex:
-    """Return the sound back at a line source `distance` m from the axis, relative to one at the path's length.
-
-    The series of Morse and Ingard, Theoretical Acoustics, ch. 8.
-    """
-    near, far = wavenumber * radius, wavenumber * distance
-    order = np.arange(math.ceil(near + 4 * near ** (1 / 3)) + 12)
-    terms = jvp(order, near) / h2vp(order, near) * hankel2(order, far) ** 2
-    total = (np.where(order > 0, 2, 1) * terms).sum()
-    return complex(-total / hankel2(0, 2 * wavenumber * (distance - radius)))
