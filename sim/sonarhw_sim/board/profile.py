@@ -66,6 +66,10 @@ class BoardFile(TomlModel):
     rounding: Annotated[float, Field(ge=0, le=1), about("ranges are whole multiples of this; 0: not rounded", "m")] = (
         0.0
     )
+    threshold_sd_db: Annotated[
+        float, Field(ge=0, le=30), about("standard deviation of the threshold, from ping to ping", "dB")
+    ] = 0.0
+    range_sd: Annotated[float, Field(ge=0, le=1), about("standard deviation of the range of one ping", "m")] = 0.0
     absorption: Annotated[bool, about("false: no absorption by the air")] = True
     receiver: Annotated[Receiver, Field(strict=False), about("receiver of predictions, if none is given")] = (
         Receiver.FIRST_ECHO
@@ -183,6 +187,8 @@ class Board:
     threshold_db: float  # of the weakest detected echo, relative to a perfect wall straight ahead
     text: str = field(default="", compare=False, repr=False)  # of the profile, so that a log can contain it
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: not rounded
+    threshold_sd_db: float = 0.0  # standard deviation of the threshold, from ping to ping
+    range_sd: float = 0.0  # standard deviation of the range of one ping
     absorption: bool = True  # whether air that differs from what the ideal gain expects has an effect
     receiver: Receiver = Receiver.FIRST_ECHO  # used unless a command selects another
     edge_strength: EdgeStrength = EdgeStrength.UNIFORM  # used unless a command selects another

@@ -61,6 +61,13 @@ def test_gain_steps_of_the_6500_follow_its_clock() -> None:
     assert load_board("polaroid-6500").gain_steps == pytest.approx(steps, abs=2e-5)
 
 
+def test_spreads_are_read_and_default_to_none() -> None:
+    assert (load_board("hc-sr04").threshold_sd_db, load_board("hc-sr04").range_sd) == (0.0, 0.0)
+    board = parse_board(PROFILE + "threshold_sd_db = 2.5\nrange_sd = 0.004\n", "mine.toml")
+    assert (board.threshold_sd_db, board.range_sd) == (2.5, 0.004)
+    assert parse_board(board.text, "its text") == board
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -81,6 +88,8 @@ def test_gain_steps_of_the_6500_follow_its_clock() -> None:
             "gain_steps = [0.002]\nfixed_gain = true",
             "fixed_gain and gain_steps: expected one of them; a fixed gain has no steps",
         ),
+        ("threshold_sd_db = -1.0", "threshold_sd_db: expected greater than or equal to 0 dB, got -1"),
+        ("range_sd = 4.0", "range_sd: expected less than or equal to 1 m, got 4.0; if this is in mm, write 0.004"),
         ("clock_error = 1.0", "clock_error: expected less than or equal to 0.1"),
         ("own_burst_db = nan", "own_burst_db: expected a finite number"),
         (CHIRP.replace("10", "11"), "chirp: expected transmit_cycles = 16 cycles in all, got 17"),
