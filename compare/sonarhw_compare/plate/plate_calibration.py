@@ -11,7 +11,7 @@ from sonarhw.errors import NoPlate
 from sonarhw_compare.plate.blanking_fit import TOGETHER, blanking_end
 from sonarhw_compare.plate.level_fit import LevelFit, LevelKey, fit_levels, free_keys
 from sonarhw_compare.plate.plate_readings import PlateReadings
-from sonarhw_compare.plate.pulse_fit import Measured, ring_down, swelling
+from sonarhw_compare.plate.pulse_fit import Measured, PulseShape, pulse_shape, ring_down
 
 Z95 = 1.96  # standard deviations to each side of a 95 % interval
 # half of a 95 % interval up to which a value counts as determined: dB, or share of the aperture
@@ -51,9 +51,9 @@ def calibrate_with_plates(start: Board, scans: Sequence[PlateReadings]) -> Plate
     """Return the calibration of a board from scans of a plate, beginning with the profile `start`."""
     result = _Result(start)
     _find_blanking(result, scans)
-    rise = _find_swelling(result, scans)
+    shape = _find_pulse_shape(result, scans)
     levels = _find_levels(result, _after_blanking(result.board, scans))
-    _find_ring_down(result, scans, rise, levels)
+    _find_ring_down(result, scans, shape, levels)
     if levels.misfit_db > _MISFIT_DB:
         result.doubts.append(
             f"the peaks of one log differ by {levels.misfit_db:.1f} dB from the gain of this profile; "
@@ -94,7 +94,10 @@ class _Result:
 
     def add_between(self, key: str, value: float, low: float, high: float, unit: str) -> None:
         """Add a value with this interval."""
-        self.findings.append(PlateFinding(key, value, low, high, float(getattr(self.start, key)), unit))
+        # without `ring_cycles`, the ring-down is that of `rise_cycles`
+        before = getattr(self.start, key)
+        before = float(self.start.rise_cycles if before is None else before)
+        self.findings.append(PlateFinding(key, value, low, high, before, unit))
         self.board = replace(self.board, **{key: value})  # type: ignore[arg-type]
 
 
@@ -107,15 +110,17 @@ def _find_blanking(result: _Result, scans: Sequence[PlateReadings]) -> None:
         result.add_between(key, found.time, found.time - TOGETHER, found.time + _TICK, "s")
 
 
-def _find_swelling(result: _Result, scans: Sequence[PlateReadings]) -> Measured | None:
-    found = swelling(result.start, scans, np.array([scan.middle for scan in scans]))
+def _find_pulse_shape(result: _Result, scans: Sequence[PlateReadings]) -> PulseShape | None:
+    found = pulse_shape(result.start, scans, np.array([scan.middle for scan in scans]))
     if found is None:
         traces = any(scan.pulses for scan in scans)
         result.kept["rise_cycles"] = (
             "too few echoes of the plate are loud without being limited" if traces else "the logs contain no traces"
         )
-    else:
-        result.add("rise_cycles", found, "cycles")
+        return None
+    result.add("rise_cycles", found.rise, "cycles")
+    if found.ring is not None or result.start.ring_cycles is not None:
+        result.add("ring_cycles", found.ring or found.rise, "cycles")
     return found
 
 
@@ -149,17 +154,21 @@ def _half_text(fit: LevelFit, key: LevelKey) -> str:
     return f"{half / fit.board.aperture_radius:.0%}" if key is LevelKey.APERTURE else f"{half:.1f} dB"
 
 
-def _find_ring_down(result: _Result, scans: Sequence[PlateReadings], rise: Measured | None, levels: LevelFit) -> None:
+def _find_ring_down(
+    result: _Result, scans: Sequence[PlateReadings], shape: PulseShape | None, levels: LevelFit
+) -> None:
     if not any(scan.pulses for scan in scans):
         result.kept["own_burst_db"] = "the logs contain no traces"
         return
-    found = ring_down(result.board, rise.deviation if rise else 0.0, scans, levels.trace_level_db)
+    deviation = 0.0 if shape is None else (shape.ring or shape.rise).deviation
+    found = ring_down(result.board, deviation, scans, levels.trace_level_db)
     if found is None:
         result.kept["own_burst_db"] = "the traces do not show how the burst decays"
         return
-    if not found.explained_by(result.board.rise_cycles):
+    cycles = result.board.ring_cycles or result.board.rise_cycles
+    if not found.explained_by(cycles):
         result.kept["own_burst_db"] = (
-            f"the burst decays with {found.cycles:.1f} cycles, and echoes rise with {result.board.rise_cycles:.1f}; "
+            f"the burst decays with {found.cycles:.1f} cycles, and the echoes with {cycles:.1f}; "
             "a profile has one value for both"
         )
         return

@@ -54,7 +54,7 @@ def covered_by_burst(board: Board, speed_of_sound: float) -> float:
 def burst_of(board: Board, speed_of_sound: float) -> Burst:
     """Return the burst of a board in air with this speed of sound, m/s."""
     lead = math.ceil(2 * board.aperture_radius / speed_of_sound * RATE) + 2
-    lasting = sum(tone.cycles / tone.frequency for tone in board.burst) + _DECAY * _rise(board)
+    lasting = sum(tone.cycles / tone.frequency for tone in board.burst) + _DECAY * max(_rise(board), _ring(board))
     length = 1 << (2 * lead + math.ceil(lasting * RATE) - 1).bit_length()
     reach = int(_BAND / RATE * length)
     frequencies = np.arange(-reach, reach + 1) * RATE / length
@@ -71,18 +71,30 @@ def _rise(board: Board) -> float:
     return board.rise_cycles / board.frequency
 
 
+def _ring(board: Board) -> float:
+    return (board.ring_cycles or board.rise_cycles) / board.frequency
+
+
 def burst_spectrum(frequencies: FloatArray, board: Board) -> ComplexArray:
     """Return the Fourier transform of the echo straight ahead at `frequencies` (Hz above the carrier), same shape.
 
     Each tone is a rectangle in time, with continuous phase from tone to tone. The transducer rises and decays like a
-    resonance around the carrier, 1/(1 + 2πifτ), once as sender and once as receiver.
+    resonance around the carrier, 1/(1 + 2πifτ), once as sender and once as receiver. With `ring_cycles`, the sender
+    decays with a time constant of its own: its circuit damps it while it drives it, and not afterwards.
     """
-    sent = np.zeros(frequencies.shape, dtype=np.complex128)
-    begin, phase = 0.0, 0.0
+    turns, rise, ring = 1j * math.tau * frequencies, _rise(board), _ring(board)
+    driven = np.zeros(frequencies.shape, dtype=np.complex128)
+    begin, phase, swing = 0.0, 0.0, 0.0 + 0.0j
     for tone in board.burst:
         lasting, above = tone.cycles / tone.frequency, tone.frequency - board.frequency
         middle = cmath.exp(1j * (phase + math.pi * above * lasting))
         shape = np.sinc((frequencies - above) * lasting)
-        sent += lasting * middle * shape * np.exp(-1j * math.tau * frequencies * (begin + lasting / 2))
+        driven += lasting * middle * shape * np.exp(-turns * (begin + lasting / 2))
+        # the vibration at the end of this tone
+        kept, steady = math.exp(-lasting / rise), cmath.exp(1j * phase) / (1 + 1j * math.tau * above * rise)
+        swing = swing * kept + steady * (cmath.exp(1j * math.tau * above * lasting) - kept)
         begin, phase = begin + lasting, phase + math.tau * above * lasting
-    return np.asarray(sent / (1 + 1j * math.tau * frequencies * _rise(board)) ** 2)
+    sent = driven / (1 + turns * rise)
+    if ring != rise:
+        sent += swing * np.exp(-turns * begin) * (ring / (1 + turns * ring) - rise / (1 + turns * rise))
+    return np.asarray(sent / (1 + turns * rise))

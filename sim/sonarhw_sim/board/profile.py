@@ -87,6 +87,10 @@ class BoardFile(TomlModel):
     rise_cycles: Annotated[
         float, Field(ge=0.5, le=100), about("time constant of the transducer's rise and decay, each way", "cycles")
     ] = RISE_CYCLES
+    ring_cycles: Annotated[
+        Annotated[float, Field(ge=0.5, le=100)] | None,
+        about("time constant of the sender's ring-down after the burst; default: `rise_cycles`", "cycles"),
+    ] = None
     own_burst_db: Annotated[
         Level, Field(le=60), about("transmit burst in the receiver, over full scale; low for a second transducer", "dB")
     ] = OWN_BURST_DB
@@ -195,6 +199,7 @@ class Board:
     sum_arrivals: bool = True  # arrivals within one wavelength of path add up; False: each is detected alone
     chirp: tuple[Tone, ...] = ()  # the tones of the burst; empty: all of it at `frequency`
     rise_cycles: float = RISE_CYCLES  # time constant of rise and decay each way, in cycles
+    ring_cycles: float | None = None  # time constant of the sender's ring-down after the burst; None: `rise_cycles`
     own_burst_db: float = OWN_BURST_DB  # transmit burst in the receiver, over full scale
     integration_cycles: float = INTEGRATION_CYCLES  # time constant of the detector, in cycles; 0: none
     fixed_gain: bool = (

@@ -40,6 +40,19 @@ def test_all_hidden_constants_are_found_from_traces() -> None:
     assert "before: 0.0192 (m)" in lines["aperture_radius"]
 
 
+def test_a_ring_down_that_differs_from_the_swelling_is_found() -> None:
+    hidden = {"rise_cycles": 2.0, "ring_cycles": 9.0}
+    found = {
+        one.key: one for one in calibrate_with_plates(start_board(), plates(hidden_board(**hidden), seed=3)).findings
+    }
+    for key, value in hidden.items():
+        assert found[key].low <= value <= found[key].high, key
+        assert found[key].value == pytest.approx(value, rel=0.05), key
+    assert found["ring_cycles"].before == start_board().rise_cycles
+    assert found["own_burst_db"].value == pytest.approx(CONSTANTS["own_burst_db"], abs=TOLERANCES["own_burst_db"])
+    assert found["aperture_radius"].value == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
+
+
 def test_without_traces_hearing_gives_threshold_aperture_and_gain() -> None:
     hidden = hidden_board(rise_cycles=1.5)
     found = calibrate_with_plates(start_board(), plates(hidden, traces=False))

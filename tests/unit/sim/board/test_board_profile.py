@@ -40,13 +40,14 @@ def test_profile_without_receiver_keys_has_the_papers_receiver() -> None:
 
 def test_every_key_of_the_receiver_is_read() -> None:
     text = PROFILE + (
-        'receiver = "board"\nrise_cycles = 2.0\nown_burst_db = 6.0\nintegration_cycles = 4.0\n'
+        'receiver = "board"\nrise_cycles = 2.0\nring_cycles = 11.0\nown_burst_db = 6.0\nintegration_cycles = 4.0\n'
         "gain_steps = [0.002, 0.005]\ngain_step_db = 5.0\nblanking_inhibit = 0.001\nrearm = 0.0005\n"
         "clock_error = -0.01\n"
     )
     board = parse_board(text + CHIRP, "mine.toml")
     assert board.receiver is Receiver.BOARD
-    assert (board.rise_cycles, board.own_burst_db, board.integration_cycles) == (2.0, 6.0, 4.0)
+    assert (board.rise_cycles, board.ring_cycles, board.own_burst_db) == (2.0, 11.0, 6.0)
+    assert board.integration_cycles == 4.0
     assert (board.gain_steps, board.gain_step_db, board.rearm) == ((0.002, 0.005), 5.0, 0.0005)
     assert (board.clock_error, board.blanking_end) == (-0.01, 0.001)
     assert board.burst == (Tone(60000.0, 6), Tone(50000.0, 10))

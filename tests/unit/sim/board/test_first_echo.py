@@ -28,6 +28,7 @@ BOARDS = {
     "early": replace(BOARD, blanking_inhibit=0.7e-3),  # detects the end of its own burst
     "no integration": replace(BOARD, integration_cycles=0.0),
     "fast clock": replace(BOARD, clock_error=0.01),
+    "ringing": replace(BOARD, ring_cycles=11.0),
     "long integration": replace(BOARD, integration_cycles=100.0),
 }
 A_TENTH = 1e-4  # m

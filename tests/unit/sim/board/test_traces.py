@@ -20,6 +20,7 @@ from sonarhw.readings import FloatArray
 SPEED = 343.987
 BOARD = load_board("polaroid-6500")
 CHIRP = load_board("polaroid-56")
+RINGING = replace(CHIRP, name="ringing", rise_cycles=2.0, ring_cycles=11.0)
 FINE = 8e6  # Hz
 
 
@@ -37,7 +38,7 @@ def quiet(board: Board) -> Board:
 def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duration: float, rate: float) -> FloatArray:
     """Return the signal with its carrier, summed in time: drive, resonance twice, h_R twice, delay."""
     tau = board.rise_cycles / board.frequency
-    t = np.arange(round(0.003 * FINE)) / FINE
+    t = np.arange(round(0.005 * FINE)) / FINE
     drive, begin, phase = np.zeros(len(t), dtype=np.complex128), 0.0, 0.0
     for tone in board.burst:
         on = (t >= begin) & (t < begin + tone.cycles / tone.frequency)
@@ -45,7 +46,12 @@ def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duratio
         phase += math.tau * tone.cycles
         begin += tone.cycles / tone.frequency
     rising = np.exp(-t / tau) * np.exp(1j * math.tau * board.frequency * t) / tau / FINE
-    straight = fftconvolve(fftconvolve(drive, rising), rising)
+    sent = fftconvolve(drive, rising)[: len(t)]
+    if board.ring_cycles is not None:
+        end = round(begin * FINE)
+        free = np.exp((1j * math.tau - 1 / board.ring_cycles) * board.frequency * (t[end:] - t[end]))
+        sent[end:] = sent[end] * free
+    straight = fftconvolve(sent, rising)
     straight /= np.abs(straight).max()
 
     fine = np.zeros(round(duration * FINE) + 80_000)
@@ -63,7 +69,7 @@ def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duratio
     return fine[: math.ceil(duration * FINE) : round(FINE / rate)]
 
 
-@pytest.mark.parametrize("board", [BOARD, CHIRP], ids=lambda board: board.name)
+@pytest.mark.parametrize("board", [BOARD, CHIRP, RINGING], ids=lambda board: board.name)
 @pytest.mark.parametrize(
     "rows",
     [
