@@ -106,7 +106,7 @@ def judge_all(scans: Sequence[RealScan], board: Board, known: Known) -> dict[str
     }
     judged = {}
     for scan in scans:
-        fit = best_agreement(scan.readings, tables[scan.spot], NEARBY)
+        fit = best_agreement(scan.readings, tables[scan.spot], NEARBY, board)
         paths = next(paths for place, paths in known[scan.spot] if place == fit.place)
         comparison = compare_readings(
             scan.readings, ROOM, fit.place, board, heading=fit.heading, offset=fit.offset, paths=paths

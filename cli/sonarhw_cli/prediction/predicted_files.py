@@ -168,7 +168,7 @@ def write_predicted_log(
             number=number,
             sweep=0,
             ping=0,
-            angle=float(heading) - scan.place.heading,
+            angle=scan.board.angle_at(float(heading), scan.place.heading),
             time=number * _PING_PERIOD,
             echo_times=_echo_times(scan, number),
             speed_of_sound=air.speed_of_sound,

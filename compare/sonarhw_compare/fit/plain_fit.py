@@ -91,14 +91,24 @@ def fit_scan(
     _check(readings, free)
     if board.ring is not None:
         raise InputError(f"fit: board {board.name!r} is a ring of sensors and has no turntable to fit")
-    places = places_near(place) if "position" in free else [place]
+    place = board.faced(place)
 
-    def tables() -> Iterator[tuple[Place, FloatArray]]:
-        for done, near in enumerate(places):
-            tick(done / len(places))
-            yield near, predict_with(model, room, near, board, all_round(), options).ranges
+    def searched(here: Place, begin: float, end: float) -> Fit:
+        places = places_near(here) if "position" in free else [here]
 
-    best = best_agreement(readings, tables(), free)
+        def tables() -> Iterator[tuple[Place, FloatArray]]:
+            for done, near in enumerate(places):
+                tick(begin + (end - begin) * done / len(places))
+                yield near, predict_with(model, room, near, board, all_round(), options).ranges
+
+        return best_agreement(readings, tables(), free, board)
+
+    if "heading" in free and (board.axis_x or board.axis_y):
+        # where the turning axis is depends on the heading, which is found without it first
+        rough = searched(place, 0.0, 0.5)
+        best = searched(replace(place, heading=rough.heading), 0.5, 1.0)
+    else:
+        best = searched(place, 0.0, 1.0)
     tick(1.0)
     moved = math.dist(best.place.position, place.position)
     return replace(best, free=tuple(name for name in PARAMETERS if name in free), moved=moved)
@@ -118,9 +128,9 @@ def places_near(place: Place) -> list[Place]:
 
 
 def best_agreement(
-    readings: Sequence[Reading], tables: Iterable[tuple[Place, FloatArray]], free: frozenset[str]
+    readings: Sequence[Reading], tables: Iterable[tuple[Place, FloatArray]], free: frozenset[str], board: Board
 ) -> Fit:
-    """Return the fit with most readings within 5 cm of a table, among one or more places.
+    """Return the fit of readings of `board` with most of them within 5 cm of a table, among one or more places.
 
     A table has the predicted ranges of a place at the headings of `all_round`, (720,) m, NaN for no echo.
     """
@@ -129,7 +139,7 @@ def best_agreement(
     starts, places, counts, means = [], [], [], []
     for place, table in tables:
         start = 0.0 if "heading" in free else place.heading
-        rows = np.round((start + angles) * (HEADINGS / math.tau)).astype(np.intp)
+        rows = np.round((start + board.turned(angles)) * (HEADINGS / math.tau)).astype(np.intp)
         turns = HEADINGS if "heading" in free else 1
         matching, errors = _agreement(table, rows, measured, offsets, turns, TOLERANCE)
         starts.append(start)

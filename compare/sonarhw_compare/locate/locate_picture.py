@@ -6,6 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.room.model import Place
 
 from sonarhw_compare.locate.poses import NEAR, Located, Pose
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
@@ -29,9 +31,11 @@ def draw_located(located: Located) -> Figure:
     draw_room(axes, located.room)
     best = located.poses[0]
     echoes = [reading for reading in located.readings if reading.range is not None]
-    headings = np.array([located.board.heading_at(reading.angle, best.heading) for reading in echoes])
+    board, place = located.board, Place("", best.position, best.heading)
+    headings = np.array([board.heading_at(reading.angle, best.heading) for reading in echoes])
+    sensors = standpoints(board, board.faced(place), headings)
     ranges = np.array([float(reading.range or 0) + best.offset for reading in echoes])
-    axes.plot(*points_at(best.position, headings, ranges).T, ".", color=MEASURED, ms=6, label="scan, at the best pose")
+    axes.plot(*points_at(sensors, headings, ranges).T, ".", color=MEASURED, ms=6, label="scan, at the best pose")
     _draw_places(axes, located)
     for pose in located.poses[:_MOST_POSES]:
         _draw_pose(axes, pose, _ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))

@@ -24,7 +24,7 @@ from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import MODERATE, Objective, Problem, make_problem
-from sonarhw_compare.fit.search.pose_search import QUICK, Scores, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, maxima, score_positions
 from sonarhw_compare.fit.search.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, refined
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
@@ -131,7 +131,7 @@ def locate_scan(
             "near as those of the scan; check the room, the board and its blanking"
         )
     redundancy = mean_run(*angles_and_ranges(readings))
-    starts = _starts(scores, room)
+    starts = _starts(scores, room, board)
     tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
     poses = _weighed(_different(tops), redundancy)
     tick(1.0)
@@ -144,6 +144,7 @@ def _explained(
 ) -> float:
     echoes = [reading for reading in readings if reading.range is not None]
     headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
+    place = board.faced(replace(place, heading=pose.heading))
     measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
     predicted = predict_scan(room, place, board, headings, options.prediction).ranges
     return float((np.abs(measured - predicted) <= TOLERANCE).mean())
@@ -167,12 +168,12 @@ def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
     )
 
 
-def _starts(scores: Scores, room: Room) -> list[tuple[float, float, float]]:
+def _starts(scores: Scores, room: Room, board: Board) -> list[tuple[float, float, float]]:
     """Return the starts (x, y, heading): maxima of the lattice, and the places of the room with their best headings."""
     best = float(scores.scores.max())
-    starts = [
-        pose for pose in maxima(scores, _MAXIMA) if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS
-    ]
+    tops = maxima(scores, _MAXIMA)
+    tops = [pose for pose in tops if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS]
+    starts = at_marks(board, tops)
     for place in room.places.values():
         row = scores.scores[_nearest(scores, place.position)]
         if best - row.max() < _HOPELESS:

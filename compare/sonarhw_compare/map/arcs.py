@@ -55,7 +55,7 @@ def arcs_of(scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]
     for number, (scan, wanted) in enumerate(zip(scans, kept, strict=True)):
         headings, ranges = headings_and_ranges(scan, board)
         for region in regions_of(headings, np.where(wanted, ranges, np.nan)):
-            (centre,) = standpoints(board, scan.place, np.array([region.bearing])).tolist()
+            (centre,) = standpoints(board, board.faced(scan.place), np.array([region.bearing])).tolist()
             half = region.width / 2
             found.append(Arc(number, region.rows, (centre[0], centre[1]), region.range, region.bearing, half))
     return tuple(found)

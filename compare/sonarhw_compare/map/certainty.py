@@ -61,7 +61,7 @@ def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, Flo
     """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo; (n,) each."""
     headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
     ranges = [np.nan if reading.range is None else reading.range for reading in scan.readings]
-    return np.array(headings, dtype=np.float64), np.array(ranges, dtype=np.float64) - board.range_offset
+    return np.array(headings, dtype=np.float64), board.true_ranges(np.array(ranges, dtype=np.float64))
 
 
 def certainty_grid(
@@ -93,7 +93,7 @@ def _cones(
     for scan, wanted in zip(scans, kept, strict=True):
         headings, ranges = headings_and_ranges(scan, board)
         use = wanted & ~np.isnan(ranges)
-        positions.append(standpoints(board, scan.place, headings[use]))
+        positions.append(standpoints(board, board.faced(scan.place), headings[use]))
         directions.append(headings[use])
         distances.append(ranges[use])
     return np.vstack(positions), np.concatenate(directions), np.concatenate(distances)

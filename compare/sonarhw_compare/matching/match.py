@@ -127,7 +127,7 @@ def compare_readings(
     Raises InputError if the board is a ring and no sensor points along a reading.
     """
     heading = place.heading if heading is None else heading
-    headings = np.array([heading + reading.angle for reading in readings], dtype=np.float64)
+    headings = np.array([heading + board.turned(reading.angle) for reading in readings], dtype=np.float64)
     options = options or PredictionOptions()
     place = replace(place, heading=heading)
     if paths is not None and paths_serve_all_headings(board, options.unit):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray, Reading, Trace
@@ -104,9 +105,9 @@ def row_width(headings: FloatArray) -> float:
     return min(float(np.quantile(apart, 0.75)), _WIDEST) if len(apart) else _LONE
 
 
-def newest_by_heading(readings: Sequence[Reading], zero: float) -> dict[int, Reading]:
+def newest_by_heading(readings: Sequence[Reading], board: Board, zero: float) -> dict[int, Reading]:
     """Return the newest reading of each heading; `zero` (rad) is the heading of step 0. Old readings are ignored."""
-    return {heading_key(zero + reading.angle): reading for reading in readings[-MOST_READINGS:]}
+    return {heading_key(zero + board.turned(reading.angle)): reading for reading in readings[-MOST_READINGS:]}
 
 
 def trace_row(trace: Trace, speed_of_sound: float, cells: RangeCells) -> FloatArray:

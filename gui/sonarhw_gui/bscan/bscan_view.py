@@ -195,7 +195,7 @@ def reading_along(shown: Shown, heading: float) -> int | None:
     if not shown.readings:
         return None
     zero = shown.scene.pose.heading
-    angles = np.array([reading.angle for reading in shown.readings])
+    angles = shown.scene.board.turned(np.array([reading.angle for reading in shown.readings]))
     apart = np.abs(np.angle(np.exp(1j * (zero + angles - heading))))
     nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
     return int(nearest[-1])

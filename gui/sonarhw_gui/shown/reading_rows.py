@@ -11,6 +11,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.look.palette import Unclassed
+from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.prediction_requests import Compared
 
 IntArray = NDArray[np.int64]
@@ -57,9 +58,9 @@ NO_ROWS = ReadingRows((), _EMPTY, _EMPTY, _EMPTY, _EMPTY, _NONE, _NONE, ())
 
 
 def rows_of(
-    readings: tuple[Reading, ...], compared: Compared | None, zero: float, before: ReadingRows = NO_ROWS
+    readings: tuple[Reading, ...], compared: Compared | None, scene: Scene, before: ReadingRows = NO_ROWS
 ) -> ReadingRows:
-    """Return the rows of readings; `zero` is the heading of turntable angle 0 in the room, rad.
+    """Return the rows of readings made in a scene.
 
     Values of the same readings are copied from the rows `before`.
     """
@@ -76,7 +77,7 @@ def rows_of(
         predicted[stretch] = [math.nan if row.predicted is None else row.predicted for row in matched]
         classes[stretch] = [CODES[row.kind] for row in matched]
         paths[stretch], names = _named_paths(matched, compared.comparison.prediction)
-    headings = np.mod(angles + math.degrees(zero), 360.0)
+    headings = np.mod(scene.board.turned(angles) + math.degrees(scene.pose.heading), 360.0)
     return ReadingRows(readings, angles, headings, measured, predicted, classes, paths, names)
 
 

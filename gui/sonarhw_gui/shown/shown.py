@@ -83,7 +83,7 @@ class Shown:
 
     def heading(self, reading: int) -> float:
         """Return the heading of a reading in the room, rad."""
-        return self.scene.pose.heading + self.readings[reading].angle
+        return self.scene.pose.heading + self.scene.board.turned(self.readings[reading].angle)
 
     def same_readings(self, other: "Shown") -> bool:
         """Return whether `other` has the same readings in the same classes at the same points."""
@@ -108,7 +108,7 @@ class Shown:
     @cached_property
     def rows(self) -> ReadingRows:
         """All readings as rows of a table."""
-        return rows_of(self.readings, self.compared, self.scene.pose.heading, self.earlier)
+        return rows_of(self.readings, self.compared, self.scene, self.earlier)
 
     @property
     def known_rows(self) -> ReadingRows:

@@ -66,7 +66,7 @@ def more_rows(
     """
     until = time.monotonic() + slice_
     zero = scene.pose.heading
-    wanted = newest_by_heading(readings, zero)
+    wanted = newest_by_heading(readings, scene.board, zero)
     rows = _still_valid(before, scene.board, wanted, outline)
     rows = _measured(rows, wanted, until)
     headings = {} if outline is None else _predicted_headings(outline, wanted, zero)
@@ -100,7 +100,11 @@ def _cells(board: Board, traced: Reading | None) -> RangeCells:
 
 def _predicted_headings(outline: PredictedScan, wanted: Mapping[int, Reading], zero: float) -> dict[int, float]:
     """Return the headings to predict, rad, by key: those of the outline, and those of the readings if possible."""
-    along = {} if outline.only_at is not None else {key: zero + reading.angle for key, reading in wanted.items()}
+    along = (
+        {}
+        if outline.only_at is not None
+        else {key: zero + outline.board.turned(reading.angle) for key, reading in wanted.items()}
+    )
     return {heading_key(heading): heading for heading in outline.headings.tolist()} | along
 
 

@@ -99,7 +99,7 @@ def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | Non
     if prediction is not None:
         predicted = _predicted(prediction.signal_at(index, duration), reading.trace, board, floor)
     return ChosenTrace(
-        heading=scene.pose.heading + reading.angle,
+        heading=scene.pose.heading + board.turned(reading.angle),
         speed=reading.speed_of_sound,
         measured=None if reading.trace is None else _measured(reading.trace, floor),
         predicted=predicted,

@@ -1,20 +1,21 @@
 """Board profiles: all properties of a ranging board, read from an included profile or from a file."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air, absorption
-from sonarhw_sim.board.mount import ON_AXIS, Mount
+from sonarhw_sim.board.mount import ON_AXIS, Mount, Offset
 from sonarhw_sim.board.ring import Ring
 from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.named_file import Shipped
+from sonarhw_sim.room.model import Place
 from sonarhw_sim.toml_file import TomlModel, about, parse_toml
 
 SHIPPED_BOARDS = Shipped("sonarhw_sim.board.shipped", "board", "board profile")
@@ -22,6 +23,7 @@ MOST_RANGE = 1000.0  # m; sound in air fades long before
 
 MOST_NAME = 60  # bytes in UTF-8; a scanner sends the name, and the protocol limits it
 
+Number = TypeVar("Number", float, FloatArray)
 Instant = Annotated[float, Field(gt=0, le=1)]  # s
 Level = Annotated[float, Field(ge=-300)]  # dB; lower, an amplitude would be lost to rounding
 
@@ -122,6 +124,13 @@ class BoardFile(TomlModel):
         Field(ge=-360, le=360),
         about("direction of the turntable's zero, counter-clockwise from the nominal one", "degrees"),
     ] = 0.0
+    turntable_scale: Annotated[
+        float, Field(ge=0.5, le=2), about("true turn of the turntable by reported turn; 1.02: it turns 2 % too far")
+    ] = 1.0
+    axis_x: Annotated[
+        Offset, about("position of the turning axis relative to the place, along the turntable's zero", "m")
+    ] = 0.0
+    axis_y: Annotated[Offset, about("the same, to the left of the turntable's zero", "m")] = 0.0
 
     @field_validator("gain_steps")
     @classmethod
@@ -214,6 +223,10 @@ class Board:
     ring: Ring | None = None  # the sensors, if not one on a turntable
     range_offset: float = 0.0  # reported range minus true range
     home_angle_deg: float = 0.0  # direction of the turntable's zero, counter-clockwise from the nominal one
+    turntable_scale: float = 1.0  # true turn of the turntable by reported turn
+    # position of the turning axis relative to the place, m: along the turntable's zero, and to the left of it
+    axis_x: float = 0.0
+    axis_y: float = 0.0
 
     @property
     def mounting(self) -> Mount | Ring:
@@ -230,9 +243,30 @@ class Board:
         """The tones of the burst, in order."""
         return self.chirp or (Tone(self.frequency, self.transmit_cycles),)
 
-    def heading_at(self, angle: float, zero: float) -> float:
+    def heading_at(self, angle: Number, zero: float) -> Number:
         """Return the heading at a turntable angle, if step 0 should point along `zero`; all rad."""
-        return zero + math.radians(self.home_angle_deg) + angle
+        return zero + math.radians(self.home_angle_deg) + self.turned(angle)
+
+    def turned(self, angle: Number) -> Number:
+        """Return the true turn of the turntable at a turntable angle; both rad."""
+        return self.turntable_scale * angle
+
+    def angle_at(self, heading: float, zero: float) -> float:
+        """Return the turntable angle at a heading, if step 0 points along `zero`; all rad. The inverse of `turned`."""
+        return (heading - zero) / self.turntable_scale
+
+    def faced(self, place: Place) -> Place:
+        """Return a place of a room file with the actual heading of the turntable's zero."""
+        return replace(place, heading=self.heading_at(0.0, place.heading)) if self.home_angle_deg else place
+
+    def at_axis(self, place: Place) -> Place:
+        """Return the place with the position of the turning axis; its heading is the actual one of step 0."""
+        if not (self.axis_x or self.axis_y):
+            return place
+        cosine, sine = math.cos(place.heading), math.sin(place.heading)
+        x, y = place.position
+        axis = x + self.axis_x * cosine - self.axis_y * sine, y + self.axis_x * sine + self.axis_y * cosine
+        return replace(place, position=axis)
 
     def wavenumber(self, air: Air) -> float:
         """Return 2π over the wavelength, rad/m."""
@@ -253,9 +287,17 @@ class Board:
         """
         return absorption(self.frequency, air) - absorption(self.frequency, Air()) if self.absorption else 0.0
 
+    def unrounded(self, distances: FloatArray) -> FloatArray:
+        """Return the ranges by the clock of the board, with its range offset, for true ones, m, same shape."""
+        return distances * (1 + self.clock_error) + self.range_offset
+
+    def true_ranges(self, ranges: FloatArray) -> FloatArray:
+        """Return the true ranges of reported ones, m, same shape: the inverse of `unrounded`."""
+        return (ranges - self.range_offset) / (1 + self.clock_error)
+
     def reported(self, distances: FloatArray) -> FloatArray:
         """Return the ranges that the board reports for true ones, m, same shape; NaN stays NaN. None is negative."""
-        ranges = np.maximum(distances + self.range_offset, 0.0) if self.range_offset else distances
+        ranges = np.maximum(self.unrounded(distances), 0.0)
         return np.round(ranges / self.rounding) * self.rounding if self.rounding else ranges
 
 

@@ -48,6 +48,8 @@ def find_by_heading(
 ) -> HeadingPaths:
     """Return the paths received at `headings` (n,) rad, at least one, within range by the receiver's own time.
 
+    The place is at the turning axis.
+
     Paths longer than twice that range are omitted too. `face_reflectance` is the reflectance of the faces; with None
     sound passes them.
     """
@@ -73,7 +75,7 @@ def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
     ahead, left = arm(board)
     cosines, sines = np.cos(headings), np.sin(headings)
     aside = np.column_stack((ahead * cosines - left * sines, ahead * sines + left * cosines))
-    return np.asarray(aside + place.position)
+    return np.asarray(aside + board.at_axis(place).position)
 
 
 def arm(board: Board) -> tuple[float, float]:

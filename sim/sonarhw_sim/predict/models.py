@@ -109,7 +109,7 @@ def _range_error(seed: int, heading: float) -> float:
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
     """Return a scan without readings: at each heading, the path to the nearest surface within heading + `cone`."""
-    starts = np.array([board.mounting.pose(place, float(heading)).receiver for heading in headings])
+    starts = np.array([board.mounting.pose(board.at_axis(place), float(heading)).receiver for heading in headings])
     spanning = spanning_at(room, place.height)
     section = cut(room, spanning)
     distances, directions, surfaces = _nearest_hits(starts.reshape(-1, 2), headings[:, None] + cone, section.surfaces)

@@ -57,7 +57,7 @@ class PredictedScan:
     paths: Paths  # (p,), shortest first
     unit: Unit
     winners: NDArray[np.intp]  # (n,): row of the reported path; -1: no echo
-    distances: FloatArray  # (n,), m: detected range, before rounding; NaN: no echo
+    distances: FloatArray  # (n,), m: range at detection, without clock error, offset and rounding; NaN: no echo
     only_at: NDArray[np.intp] | None = None  # (p,): row of the only heading of each path; None: all paths exist at all
     sender_headings: FloatArray | None = None  # (p,), rad, of the senders; None: as of the receiver
     lateness: FloatArray | None = None  # (p,), m: apparent extra length of each path; None: 0
@@ -200,7 +200,7 @@ class PredictedScan:
             detected = detect_echoes(self.sound_at(index), self.board, speed, self._noise_at(index))
             return counted_time(detected.times, self.board)
         distance = self.distances[index : index + 1]
-        return np.asarray(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound)
+        return counted_time(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound, self.board)
 
     def first_detected(self) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return time, (n,) s, NaN without an echo, and path, (n,), of the first echo of the board's own receiver."""
@@ -289,7 +289,9 @@ class PredictedScan:
         """Return the paths that end at the face of a unit that blocks, (n, p) bool for headings (n,); (0, 0): none."""
         if self.only_at is not None or self.unit is not Unit.BLOCK:
             return np.empty((0, 0), dtype=np.bool_)
-        return meeting_face(paths.points - np.array(self.place.position), headings, self.board.aperture_radius)
+        return meeting_face(
+            paths.points - np.array(self.board.at_axis(self.place).position), headings, self.board.aperture_radius
+        )
 
     def _blocked_at(self, index: int, paths: Paths) -> BoolArray:
         blocked = self.blocked_by_face(paths, self.headings[index : index + 1])

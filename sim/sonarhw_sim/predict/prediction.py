@@ -13,7 +13,6 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.gain import largest_gain
 from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.receiver import counted_time
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.by_heading import SensorPair, find_by_heading
 from sonarhw_sim.predict.levels import faintest_kept, loud_enough, path_amplitudes
@@ -54,6 +53,8 @@ def predict_scan(
 ) -> PredictedScan:
     """Return the scan that `board` would report at `place` and at `headings` (n,) rad in the room.
 
+    The heading of the place is the actual one of the turntable's zero (`Board.faced`).
+
     Raises InputError if the board is a ring and has no sensor at one of the headings.
     """
     options = options or PredictionOptions()
@@ -90,8 +91,7 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
     if receiver is Receiver.FIRST_ECHO:
         return with_first_arrivals(scan) if scan.only_at is None else with_first_echoes(scan)
     times, winners = scan.first_detected()
-    distances = counted_time(times, scan.board) * scan.room.air.speed_of_sound / 2
-    return replace(scan, winners=winners, distances=distances)
+    return replace(scan, winners=winners, distances=times * scan.room.air.speed_of_sound / 2)
 
 
 def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
@@ -101,7 +101,7 @@ def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
 
 def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions) -> Paths:
     """Return every path that `board` could detect at `place` at any heading, if one search serves all headings."""
-    return _paths(room, place, board, search_for(room, board, options), options)
+    return _paths(room, board.at_axis(place), board, search_for(room, board, options), options)
 
 
 def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
@@ -152,6 +152,6 @@ def _scan_by_heading(
         amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
         return paths.select(np.flatnonzero(np.abs(amplitudes) >= np.where(paths.scattered, _PATCH, 1.0) * faintest))
 
-    found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
+    found = find_by_heading(room, board.at_axis(place), board, headings, find, FACE_REFLECTANCES[options.unit])
     scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, options.unit)
     return replace(scan, sender_headings=found.sender_headings, lateness=found.lateness)

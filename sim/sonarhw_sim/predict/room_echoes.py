@@ -59,7 +59,7 @@ class RoomEchoes:
         self._seed = seed
         self._disturbance = disturbance or Disturbance()
         self._board = board
-        self._nominal = room, place
+        self._nominal = room, board.faced(place)
         self._actual: tuple[Room, Place, Paths | None] | None = None
         self._turned = lru_cache(maxsize=_HEADINGS_KEPT)(self._predict)
         self._ready = threading.Event()
@@ -83,7 +83,7 @@ class RoomEchoes:
     def receive(self, ping: Ping) -> PingResult:
         """Return the echoes of one ping; equal pings have equal results."""
         _, place, _ = self._truth()
-        heading = self._board.heading_at(ping.angle, place.heading)
+        heading = place.heading + self._board.turned(ping.angle)
         if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:
             return PingResult(())
         microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
@@ -96,7 +96,7 @@ class RoomEchoes:
             room, place = self._disturbed()
             if paths_serve_all_headings(self._board, Unit.PASS):
                 search = search_for(room, self._board, PredictionOptions())
-                self._actual = room, place, paths_from(room, place, search)
+                self._actual = room, place, paths_from(room, self._board.at_axis(place), search)
             else:
                 self._actual = room, place, None
                 self._turned(place.heading)
@@ -149,8 +149,9 @@ class RoomEchoes:
         count = len(scan.paths)
         levels, loudest = scan.arrivals_at(0)
         levels += random.normal(0, self._disturbance.level_db, count)
-        lengths = scan.lengths_of_arrivals(loudest) + 2 * self._board.range_offset
-        times = lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
+        speed = scan.room.air.speed_of_sound
+        counted = counted_time(scan.lengths_of_arrivals(loudest) / speed, self._board)
+        times = counted + 2 * self._board.range_offset / speed + random.normal(0, self._disturbance.timing, count)
         detected = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []
         for time in np.sort(detected):

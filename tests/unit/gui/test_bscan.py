@@ -144,7 +144,7 @@ def test_a_transducer_off_the_axis_is_predicted_at_the_headings_of_its_predictio
 def test_a_reading_lies_at_its_heading_in_the_room() -> None:
     cells = cells_for(3.0, 0.004)
     zero = math.radians(30.0)
-    rows = newest_by_heading([reading(0, 350.0, spike(1.0))], zero)
+    rows = newest_by_heading([reading(0, 350.0, spike(1.0))], load_board("paper"), zero)
     bscan = bscan_of({key: trace_row(one.trace, SPEED, cells) for key, one in rows.items() if one.trace}, cells)
     assert np.degrees(bscan.headings) == pytest.approx([20.0])
     assert bscan.row_at(math.radians(20.0)) == 0
@@ -154,7 +154,7 @@ def test_a_reading_lies_at_its_heading_in_the_room() -> None:
 
 def test_the_newest_of_several_readings_at_a_heading_is_drawn() -> None:
     old, new = reading(0, 90.0), reading(7, 90.0)
-    assert newest_by_heading([old, reading(3, 180.0), new], 0.0)[heading_key(math.pi / 2)] is new
+    assert newest_by_heading([old, reading(3, 180.0), new], load_board("paper"), 0.0)[heading_key(math.pi / 2)] is new
 
 
 def test_missing_headings_are_gaps_and_other_headings_are_contiguous() -> None:

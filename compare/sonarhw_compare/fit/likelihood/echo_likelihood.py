@@ -32,7 +32,7 @@ _ROOT_2PI = math.sqrt(2.0 * math.pi)
 class ScanArrays(NamedTuple):
     """The n readings of a scan, as arrays for the kernel."""
 
-    angles: FloatArray  # (n,) rad, turntable angle plus home angle
+    angles: FloatArray  # (n,) rad, turntable angles
     ranges: FloatArray  # (n, e) m, of the echoes, padded with NaN
     counts: NDArray[np.int64]  # (n,), number of echoes
     ends: NDArray[np.bool_]  # (n,), whether the board stopped listening at the last of them
@@ -41,7 +41,8 @@ class ScanArrays(NamedTuple):
 class BoardValues(NamedTuple):
     """Heading, detection and geometry of the board, for the kernel."""
 
-    heading: float  # rad, of the turntable's step 0
+    heading: float  # rad, actual one of the turntable's step 0
+    scale: float  # true turn of the turntable by turntable angle
     ka: float  # wavenumber times aperture radius
     threshold_db: float
     opens: float  # m, shortest reported range
@@ -101,7 +102,8 @@ def log_likelihoods(
         ends = ended[i] and count > 0
         last = ranges[count - 1] if ends else board.closes
         farthest = last + _FAR * noise.range + reach
-        hx, hy = math.cos(board.heading + angles[i]), math.sin(board.heading + angles[i])
+        heading = board.heading + board.scale * angles[i]
+        hx, hy = math.cos(heading), math.sin(heading)
         sender, listener = _turned(board.sender, hx, hy), _turned(board.listener, hx, hy)
         densities[:] = noise.stray
         undetected = 0.0

@@ -164,7 +164,7 @@ class Problem:
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
         found = []
         for place in places:
-            found_here = paths_from(room, place, search, None, board.aperture_radius)
+            found_here = paths_from(room, _axis(board, place), search, None, board.aperture_radius)
             paths = with_reverses(with_summed_patches(found_here, room, board), board)
             paths = paths.select(
                 loud_enough(room, replace(board, threshold_db=board.threshold_db + _THRESHOLD_RAISE), paths)
@@ -195,9 +195,9 @@ class Objective:
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Return the log-likelihood of each reading of a scan, (n,)."""
         noise = ReadingNoise(*np.exp(values[len(self.problem.parameters) :]).tolist())
-        place = self._place(values, scan)
-        board = self._board_values(values, place.heading, noise.stretch)
-        paths = self._path_arrays(values, scan, place.position)
+        place, board = self._place(values, scan), self._board(values)
+        paths = self._path_arrays(values, scan, _axis(board, place).position)
+        board = self._board_values(values, board, place.heading, noise.stretch)
         return np.asarray(log_likelihoods(self.problem.scans[scan], paths, board, noise, self._table, self._lateness))
 
     def _log_prior(self, values: FloatArray) -> float:
@@ -215,6 +215,12 @@ class Objective:
         ]
         middle, spread = np.array([*own, *((math.log(noise.median), noise.spread) for noise in self.problem.noises)]).T
         return middle, spread
+
+    @cached_property
+    def _axes(self) -> tuple[tuple[float, float], ...]:
+        """Position of the turning axis of each scan at the values where paths were searched."""
+        board = self._board(self.values)
+        return tuple(_axis(board, place).position for place in self.places)
 
     @cached_property
     def _table(self) -> FloatArray:
@@ -255,14 +261,16 @@ class Objective:
                 air = parameter.quantity.put(air, float(values[row]))
         return air
 
-    def _board_values(self, values: FloatArray, heading: float, stretch: float) -> BoardValues:
-        board, speed = self._board(values), self.room.air.speed_of_sound
+    def _board_values(self, values: FloatArray, board: Board, heading: float, stretch: float) -> BoardValues:
+        speed = self.room.air.speed_of_sound
         if self.problem.reported_speed is not None:
             speed = self._air(values).speed_of_sound
             stretch = self.problem.reported_speed / speed
+        stretch *= 1 + board.clock_error
         ahead, aside, half = board.mount.ahead, board.mount.aside, board.mount.separation / 2
         return BoardValues(
-            heading=heading,
+            heading=board.heading_at(0.0, heading),
+            scale=board.turntable_scale,
             ka=math.tau * board.frequency / speed * board.aperture_radius,
             threshold_db=board.threshold_db,
             opens=board.blanking_end * speed / 2 * stretch + board.range_offset,
@@ -275,7 +283,7 @@ class Objective:
         )
 
     def _path_arrays(self, values: FloatArray, scan: int, position: tuple[float, float]) -> PathArrays:
-        paths, (x, y) = self.paths[scan], self.places[scan].position
+        paths, (x, y) = self.paths[scan], self._axes[scan]
         by = position[0] - x, position[1] - y
         out, back = moved(*self._images(values, scan), paths.turn, paths.kind, by)
         return PathArrays(out, back, paths.rise, paths.turn, paths.kind, self._levels(values, scan))
@@ -331,6 +339,11 @@ class Objective:
         return self.problem.rows_of(WALL)
 
 
+def _axis(board: Board, place: Place) -> Place:
+    """Return a place of a room file, at the turning axis."""
+    return board.at_axis(board.faced(place))
+
+
 def _length(vectors: FloatArray, rise: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((vectors**2).sum(axis=1) + rise**2))
 
@@ -349,7 +362,7 @@ def make_problem(
     speeds = [reading.speed_of_sound for scan in scans for reading in scan.readings]
     speed = float(np.median(speeds)) if air_is_free else None
     return Problem(
-        tuple(scan_arrays(scan.readings, board, speed, all_echoes) for scan in scans),
+        tuple(scan_arrays(scan.readings, speed, all_echoes) for scan in scans),
         room,
         tuple(scan.place for scan in scans),
         board,
@@ -360,7 +373,7 @@ def make_problem(
     )
 
 
-def scan_arrays(readings: Sequence[Reading], board: Board, speed: float | None, all_echoes: bool) -> ScanArrays:
+def scan_arrays(readings: Sequence[Reading], speed: float | None, all_echoes: bool) -> ScanArrays:
     """Return readings as arrays for the kernel. If none has a second echo, the board is assumed to report one only.
 
     `speed` (m/s) converts echo times to ranges; None: the speed of sound of each reading.
@@ -373,5 +386,5 @@ def scan_arrays(readings: Sequence[Reading], board: Board, speed: float | None, 
         times = reading.echo_times[:most]
         counts[row] = len(times)
         ranges[row, : len(times)] = np.array(times) * (speed or reading.speed_of_sound) / 2
-    angles = np.array([board.heading_at(reading.angle, 0.0) for reading in readings])
+    angles = np.array([reading.angle for reading in readings])
     return ScanArrays(angles, ranges, counts, counts == most)

@@ -67,7 +67,7 @@ def score_positions(
     height: float | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Scores:
-    """Return the scores of a scan at each of `positions` (p, 2); `tick` is called once for each.
+    """Return the scores of a scan at each of `positions` (p, 2) of the turning axis; `tick` is called once for each.
 
     An error of half the spacing lowers the score little. Positions without any path score -inf.
     """
@@ -77,7 +77,7 @@ def score_positions(
     farthest = min(board.max_range, float(np.nanmax(first, initial=0.0)) + 3 * spacing)
     search = replace(search_for(room, board, QUICK), max_length=2 * farthest)
     ka = board.wavenumber(room.air) * board.aperture_radius
-    bins = np.round(scan.angles * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
+    bins = np.round(board.heading_at(scan.angles, 0.0) * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
     width = max(0.7 * spacing, 0.03)
     for row, (x, y) in enumerate(positions.tolist()):
         tick()
@@ -86,7 +86,7 @@ def score_positions(
         paths = paths.select(np.flatnonzero(~is_blanked(paths.lengths, board, room)))
         if len(paths):
             level = 20 * np.log10(np.maximum(strengths(room, board, paths), 1e-12)) - board.threshold_db
-            reported = paths.lengths / 2 + board.range_offset
+            reported = board.unrounded(paths.lengths / 2)
             table = _candidates(headings, paths.leaving, paths.arriving, level, ka, beam_table(ka))
             scores[row] = _score(first, bins, reported, *table, width)
     return Scores(positions, headings, scores, spacing)
@@ -144,6 +144,15 @@ def _score(
                 likelihood += chances[h, c] / (1.0 + away * away)
             scores[(h - bins[i]) % count] += math.log(likelihood)
     return scores
+
+
+def at_marks(board: Board, poses: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Return poses (x, y, heading rad) of the turning axis as those of the mark that a place stands for."""
+    marks = []
+    for x, y, heading in poses:
+        dx, dy = board.at_axis(board.faced(Place("", (0.0, 0.0), heading))).position
+        marks.append((x - dx, y - dy, heading))
+    return marks
 
 
 def maxima(scores: Scores, most: int) -> list[tuple[float, float, float]]:

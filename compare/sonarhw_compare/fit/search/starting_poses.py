@@ -11,7 +11,7 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.objective import COARSE, Problem
-from sonarhw_compare.fit.search.pose_search import QUICK, Scores, lattice, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, lattice, maxima, score_positions
 from sonarhw_compare.fit.search.refine import refined
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, Quantity, X, Y
@@ -96,7 +96,7 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
         lambda: tick(next(done) / len(positions)),
     )
     scores = _within(scores, free.get(HEADING), place.heading)
-    chosen = maxima(scores, _ROUGH) or [(*place.position, place.heading)]
+    chosen = at_marks(problem.board, maxima(scores, _ROUGH)) or [(*place.position, place.heading)]
     starts = []
     for pose in chosen:
         values = problem.start()

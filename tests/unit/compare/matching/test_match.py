@@ -170,7 +170,8 @@ def test_fit_moves_only_for_clearly_more_readings(more: int, moved: bool) -> Non
         for k, (angle, near, extra) in enumerate(zip(all_round()[::6], here[::6], too_long.tolist(), strict=True))
     ]
     silent = [reading(120 + k, float(angle), None) for k, angle in enumerate(all_round()[::6])]
-    fit = best_agreement([*readings, *silent], [(PLACE, here), (elsewhere, here + 0.008)], frozenset({"position"}))
+    tables = [(PLACE, here), (elsewhere, here + 0.008)]
+    fit = best_agreement([*readings, *silent], tables, frozenset({"position"}), PAPER)
     assert fit.place == (elsewhere if moved else PLACE)
 
 

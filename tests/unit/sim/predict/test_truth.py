@@ -131,3 +131,18 @@ def test_home_angle_and_range_offset_of_the_board_affect_its_echoes() -> None:
     plain, crooked = (RoomEchoes(ROOM, PLACE, board, disturbance=EXACT) for board in (BOARD, off))
     extra = 2 * 0.02 / ROOM.air.speed_of_sound
     assert ping(crooked, 75).echo_times == pytest.approx([time + extra for time in ping(plain, 90).echo_times])
+
+
+def test_turntable_scale_axis_and_clock_of_the_board_affect_its_echoes() -> None:
+    off = replace(
+        BOARD, home_angle_deg=15.0, turntable_scale=1.25, axis_x=0.02, axis_y=0.01, clock_error=0.03, range_offset=0.02
+    )
+    # zero is at 15°; a turn of 60° is one of 75°
+    turned = math.radians(15.0)
+    x = PLACE.position[0] + 0.02 * math.cos(turned) - 0.01 * math.sin(turned)
+    y = PLACE.position[1] + 0.02 * math.sin(turned) + 0.01 * math.cos(turned)
+    there = replace(PLACE, position=(x, y))
+    plain, crooked = RoomEchoes(ROOM, there, BOARD, disturbance=EXACT), RoomEchoes(ROOM, PLACE, off, disturbance=EXACT)
+    extra = 2 * 0.02 / ROOM.air.speed_of_sound
+    expected = [1.03 * time + extra for time in ping(plain, 90).echo_times]
+    assert ping(crooked, 60).echo_times == pytest.approx(expected, rel=1e-9)
