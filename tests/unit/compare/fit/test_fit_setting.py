@@ -7,7 +7,6 @@ import pytest
 from sonarhw_compare.fit.fit_setting import fit_setting
 from sonarhw_compare.fit.likelihood.objective import scan_arrays
 from sonarhw_compare.imports.given_scan import GivenScan
-from sonarhw_sim.board.profile import load_board
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
@@ -38,7 +37,6 @@ def test_an_unknown_place_is_refused_if_a_coordinate_is_fixed(free: list[str], f
 
 
 def test_readings_have_columns_for_later_echoes_only_if_any_has_a_second_one() -> None:
-    board = load_board("lego-nxt")
     one = scan_arrays(scan((0.01,), ()).readings, None, True)
     assert one.ranges == pytest.approx(np.array([[0.01 * SPEED / 2], [math.nan]]), nan_ok=True)
     assert (one.counts.tolist(), one.ends.tolist()) == ([1, 0], [True, False])
