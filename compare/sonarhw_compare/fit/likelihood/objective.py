@@ -197,8 +197,8 @@ class Objective:
         noise = ReadingNoise(*np.exp(values[len(self.problem.parameters) :]).tolist())
         place, board = self._place(values, scan), self._board(values)
         paths = self._path_arrays(values, scan, _axis(board, place).position)
-        board = self._board_values(values, board, place.heading, noise.stretch)
-        return np.asarray(log_likelihoods(self.problem.scans[scan], paths, board, noise, self._table, self._lateness))
+        chosen = self._board_values(values, board, place.heading, noise.stretch)
+        return np.asarray(log_likelihoods(self.problem.scans[scan], paths, chosen, noise, self._table, self._lateness))
 
     def _log_prior(self, values: FloatArray) -> float:
         lower, upper = self.problem.bounds
