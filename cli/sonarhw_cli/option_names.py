@@ -3,7 +3,7 @@
 import re
 
 _OPTIONS = (
-    (r"^(free|prior|fit) (?=\S+: )", r"--\1 "),
+    (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
     (r"^places: expected", "--place: expected"),
     (r"; free it too, or", "; add it to --free, or"),
     (r"; give a room$", "; give one with --room"),

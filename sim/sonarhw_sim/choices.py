@@ -6,6 +6,7 @@ This module imports nothing heavy, so a command line can list the choices before
 from enum import StrEnum
 from typing import Self
 
+ROOM_TOLERANCE = 0.005  # m, standard deviation of the position of each wall of a room file; assumed
 DEFAULT_BOARD = "polaroid-6500"  # the board profile if a user names none
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 import typer
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures.picture_file import PICTURES
-from sonarhw_sim.choices import Model, Receiver
+from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.plain_fit_option import FitOption
@@ -21,9 +21,11 @@ from sonarhw_cli.console.options import (
     BoardOfLog,
     Force,
     ModelChoice,
+    PingsOfMedian,
     PlaceName,
     ReceiverChoice,
     RoomOfLog,
+    RoomTolerance,
     checked_out,
     print_place,
 )
@@ -34,6 +36,7 @@ from sonarhw_cli.console.warning_line import warn
 if TYPE_CHECKING:
     from sonarhw_compare.fit.plain_fit import Fit
     from sonarhw_compare.matching.match import Comparison, Summary
+    from sonarhw_compare.matching.probability_score import ProbabilityScore
     from sonarhw_compare.matching.regions import Region
 
 
@@ -53,20 +56,26 @@ def compare(
     plot: Annotated[
         Path | None, typer.Option(help="Draw the measured scan over the prediction.", metavar=PICTURE_FILE)
     ] = None,
+    pings: PingsOfMedian = None,
+    room_tolerance: RoomTolerance = None,
     force: Force = False,
 ) -> None:
-    """Compare a log with its prediction. The class and path of every reading are printed, then a summary."""
+    """Compare a log with its prediction. The class and path of every reading are printed, then a summary.
+
+    The log score and the calibration judge the predicted probabilities of the readings (`simulate --probability`).
+    """
     if explained and not as_json:
         raise InputError("--explain: needs --json; without both, every reading is explained in a sentence")
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
+    score = _score(comparison, receiver, model, pings, room_tolerance)
     if plot is not None:
         with written_file(plot, overwrite=force) as file:
             save_comparison(comparison, file, suffix)
     if as_json:
-        print_json(_figures(comparison, found, explained))
+        print_json(_figures(comparison, found, explained) | asdict(score))
     else:
-        _print(comparison, found)
+        _print(comparison, found, score)
     for doubt in () if found is None else found.doubts:
         warn(doubt)
 
@@ -105,6 +114,21 @@ def compare_log(
     return comparison, found
 
 
+def _score(
+    comparison: "Comparison", receiver: Receiver | None, model: Model, pings: int | None, room_tolerance: float | None
+) -> "ProbabilityScore":
+    from sonarhw_compare.matching.probability_score import score_comparison
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    return score_comparison(
+        comparison,
+        PredictionOptions(receiver=receiver),
+        model=model,
+        pings=pings or 1,
+        room_tolerance=ROOM_TOLERANCE if room_tolerance is None else room_tolerance,
+    )
+
+
 def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
     """Warn if the prediction explains few echoes, as with a wrong room or place."""
     from sonarhw_compare.matching.few_explained import few_explained
@@ -131,13 +155,15 @@ def _figures(comparison: "Comparison", found: "Fit | None", explained: bool) -> 
     return asdict(comparison.summary()) | {"fit": fitted} | (details(comparison) if explained else {})
 
 
-def _print(comparison: "Comparison", found: "Fit | None") -> None:
+def _print(comparison: "Comparison", found: "Fit | None", score: "ProbabilityScore") -> None:
     from sonarhw_compare.explain.sentences import explain_reading
 
     for row in comparison.rows:
         print_line(f"{row.kind.replace('_', ' '):11}  {explain_reading(comparison, row.index)}")
     print_line()
     for line in summary_lines(comparison.summary()):
+        print_line(line)
+    for line in _score_lines(score):
         print_line(line)
     for line in () if found is None else found.lines():
         print_line(line)
@@ -158,6 +184,18 @@ def _more_lines(comparison: "Comparison") -> list[str]:
             f"spread {echoes.spread_m * 1000:.1f} mm)"
         )
     return [*lines, *region_lines(comparison)]
+
+
+def _score_lines(score: "ProbabilityScore") -> list[str]:
+    from sonarhw_compare.matching.probability_score import calibration_text
+
+    if score.log_score is None:
+        return []
+    median = f", a reading is the median of {score.pings} pings" if score.pings > 1 else ""
+    return [
+        f"log score {score.log_score:.2f} (mean logarithm of the probability of a reading{median})",
+        f"probability of the most probable readings, stated and observed: {calibration_text(score.calibration)}",
+    ]
 
 
 def region_lines(comparison: "Comparison") -> list[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from urllib.parse import parse_qsl
 
 import typer
-from sonarhw_sim.choices import EdgeStrength, Model, Receiver
+from sonarhw_sim.choices import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 
 from sonarhw.atomic_file import is_special
 from sonarhw.errors import InputError
@@ -80,6 +80,27 @@ ZeroHere = Annotated[
     bool,
     typer.Option(
         "--zero-here", help="Zero is where the turntable is now: do not home, and do not expect the zero mark."
+    ),
+]
+
+PingsOfMedian = Annotated[
+    int | None,
+    typer.Option(
+        "--pings",
+        help="A reading is the median of this odd number of pings. Default: 1.",
+        min=1,
+        max=99,
+        show_default=False,
+    ),
+]
+RoomTolerance = Annotated[
+    float | None,
+    typer.Option(
+        "--room-tolerance",
+        help=f"Standard deviation of the position of each wall, m. Default: {ROOM_TOLERANCE:g}, an assumption.",
+        min=0.0,
+        max=1.0,
+        show_default=False,
     ),
 ]
 

@@ -9,6 +9,8 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sonarhw_sim.choices import ROOM_TOLERANCE
+
 from sonarhw.errors import InputError
 from sonarhw_cli.console.options import LOG
 from sonarhw_cli.console.output import print_written, written_file
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
     from sonarhw.readings import Trace
 
+PROBABILITY_HEADER = "heading_deg,range_m,probability,via"
 HEADER = "heading_deg,range_m,path_m,level_db,bounces,via"
 _PING_PERIOD = 0.1  # s between the readings in the log of a predicted scan
 _MOST_SAMPLES = 65535  # of a trace in a log
@@ -94,6 +97,20 @@ def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str |
         length, level = float(scan.paths.lengths[winner]), round(scan.level_of_reading(k), 9) + 0.0
         via = ">".join(scan.paths.via(int(winner), scan.room))
         yield math.degrees(heading), distance, length, level, int(bounces[winner]), via
+
+
+def probability_rows(
+    scan: "PredictedScan", pings: int | None, room_tolerance: float | None
+) -> Iterator[tuple[float | str | None, ...]]:
+    """Yield the columns of PROBABILITY_HEADER: at each heading every range that may be reported, and silence last."""
+    from sonarhw_sim.probability.reading_chances import possible_readings, range_chances
+
+    tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
+    for k, heading in enumerate(scan.headings):
+        for outcome in possible_readings(scan, k, pings or 1, tolerance):
+            via = ">".join(scan.paths.via(outcome.path, scan.room)) if outcome.path >= 0 else None
+            for distance, probability in range_chances(outcome, scan.board):
+                yield math.degrees(heading), distance, probability, via
 
 
 def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out: Path, force: bool) -> None:

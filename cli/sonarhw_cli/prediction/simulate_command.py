@@ -18,9 +18,11 @@ from sonarhw_cli.console.options import (
     Force,
     FromDegrees,
     ModelChoice,
+    PingsOfMedian,
     PlaceName,
     ReceiverChoice,
     RoomName,
+    RoomTolerance,
     StepDegrees,
     ToDegrees,
     checked_out,
@@ -32,11 +34,13 @@ from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
 from sonarhw_cli.prediction.predicted_files import (
     HEADER,
+    PROBABILITY_HEADER,
     TraceForm,
     TraceSettings,
     check_trace_size,
     listening_time,
     prediction_rows,
+    probability_rows,
     trace_settings,
     write_predicted_log,
     write_predicted_npz,
@@ -52,6 +56,7 @@ if TYPE_CHECKING:
     from sonarhw.readings import FloatArray, ScanOrder
 
 WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
+_CSV = (".csv", STDOUT)
 _FORMATS = (".csv", ".npz", *PICTURES, LOG, STDOUT)
 
 
@@ -94,6 +99,11 @@ def simulate(
         int | None,
         typer.Option(min=0, help="Seed of the speckle of rough surfaces; default: the mean power of all speckles."),
     ] = None,
+    probability: Annotated[
+        bool, typer.Option("--probability", help="Write the probability of each range, and of silence, as CSV.")
+    ] = False,
+    pings: PingsOfMedian = None,
+    room_tolerance: RoomTolerance = None,
     out: Annotated[
         str, typer.Option(help="FILE.csv, .npz, .png, .pdf, .svg, .mcap, or - for CSV on standard output.")
     ] = "-",
@@ -105,12 +115,16 @@ def simulate(
 
     If the board profile has a [mount], the face turns about an axis at the place. If it has a [ring], there is one row
     for each sensor, at the heading of that sensor, and --from, --to and --step are refused.
+
+    With --probability, each row is a range that the board may report at a heading, or silence, whose range is empty.
+    The spreads are threshold_sd_db and range_sd of the board profile, and --room-tolerance.
     """
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.named_file import file_name
     from sonarhw_sim.predict.models import predict_with
 
-    kind = checked_out(out, _FORMATS, force, room_name, board)
+    kind = checked_out(out, _CSV if probability else _FORMATS, force, room_name, board)
+    _check_probability(probability, model, {"--pings": pings, "--room-tolerance": room_tolerance}, (traces, noise))
     settings = trace_settings(traces, rate, kind)
     order = order_in_degrees(start, stop, step)
     room = open_room(room_name)
@@ -123,12 +137,18 @@ def simulate(
     headings = _headings(order, chosen, here)
     if settings is not None:
         check_trace_size(settings, kind, listening_time(chosen, room.air), len(headings))
-    scan = predict_with(model, room, here, chosen, headings, options)
+    if probability:
+        scan = _scan_of_spreads(room, here, chosen, headings, options, pings or 1)
+    else:
+        scan = predict_with(model, room, here, chosen, headings, options)
     if model.follows_sound:
         _warn_of_near_field(scan)
     _warn_of_face_outside(scan)
     _warn_of_silence(scan)
     match kind:
+        case _ if probability:
+            with text_output(out, force) as file:
+                write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
         case ".npz":
             write_predicted_npz(scan, settings, Path(out), force)
         case suffix if suffix in PICTURES:
@@ -156,6 +176,35 @@ def _options(
         noise=noise,
         seed=seed,
     )
+
+
+def _check_probability(
+    probability: bool, model: Model, of_readings: dict[str, float | None], signal: tuple[TraceForm | None, float]
+) -> None:
+    """Raise InputError for options that only --probability has, or does not have."""
+    if not probability:
+        for option, value in of_readings.items():
+            if value is not None:
+                raise InputError(f"{option} {value:g}: needs --probability")
+        return
+    if model is not Model.RAY_FOLLOWING:
+        raise InputError(f"--probability: needs --model {Model.RAY_FOLLOWING}; {model} states no probability")
+    if any(signal):
+        raise InputError("--probability: expected neither --traces nor --noise; the board profile states the spreads")
+
+
+def _scan_of_spreads(
+    room: "Room", place: "Place", board: "Board", headings: "FloatArray", options: "PredictionOptions", pings: int
+) -> "PredictedScan":
+    from sonarhw_sim.probability.reading_chances import check_pings, scan_with_fainter_paths
+
+    check_pings(pings)
+    if not board.threshold_sd_db:
+        warn(
+            f"board profile {board.name!r} has no threshold_sd_db: every echo is either certain or impossible; "
+            "write the spread of its threshold into a profile of your own"
+        )
+    return scan_with_fainter_paths(room, place, board, headings, options)
 
 
 def _check_noise(noise: float, receiver: Receiver, traces: TraceSettings | None) -> None:

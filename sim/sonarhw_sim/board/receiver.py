@@ -59,11 +59,11 @@ def _detect_within(
 ) -> ReceivedEchoes:
     samples = received(arrivals, board, speed_of_sound, duration, Receiver.BOARD, noise).samples
     times = echo_times(samples, board, speed_of_sound)
-    winner = _loudest_before(float(times[0]), samples, arrivals, board, speed_of_sound) if len(times) else -1
+    winner = loudest_before(float(times[0]), samples, arrivals, board, speed_of_sound) if len(times) else -1
     return ReceivedEchoes(times, winner)
 
 
-def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, board: Board, speed_of_sound: float) -> int:
+def loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, board: Board, speed_of_sound: float) -> int:
     """Return the loudest arrival while REC last charged, before `time`; -1 if none is loud enough."""
     burst = burst_of(board, speed_of_sound)
     since = time - arrivals.times
@@ -87,6 +87,18 @@ def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray,
         for k in range(max(0, begin - first[row]), min(some.shape[1], gain.shape[0] - first[row])):
             sums[row] += abs(some[row, k]) * gain[first[row] + k]
     return sums
+
+
+def charge_levels(samples: ComplexArray, board: Board, speed_of_sound: float) -> FloatArray:
+    """Return the charge of REC at each sample if it is never full, (n,) dB, as levels are; -inf outside listening.
+
+    The first echo is detected when this level reaches the threshold (`echo_times`).
+    """
+    opens = board.blanking_end / (1 + board.clock_error) * RATE
+    ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE) * RATE
+    charges = _charged(np.abs(samples), opens, ends, kept_charge(board)) / charge_of_burst(board, speed_of_sound)
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10(charges))
 
 
 def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> FloatArray:
@@ -129,6 +141,17 @@ def kept_charge(board: Board) -> float:
     """Return the share of its charge that REC keeps from one sample to the next."""
     time_constant = integration_samples(board)
     return math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
+
+
+@compiled
+def _charged(levels: FloatArray, opens: float, ends: float, kept: float) -> FloatArray:
+    """Return the charge at each sample between `opens` and `ends`, (n,); 0 at the others."""
+    charges = np.zeros(levels.shape[0])
+    charge = 0.0
+    for k in range(math.ceil(opens), min(levels.shape[0], math.floor(ends) + 1)):
+        charge = kept * charge + (1.0 - kept) * levels[k]
+        charges[k] = charge
+    return charges
 
 
 @compiled

@@ -12,7 +12,14 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.burst import covered_by_burst
 from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.receiver import SHARE, ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
+from sonarhw_sim.board.receiver import (
+    SHARE,
+    ReceivedEchoes,
+    counted_time,
+    detect_echoes,
+    detect_first_echo,
+    loudest_before,
+)
 from sonarhw_sim.board.traces import Arrivals, Noise, Response, Signal, received
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import (
@@ -262,16 +269,29 @@ class PredictedScan:
         """Return the first echo of the board's own receiver, in its noise; `winner` is a row of `paths`."""
         speed, noise = self.room.air.speed_of_sound, self._noise_at(index)
         detected = detect_first_echo(self.sound_at(index), self.board, speed, noise)
+        if not len(detected.times):
+            return detected
+        return replace(detected, winner=self._responsible_at(index, float(detected.times[0]), detected.winner))
+
+    def path_detected_at(self, index: int, time: float, signal: Signal) -> int:
+        """Return the path that the board's own receiver detects in this `signal` at `time` (s); -1: none."""
+        speed = self.room.air.speed_of_sound
+        loudest = loudest_before(time, signal.samples, self.sound_at(index), self.board, speed)
+        return self._responsible_at(index, time, loudest)
+
+    def _responsible_at(self, index: int, time: float, loudest: int) -> int:
+        """Return the path detected at `time` (s): the loudest arrival, or a rough surface that is louder; -1: none."""
         here, paths = self._present_at(index)
         # rows beyond the paths are scatterers of a grain
-        winner = detected.winner if detected.winner < len(here) else -1
+        winner = loudest if loudest < len(here) else -1
         scattered = self._scattered_at(index)
-        if scattered is not None and len(detected.times):
+        if scattered is not None:
             coherent = float(np.abs(self._amplitudes_at(index, here, paths)[winner])) if winner >= 0 else 0.0
-            patch = scattered.responsible_at(float(detected.times[0]) * speed, max(coherent, self._unheard))
+            length = time * self.room.air.speed_of_sound
+            patch = scattered.responsible_at(length, max(coherent, self._unheard))
             winner = patch if patch >= 0 else winner
         # winner -1, "no path", selects the appended -1
-        return replace(detected, winner=int(np.append(here, -1)[winner]))
+        return int(np.append(here, -1)[winner])
 
     @property
     def _unheard(self) -> float:

@@ -36,7 +36,10 @@ _HEADINGS_KEPT = 720  # headings whose paths are cached, if each has its own
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Differences between the simulated room and its file; standard deviations."""
+    """Differences between the simulated room and its file; standard deviations.
+
+    Those of level and timing come on top of `threshold_sd_db` and `range_sd` of the board.
+    """
 
     position: float = 0.003  # m, each of x and y
     temperature: float = 1.0  # K
@@ -138,20 +141,27 @@ class RoomEchoes:
         """Return the receive signal of the board's own receiver, with the disturbance of each arrival."""
         arrivals = scan.sound_at(0)
         count, speed = len(arrivals), scan.room.air.speed_of_sound
-        levels = 10 ** (random.normal(0, self._disturbance.level_db, count) / 20)
-        later = random.normal(0, self._disturbance.timing, count)
+        level_db, timing = self._spreads(speed)
+        levels = 10 ** (random.normal(0, level_db, count) / 20)
+        later = random.normal(0, timing, count)
         # the phase of the carrier stays, so that arrivals add up as without the disturbance
         phasors = np.exp(1j * math.tau * self._board.frequency * later)
         disturbed = replace(arrivals, times=arrivals.times + later, amplitudes=arrivals.amplitudes * levels * phasors)
         return received(disturbed, self._board, speed, ping.listen, Receiver.BOARD)
 
+    def _spreads(self, speed_of_sound: float) -> tuple[float, float]:
+        """Return the standard deviations of the level, dB, and of the time, s, of every echo."""
+        of_board = 2 * self._board.range_sd / speed_of_sound
+        level_db = math.hypot(self._disturbance.level_db, self._board.threshold_sd_db)
+        return level_db, math.hypot(self._disturbance.timing, of_board)
+
     def _first_echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
-        count = len(scan.paths)
+        count, speed = len(scan.paths), scan.room.air.speed_of_sound
+        level_db, timing = self._spreads(speed)
         levels, loudest = scan.arrivals_at(0)
-        levels += random.normal(0, self._disturbance.level_db, count)
-        speed = scan.room.air.speed_of_sound
+        levels += random.normal(0, level_db, count)
         counted = counted_time(scan.lengths_of_arrivals(loudest) / speed, self._board)
-        times = counted + 2 * self._board.range_offset / speed + random.normal(0, self._disturbance.timing, count)
+        times = counted + 2 * self._board.range_offset / speed + random.normal(0, timing, count)
         detected = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []
         for time in np.sort(detected):

@@ -155,3 +155,21 @@ def test_a_wrong_room_or_place_gives_a_warning(
     assert run(["report", scan, *wrong, "--out", str(page)]) == 0
     assert capsys.readouterr().err.startswith(warning)
     assert "<strong>Warning:</strong> scan.mcap: only " in page.read_text()
+
+
+def test_probabilities_are_scored_in_text_and_json(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    figures = compared(capsys, log)
+    assert figures["pings"] == 1
+    assert figures["room_tolerance_m"] == 0.005
+    log_score = figures["log_score"]
+    assert isinstance(log_score, float)
+    bins = figures["calibration"]
+    assert isinstance(bins, list)
+    assert sum(one["n"] for one in bins) == figures["n"]
+    capsys.readouterr()
+    assert run(["compare", log, "--room", ROOM, "--place", "figure9", "--board", "paper", "--pings", "5"]) == 0
+    out = capsys.readouterr().out
+    assert "\nlog score -" in out
+    assert "the median of 5 pings" in out
+    assert run(["compare", log, "--room", ROOM, "--place", "figure9", "--pings", "4"]) == 2
+    assert "--pings 4: expected an odd number" in capsys.readouterr().err

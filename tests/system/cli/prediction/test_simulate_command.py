@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_sim.board.profile import load_board
 
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray
@@ -363,3 +364,60 @@ def test_place_with_a_height_detects_a_step_below_it(capsys: pytest.CaptureFixtu
     assert run(["simulate", *place, "--from", "90", "--to", "95", "--edge-strength", "paper"]) == 0
     assert rows(capsys.readouterr().out)[0]["via"] == "floor>step"
     assert run(["simulate", *place, "--sections", "0"]) == 2
+
+
+def spread_board(tmp_path: Path, name: str) -> str:
+    text = load_board(name).text
+    spreads = "threshold_sd_db = 3.0\nrange_sd = 0.003\nblanking"
+    assert "\nblanking" in text
+    (tmp_path / "mine.toml").write_text(text.replace("\nblanking", f"\n{spreads}", 1))
+    return str(tmp_path / "mine.toml")
+
+
+@pytest.mark.parametrize("name", ["polaroid-6500", "lego-nxt"])
+def test_probabilities_add_up_to_1_at_each_heading(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = spread_board(tmp_path, name)
+    assert run(["simulate", *FIGURE_9, "--board", board, "--probability", "--step", "15", "--pings", "5"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("heading_deg,range_m,probability,via\n")
+    found = rows(out)
+    for heading in range(0, 360, 15):
+        here = [row for row in found if row["heading_deg"] == str(heading)]
+        assert sum(float(row["probability"]) for row in here) == pytest.approx(1.0, abs=1e-7)
+        assert [row["range_m"] for row in here].count("") == 1
+    if name == "lego-nxt":
+        ranges = np.array([float(row["range_m"]) for row in found if row["range_m"]]) * 100
+        assert ranges == pytest.approx(np.round(ranges), abs=1e-9)
+
+
+def test_without_any_spread_the_prediction_has_probability_1(capsys: pytest.CaptureFixture[str]) -> None:
+    chosen = [*FIGURE_9, "--board", "paper", "--step", "30"]
+    assert run(["simulate", *chosen]) == 0
+    certain = rows(capsys.readouterr().out)
+    assert run(["simulate", *chosen, "--probability", "--room-tolerance", "0"]) == 0
+    captured = capsys.readouterr()
+    likely = [row for row in rows(captured.out) if row["probability"] == "1"]
+    assert [(row["range_m"], row["via"]) for row in likely] == [(row["range_m"], row["via"]) for row in certain]
+    assert captured.err.count("board profile 'paper' has no threshold_sd_db") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--pings", "5"], "--pings 5: needs --probability"),
+        (["--room-tolerance", "0.01"], "--room-tolerance 0.01: needs --probability"),
+        (["--probability", "--pings", "2"], "--pings 2: expected an odd number"),
+        (["--probability", "--model", "cone"], "--probability: needs --model ray-following"),
+        (["--probability", "--noise", "0.1"], "--probability: expected neither --traces nor --noise"),
+        (["--probability", "--out", "a.npz"], "--out a.npz: expected a name ending in .csv, or -"),
+    ],
+)
+def test_options_that_do_not_fit_probabilities_are_refused(
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["simulate", *FIGURE_9, *options]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith(f"sonarhw: {message}")
+    assert not captured.out

@@ -1,0 +1,1 @@
+"""The probability of each reading, from the spreads of the board and of the room."""
