@@ -159,7 +159,7 @@ def _print(comparison: "Comparison", found: "Fit | None", score: "ProbabilitySco
     from sonarhw_compare.explain.sentences import explain_reading
 
     for row in comparison.rows:
-        print_line(f"{row.kind.replace('_', ' '):11}  {explain_reading(comparison, row.index)}")
+        print_line(f"{row.kind.label:11}  {explain_reading(comparison, row.index)}")
     print_line()
     for line in summary_lines(comparison.summary()):
         print_line(line)
@@ -226,7 +226,9 @@ def summary_lines(summary: "Summary") -> list[str]:
 
     classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
     what = "reading" if summary.origin == Origin.MEASURED else f"{summary.origin} reading"
-    lines = [f"{counted(summary.n, what)}, {summary.n_echo} with an echo: {classes}"]
+    own_body = summary.classes["own_body"]
+    apart = f" of the room and {own_body} with one of the own body" if own_body else ""
+    lines = [f"{counted(summary.n, what)}, {summary.n_echo} with an echo{apart}: {classes}"]
     if summary.within_5cm is not None and summary.explained is not None:
         lines.append(
             f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "

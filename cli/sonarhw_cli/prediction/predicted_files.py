@@ -87,11 +87,14 @@ def check_trace_size(traces: TraceSettings, suffix: str, listening: float, headi
 
 def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
     """Yield the columns of HEADER, one row for each heading; None for an unknown value."""
+    from sonarhw_sim.board.own_body import OWN_BODY
+
     bounces, ranges = scan.paths.bounces, scan.ranges
     for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
         distance = None if math.isnan(ranges[k]) else float(ranges[k])
         if winner < 0:
-            yield math.degrees(heading), distance, None, None, None, None
+            via = OWN_BODY if scan.of_own_body is not None and scan.of_own_body[k] else None
+            yield math.degrees(heading), distance, None, None, None, via
             continue
         # the directivity straight ahead is 1 except for rounding: write 0 dB, not -1e-13
         length, level = float(scan.paths.lengths[winner]), round(scan.level_of_reading(k), 9) + 0.0
@@ -212,7 +215,10 @@ def _echo_times(scan: "PredictedScan", index: int) -> tuple[float, ...]:
     if math.isnan(scan.ranges[index]):
         return ()
     first = 2 * float(scan.ranges[index]) / scan.room.air.speed_of_sound
-    return (first, *map(float, scan.echo_times_at(index)[1:]))
+    times = [float(time) for time in scan.echo_times_at(index)]
+    if scan.of_own_body is not None and scan.of_own_body[index]:
+        return (first, *(time for time in times if time > first))
+    return (first, *times[1:])
 
 
 def _envelope(scan: "PredictedScan", index: int, traces: TraceSettings) -> "Trace":

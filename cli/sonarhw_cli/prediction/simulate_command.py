@@ -104,6 +104,9 @@ def simulate(
     ] = False,
     pings: PingsOfMedian = None,
     room_tolerance: RoomTolerance = None,
+    own_body: Annotated[
+        bool, typer.Option("--own-body", help="Also predict the echoes of the carrier's own body in the profile.")
+    ] = False,
     out: Annotated[
         str, typer.Option(help="FILE.csv, .npz, .png, .pdf, .svg, .mcap, or - for CSV on standard output.")
     ] = "-",
@@ -130,10 +133,14 @@ def simulate(
     room = open_room(room_name)
     chosen = load_board(board)
     here = chosen.faced(chosen_place(room, place))
-    options = replace(_options(receiver, unit, edge_strength, noise, seed), sections=sections, grain=grain)
+    options = replace(
+        _options(receiver, unit, edge_strength, noise, seed), sections=sections, grain=grain, own_body=own_body
+    )
     _check_noise(noise, options.receiver_of(chosen, model), settings)
     _check_effect(model, options, here)
     _check_grain(grain, room, model)
+    if own_body and not chosen.own_body:
+        raise InputError(f"--own-body: board {chosen.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
     headings = _headings(order, chosen, here)
     if settings is not None:
         check_trace_size(settings, kind, listening_time(chosen, room.air), len(headings))

@@ -13,7 +13,7 @@ from sonarhw_compare.explain.contest import Step, change_for, contest, wall_chan
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.matching.assign import assigned_echoes, echo_statistics
-from sonarhw_compare.matching.match import Comparison
+from sonarhw_compare.matching.match import Comparison, Kind
 from sonarhw_compare.matching.region_match import RegionPair, compare_regions
 from sonarhw_compare.matching.regions import Region
 
@@ -33,6 +33,7 @@ def reading_details(comparison: Comparison, index: int) -> Details:
     """Return one reading: measured and predicted echoes, path, margins and the echoes that might win instead."""
     row, prediction = comparison.rows[index], comparison.prediction
     margins, moved = contest(prediction, row.index), wall_change(prediction, row.index)
+    own_body = row.kind is Kind.OWN_BODY
     return {
         "turntable_deg": _degrees(row.reading.angle),
         "heading_deg": in_degrees(row.heading),
@@ -47,7 +48,7 @@ def reading_details(comparison: Comparison, index: int) -> Details:
                 "level_db": echo.level_db,
                 "via": _via(prediction, echo.path),
             }
-            for echo in assigned_echoes(comparison, index)
+            for echo in (() if own_body else assigned_echoes(comparison, index))
         ],
         "margin_db": margins.margin_db,
         "next": _echo(prediction, margins.next),
@@ -58,7 +59,7 @@ def reading_details(comparison: Comparison, index: int) -> Details:
         "with_higher_threshold": _echo(prediction, margins.louder),
         "with_lower_threshold": _echo(prediction, margins.fainter),
         "lacking_db": margins.lacking_db,
-        "threshold_change_db": change_for(prediction, row.index, row.measured),
+        "threshold_change_db": None if own_body else change_for(prediction, row.index, row.measured),
     }
 
 

@@ -34,6 +34,8 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
     room = prediction.room
     at = f"at {heading_text(row.heading)}"
     measured = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
+    if row.kind is Kind.OWN_BODY:
+        return f"{measured}: own body, an echo of the carrier of the sensor and not of the room"
     change = _slight_change(row, prediction)
     parts = [f"{measured}: {_account(row, prediction, text, nearly=change is not None)}"]
     blanked = prediction.blanked_echoes(row.index)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.own_body import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.compiled import compiled
@@ -88,6 +89,7 @@ def fit_scan(
     same within a standard error, a fit with less than half of the mean error is preferred. `tick` receives the share
     that is done, 0..1. Raises InputError if `free` has an unknown name, no reading has an echo, or the board is a ring.
     """
+    readings = without_own_body(board.own_body, readings)
     _check(readings, free)
     if board.ring is not None:
         raise InputError(f"fit: board {board.name!r} is a ring of sensors and has no turntable to fit")

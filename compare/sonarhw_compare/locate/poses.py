@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
+from sonarhw_sim.board.own_body import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, Room
@@ -130,6 +131,7 @@ def locate_scan(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
+    readings = without_own_body(board.own_body, readings)
     redundancy = mean_run(*angles_and_ranges(readings))
     starts = _starts(scores, room, board)
     tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))

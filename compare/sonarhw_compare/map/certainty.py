@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.own_body import of_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.predict.by_heading import standpoints
@@ -58,10 +59,11 @@ class CertaintyGrid:
 
 
 def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, FloatArray]:
-    """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo; (n,) each."""
+    """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo of the room; (n,) each."""
     headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
-    ranges = [np.nan if reading.range is None else reading.range for reading in scan.readings]
-    return np.array(headings, dtype=np.float64), board.true_ranges(np.array(ranges, dtype=np.float64))
+    ranges = np.array([np.nan if reading.range is None else reading.range for reading in scan.readings])
+    ranges[of_own_body(board.own_body, scan.readings)] = np.nan
+    return np.array(headings, dtype=np.float64), board.true_ranges(ranges)
 
 
 def certainty_grid(

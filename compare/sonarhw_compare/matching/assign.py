@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.matching.match import TOLERANCE, Comparison
+from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind
 
 _TO_DEVIATION = 1.4826  # standard deviation of a normal distribution by its median absolute deviation
 
@@ -31,7 +31,7 @@ class AssignedEcho:
 
 @dataclass(frozen=True)
 class EchoStatistics:
-    """Statistics of all measured echoes of a scan."""
+    """Statistics of all measured echoes of a scan; readings of the carrier's own body are left out."""
 
     echoes: int
     explained: float | None  # share with a predicted echo; None without measured echoes
@@ -66,7 +66,8 @@ def assigned(measured: FloatArray, predicted: FloatArray, gate: float = TOLERANC
 
 def echo_statistics(comparison: Comparison) -> EchoStatistics:
     """Return the statistics of all echoes of a scan."""
-    echoes = [echo for index in range(len(comparison.rows)) for echo in assigned_echoes(comparison, index)]
+    of_room = [index for index, row in enumerate(comparison.rows) if row.kind is not Kind.OWN_BODY]
+    echoes = [echo for index in of_room for echo in assigned_echoes(comparison, index)]
     residuals = np.array([echo.residual for echo in echoes if echo.residual is not None], dtype=np.float64)
     if not len(residuals):
         return EchoStatistics(len(echoes), 0.0 if echoes else None, None, None)

@@ -2,11 +2,15 @@
 
 from matplotlib.figure import Figure
 
-from sonarhw_compare.matching.match import Comparison
+from sonarhw_compare.matching.match import Comparison, Kind
 from sonarhw_compare.pictures.overlay_picture import draw_plan
 
 
 def draw_comparison(comparison: Comparison) -> Figure:
     """Return a figure of the room with the scan over its prediction."""
-    measured = [(row.heading, row.measured) for row in comparison.rows if row.measured is not None]
-    return draw_plan(comparison.prediction, measured, origin=comparison.origin)
+    measured = [row for row in comparison.rows if row.measured is not None]
+    of_room, of_body = (
+        [(row.heading, row.measured or 0.0) for row in measured if (row.kind is Kind.OWN_BODY) == own]
+        for own in (False, True)
+    )
+    return draw_plan(comparison.prediction, of_room, origin=comparison.origin, own_body=of_body)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from sonarhw_sim.board.own_body import is_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.models import predict_with
@@ -32,6 +33,12 @@ class Kind(StrEnum):
     MISSED = "missed"  # predicted, not measured
     EXTRA = "extra"  # measured, not predicted
     BOTH_SILENT = "both_silent"
+    OWN_BODY = "own_body"  # an echo of the carrier of the sensor (`own_body` of the board); in no share
+
+    @property
+    def label(self) -> str:
+        """The name in texts, tables and pictures."""
+        return self.value.replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -48,8 +55,10 @@ class Matched:
 
     @property
     def residual(self) -> float | None:
-        """Measured minus predicted, m; None if one of them has no echo."""
-        return None if self.measured is None or self.predicted is None else self.measured - self.predicted
+        """Measured minus predicted, m; None if one of them has no echo, or the echo is of the carrier's own body."""
+        if self.measured is None or self.predicted is None or self.kind is Kind.OWN_BODY:
+            return None
+        return self.measured - self.predicted
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,7 @@ class Summary:
     """Figures of a comparison, the keys of `compare --json`."""
 
     n: int
-    n_echo: int
+    n_echo: int  # measured echoes, without those of the carrier's own body
     matched: int
     within_5cm: float | None  # matched / n_echo; None without measured echoes
     median_abs_error_m: float | None
@@ -85,7 +94,9 @@ class Comparison:
     def summary(self) -> Summary:
         """Return the figures of the whole scan."""
         kinds = Counter(row.kind for row in self.rows)
-        echoes = [row for row in self.rows if row.measured is not None]
+        of_room = np.array([row.kind is not Kind.OWN_BODY for row in self.rows], dtype=np.bool_)
+        echoes = [row for row in self.rows if row.measured is not None and row.kind is not Kind.OWN_BODY]
+        sounding = [row.measured is not None for row in self.rows if row.kind is not Kind.OWN_BODY]
         errors = [abs(row.residual) for row in self.rows if row.residual is not None]
         matched = kinds[Kind.MATCH]
         return Summary(
@@ -95,7 +106,7 @@ class Comparison:
             within_5cm=matched / len(echoes) if echoes else None,
             median_abs_error_m=float(np.median(errors)) if errors else None,
             no_echo_agreement=_balanced_accuracy(kinds),
-            no_echo_roc_area=roc_area(self.prediction.over_threshold, [row.measured is not None for row in self.rows]),
+            no_echo_roc_area=roc_area(self.prediction.over_threshold[of_room], sounding),
             classes={kind.value: kinds[kind] for kind in Kind},
             explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
             heading_deg=in_degrees(self.heading),
@@ -145,14 +156,15 @@ def compare_readings(
 def _matched(prediction: PredictedScan, index: int, reading: Reading, predicted: float, offset: float) -> Matched:
     measured = None if reading.range is None else reading.range + offset
     expected = None if math.isnan(predicted) else predicted
+    of_body = is_own_body(prediction.board.own_body, reading.angle, reading.range)
     return Matched(
         index=index,
         reading=reading,
         heading=float(prediction.headings[index]),
         measured=measured,
         predicted=expected,
-        kind=classify(measured, expected),
-        path=None if measured is None else _accounting_path(prediction, index, measured, expected),
+        kind=Kind.OWN_BODY if of_body else classify(measured, expected),
+        path=None if measured is None or of_body else _accounting_path(prediction, index, measured, expected),
     )
 
 
@@ -179,7 +191,7 @@ def _accounting_path(prediction: PredictedScan, index: int, measured: float, pre
 
 def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
     silent = kinds[Kind.BOTH_SILENT] + kinds[Kind.MISSED]
-    sounding = kinds.total() - silent
+    sounding = kinds.total() - silent - kinds[Kind.OWN_BODY]
     if silent == 0 or sounding == 0:
         return None
     return (kinds[Kind.BOTH_SILENT] / silent + (sounding - kinds[Kind.EXTRA]) / sounding) / 2

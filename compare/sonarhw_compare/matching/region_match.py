@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from sonarhw_sim.rays.paths import Paths
 
-from sonarhw_compare.matching.match import TOLERANCE, Comparison
+from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind
 from sonarhw_compare.matching.regions import Region, regions_of
 
 
@@ -57,9 +57,11 @@ def compare_regions(comparison: Comparison) -> RegionMatch:
     """Return the regions of a measured scan and of its prediction, at the headings of the readings.
 
     Readings of different predicted paths are in different regions, even if two walls are equally far away.
+    Echoes of the carrier's own body are in none.
     """
     prediction = comparison.prediction
-    ranges = np.array([math.nan if row.measured is None else row.measured for row in comparison.rows])
+    of_room = [None if row.kind is Kind.OWN_BODY else row.measured for row in comparison.rows]
+    ranges = np.array([math.nan if measured is None else measured for measured in of_room])
     measured = [_mirror(prediction.paths, row.path) for row in comparison.rows]
     winners = [_mirror(prediction.paths, int(winner)) for winner in prediction.winners]
     return match_regions(

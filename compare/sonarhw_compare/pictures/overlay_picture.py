@@ -11,7 +11,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import Origin
-from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.colours import MEASURED, OWN_BODY, PREDICTED, WALL
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
@@ -22,10 +22,11 @@ def draw_plan(
     measured: Sequence[tuple[float, float]] = (),
     title: str = "",
     origin: Origin = Origin.MEASURED,
+    own_body: Sequence[tuple[float, float]] = (),
 ) -> Figure:
     """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them.
 
-    `origin` names the measured points in the legend.
+    `origin` names the measured points in the legend. `own_body` are measured points of the carrier of the sensor.
     """
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
@@ -33,10 +34,12 @@ def draw_plan(
     x, y = scan.place.position
     predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
-    if measured:
-        headings, ranges = np.array(measured).T
-        sensors = standpoints(scan.board, scan.place, headings)
-        axes.plot(*points_at(sensors, headings, ranges).T, ".", color=MEASURED, ms=6, label=origin.value)
+    drawn = ((measured, ".", MEASURED, 6, origin.value), (own_body, "D", OWN_BODY, 4, "own body"))
+    for readings, marker, colour, size, label in drawn:
+        if readings:
+            headings, ranges = np.array(readings).T
+            sensors = standpoints(scan.board, scan.place, headings)
+            axes.plot(*points_at(sensors, headings, ranges).T, marker, color=colour, ms=size, ls="none", label=label)
     axes.plot(x, y, "^", color="black", ms=9, label="sensor")
     named = picture_text(title or f"{scan.room.name}, place {scan.place.name}")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=named)

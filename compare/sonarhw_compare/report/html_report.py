@@ -142,7 +142,7 @@ def _lead(summary: Summary) -> str:
 
 def _figures(summary: Summary) -> Facts:
     facts = [("readings", str(summary.n)), ("with an echo", str(summary.n_echo))]
-    facts += [(kind.value.replace("_", " "), str(summary.classes[kind.value])) for kind in Kind]
+    facts += [(kind.label, str(summary.classes[kind.value])) for kind in Kind]
     for name, share in (
         ("within 5 cm of the prediction", summary.within_5cm),
         ("within 5 cm of some predicted echo", summary.explained),
@@ -273,7 +273,7 @@ def _readings(report: Report) -> Iterator[str]:
             _metres(row.measured),
             _metres(row.predicted),
             "" if row.residual is None else millimetres(row.residual),
-            row.kind.value.replace("_", " "),
+            row.kind.label,
             explain_reading(comparison, row.index),
         )
         yield "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"

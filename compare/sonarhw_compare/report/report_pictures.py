@@ -13,7 +13,7 @@ from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw.readings import FloatArray, Trace
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, Matched
 from sonarhw_compare.pictures.bscan import BScan, RangeCells, bscan_of, cells_for, heading_key, predicted_row, trace_row
-from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT
+from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT
 from sonarhw_compare.pictures.overlay_picture import draw_room
 from sonarhw_compare.pictures.picture_file import write_picture
 from sonarhw_compare.pictures.points import points_at
@@ -26,6 +26,7 @@ CLASSES: dict[Kind, tuple[str, str]] = {
     Kind.LONG: (LONG, "^"),
     Kind.EXTRA: (EXTRA, "s"),
     Kind.MISSED: (MISSED, "x"),
+    Kind.OWN_BODY: (OWN_BODY, "D"),
 }
 _MOST_RESIDUAL = 250.0  # mm; larger residuals are drawn at the edge
 _BEYOND = 0.3  # margin around the room, of its longer side
@@ -143,7 +144,7 @@ def _draw_classes(
         found = [(math.degrees(heading) % 360, at) for heading, at in drawn if at is not None]
         if found:
             points = place(*np.array(found).T)
-            axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.value} ({len(found)})")
+            axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.label} ({len(found)})")
 
 
 def _side_by_side(headings: FloatArray, values: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from sonarhw_compare.matching.match import Kind
-from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT, WALL
+from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT, WALL
 
 
 class Unclassed(Enum):
@@ -33,6 +33,9 @@ MARKS: dict[Kind | Unclassed, Mark] = {
     Kind.LONG: Mark("long", "t1", "measured range is longer than predicted by more than 5 cm"),
     Kind.EXTRA: Mark("extra", "s", "an echo was measured, none was predicted"),
     Kind.MISSED: Mark("missed", "x", "an echo was predicted, none was measured; drawn at the predicted range"),
+    Kind.OWN_BODY: Mark(
+        "own body", "d", "an echo of the carrier of the sensor, not of the room (own_body of the board)"
+    ),
     Unclassed.MEASURED: UNCLASSED,
 }
 
@@ -63,6 +66,7 @@ class Palette:
     predicted: str = PREDICTED
     long: str = LONG
     extra: str = EXTRA
+    own_body: str = OWN_BODY
     highlight: str = "#0072B2"
     live: str = "#00694C"  # badges, with white text
     replay: str = "#7A4B00"
@@ -80,6 +84,8 @@ class Palette:
                 return self.extra
             case Kind.MISSED:
                 return self.missed
+            case Kind.OWN_BODY:
+                return self.own_body
         return self.measured
 
 

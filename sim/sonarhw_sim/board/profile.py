@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.mount import ON_AXIS, Mount, Offset
+from sonarhw_sim.board.own_body import OwnBody, OwnBodyPart
 from sonarhw_sim.board.ring import Ring
 from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.named_file import Shipped
@@ -131,6 +132,9 @@ class BoardFile(TomlModel):
         Offset, about("position of the turning axis relative to the place, along the turntable's zero", "m")
     ] = 0.0
     axis_y: Annotated[Offset, about("the same, to the left of the turntable's zero", "m")] = 0.0
+    own_body: Annotated[
+        tuple[OwnBodyPart, ...], Field(max_length=1000), about("echoes of the carrier's own body; default: none")
+    ] = ()
 
     @field_validator("gain_steps")
     @classmethod
@@ -227,6 +231,7 @@ class Board:
     # position of the turning axis relative to the place, m: along the turntable's zero, and to the left of it
     axis_x: float = 0.0
     axis_y: float = 0.0
+    own_body: OwnBody = ()  # echoes of the carrier, which are no echoes of the room
 
     @property
     def mounting(self) -> Mount | Ring:
@@ -318,7 +323,7 @@ def board_from(file: BoardFile, text: str = "") -> Board:
     """Return the board of a checked profile; `text` is the profile as a log contains it."""
     values = file.model_dump()
     chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
-    made = {"chirp": chirp, "mount": file.mount, "ring": file.ring, "text": text}
+    made = {"chirp": chirp, "mount": file.mount, "ring": file.ring, "own_body": file.own_body, "text": text}
     return Board(**values | made)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.burst import covered_by_burst
 from sonarhw_sim.board.first_echo import Sound, first_echoes
+from sonarhw_sim.board.own_body import own_range
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import (
     SHARE,
@@ -72,6 +73,7 @@ class PredictedScan:
     noise: float = 0.0  # of every signal, root mean square; 1 is full scale
     seed: int = 0  # of the noise
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
+    of_own_body: BoolArray | None = None  # (n,): which readings are of the carrier's own body; None: none
 
     @property
     def ranges(self) -> FloatArray:
@@ -450,6 +452,19 @@ def with_first_echoes(scan: PredictedScan, rows: NDArray[np.intp] | None = None)
         first = scan.first_echo(k)
         winners[k], distances[k] = (first.path, first.length / 2) if first else (-1, np.nan)
     return replace(scan, winners=winners, distances=distances)
+
+
+def with_own_body(scan: PredictedScan) -> PredictedScan:
+    """Return the scan with the echo of the carrier's own body as reading, wherever it is the nearest; without a path.
+
+    The heading of the scan's place is the actual one of the turntable's zero.
+    """
+    board, zero = scan.board, scan.place.heading
+    owned = [own_range(board.own_body, board.angle_at(heading, zero)) for heading in scan.headings.tolist()]
+    own = board.true_ranges(np.array([np.nan if found is None else found for found in owned]))
+    nearest = np.fmin(own, scan.distances)
+    is_own = nearest == own
+    return replace(scan, winners=np.where(is_own, -1, scan.winners), distances=nearest, of_own_body=is_own)
 
 
 def _microdegrees(heading: float) -> int:

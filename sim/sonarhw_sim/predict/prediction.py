@@ -16,7 +16,13 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.by_heading import SensorPair, find_by_heading
 from sonarhw_sim.predict.levels import faintest_kept, loud_enough, path_amplitudes
-from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_arrivals, with_first_echoes
+from sonarhw_sim.predict.predicted_scan import (
+    PredictedScan,
+    silent_scan,
+    with_first_arrivals,
+    with_first_echoes,
+    with_own_body,
+)
 from sonarhw_sim.rays.detectable import TransducerAxes
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
@@ -42,6 +48,7 @@ class PredictionOptions:
     single: bool = False  # only paths of one reflection or one edge
     grain: int | None = None  # seed of the speckle of rough surfaces; None: their mean power
     sections: int = 1  # number of horizontal sections across the face, for a place with a height
+    own_body: bool = False  # also the echoes of the carrier's own body (`own_body` of the board)
 
     def receiver_of(self, board: Board, model: Model = Model.RAY_FOLLOWING) -> Receiver:
         """Return the receiver of a prediction; models of nearest walls have the paper's, unless one is chosen."""
@@ -86,6 +93,11 @@ def scan_of_paths(
 
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
     """Return a scan without readings as the receiver of `options` reports it, with their noise."""
+    scan = _received_by(scan, options)
+    return with_own_body(scan) if options.own_body and scan.board.own_body else scan
+
+
+def _received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
     receiver = options.receiver_of(scan.board)
     scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0, grain=options.grain)
     if receiver is Receiver.FIRST_ECHO:

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import uncompensated_db
+from sonarhw_sim.board.own_body import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam_table
 from sonarhw_sim.choices import Receiver
@@ -362,7 +363,7 @@ def make_problem(
     speeds = [reading.speed_of_sound for scan in scans for reading in scan.readings]
     speed = float(np.median(speeds)) if air_is_free else None
     return Problem(
-        tuple(scan_arrays(scan.readings, speed, all_echoes) for scan in scans),
+        tuple(scan_arrays(without_own_body(board.own_body, scan.readings), speed, all_echoes) for scan in scans),
         room,
         tuple(scan.place for scan in scans),
         board,
