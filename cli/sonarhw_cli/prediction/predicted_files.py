@@ -87,7 +87,7 @@ def check_trace_size(traces: TraceSettings, suffix: str, listening: float, headi
 
 def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
     """Yield the columns of HEADER, one row for each heading; None for an unknown value."""
-    from sonarhw_sim.board.own_body import OWN_BODY
+    from sonarhw_sim.board.mount import OWN_BODY
 
     bounces, ranges = scan.paths.bounces, scan.ranges
     for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.own_body import of_own_body
+from sonarhw_sim.board.mount import of_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.predict.by_heading import standpoints

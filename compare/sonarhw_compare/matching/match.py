@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from sonarhw_sim.board.own_body import is_own_body
+from sonarhw_sim.board.mount import is_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.models import predict_with

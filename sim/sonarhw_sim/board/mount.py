@@ -2,6 +2,9 @@
 
 A place is the position of the turning axis. `Mount` is one head on a turntable; `sonarhw_sim.board.ring` has several
 sensors around a body. The effect of a face on sound that meets it is a `Unit`.
+
+The carrier of a turntable, such as a robot, stands still relative to it. Its echoes therefore have the same turntable
+angle and range at every place, and belong to no room: `OwnBodyPart`.
 """
 
 import math
@@ -10,9 +13,10 @@ from dataclasses import dataclass
 from typing import Annotated, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Reading
 from sonarhw_sim.choices import Unit
 from sonarhw_sim.room.model import ENDLESS, Place, Room, with_post, with_walls
 from sonarhw_sim.room.room_file import MEETING
@@ -24,6 +28,11 @@ BODY = "body"
 # scan of a near wall has calibrated this value. It only affects the level of repeated echoes.
 BODY_REFLECTANCE = 0.95
 
+OWN_BODY = "own body"  # in texts
+_EXACT = 1e-9  # rad and m, for rounding errors
+
+Angle = Annotated[float, Field(ge=-3600, le=3600)]
+Range = Annotated[float, Field(ge=0, le=1000)]
 Length = Annotated[float, Field(ge=0, le=10)]
 Offset = Annotated[float, Field(ge=-10, le=10)]
 
@@ -115,3 +124,55 @@ def face_segments(poses: Sequence[TransducerPose], half_width: float) -> FloatAr
         ax, ay = -half_width * math.sin(pose.heading), half_width * math.cos(pose.heading)
         segments += [(x - ax, y - ay, x + ax, y + ay) for x, y in dict.fromkeys((pose.sender, pose.receiver))]
     return np.array(segments, dtype=np.float64).reshape(-1, 4)
+
+
+class OwnBodyPart(TomlModel):
+    """`[[own_body]]` of a board profile: turntable angles, and the reported ranges of the carrier's echoes there."""
+
+    from_deg: Annotated[Angle, about("first turntable angle, counter-clockwise", "degrees")]
+    to_deg: Annotated[Angle, about("last turntable angle, at most a full turn later", "degrees")]
+    nearest: Annotated[Range, about("smallest reported range of these echoes", "m")]
+    farthest: Annotated[Range, about("largest reported range of these echoes", "m")]
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if not self.from_deg <= self.to_deg <= self.from_deg + 360:
+            raise ValueError(f"to_deg: expected {self.from_deg:g} to {self.from_deg + 360:g}, got {self.to_deg:g}")
+        if self.farthest < self.nearest:
+            raise ValueError(f"farthest: expected nearest = {self.nearest:g} m or more, got {self.farthest:g}")
+        return self
+
+    @property
+    def middle(self) -> float:
+        """The range in the middle, m."""
+        return (self.nearest + self.farthest) / 2
+
+    def spans(self, angle: float) -> bool:
+        """Return whether a turntable angle (rad) is among those of the part."""
+        turn = math.remainder(angle - math.radians((self.from_deg + self.to_deg) / 2), math.tau)
+        return abs(turn) <= math.radians(self.to_deg - self.from_deg) / 2 + _EXACT
+
+
+OwnBody = tuple[OwnBodyPart, ...]
+
+
+def is_own_body(parts: OwnBody, angle: float, distance: float | None) -> bool:
+    """Return whether a reading at a turntable angle (rad) with this reported range (m) is of the carrier's body."""
+    return distance is not None and any(
+        part.nearest - _EXACT <= distance <= part.farthest + _EXACT and part.spans(angle) for part in parts
+    )
+
+
+def of_own_body(parts: OwnBody, readings: Sequence[Reading]) -> NDArray[np.bool_]:
+    """Return which readings are of the carrier's body, (n,) bool."""
+    return np.array([is_own_body(parts, one.angle, one.range) for one in readings], dtype=np.bool_)
+
+
+def without_own_body(parts: OwnBody, readings: Sequence[Reading]) -> Sequence[Reading]:
+    """Return the readings that are not of the carrier's body."""
+    return [one for one in readings if not is_own_body(parts, one.angle, one.range)] if parts else readings
+
+
+def own_range(parts: OwnBody, angle: float) -> float | None:
+    """Return the range (m) that the carrier's body gives at a turntable angle (rad); None without such an echo."""
+    return min((part.middle for part in parts if part.spans(angle)), default=None)

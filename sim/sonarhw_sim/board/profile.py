@@ -11,8 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air, absorption
-from sonarhw_sim.board.mount import ON_AXIS, Mount, Offset
-from sonarhw_sim.board.own_body import OwnBody, OwnBodyPart
+from sonarhw_sim.board.mount import ON_AXIS, Mount, Offset, OwnBody, OwnBodyPart
 from sonarhw_sim.board.ring import Ring
 from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.named_file import Shipped

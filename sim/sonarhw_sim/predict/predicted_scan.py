@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.burst import covered_by_burst
 from sonarhw_sim.board.first_echo import Sound, first_echoes
-from sonarhw_sim.board.own_body import own_range
+from sonarhw_sim.board.mount import own_range
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import (
     SHARE,

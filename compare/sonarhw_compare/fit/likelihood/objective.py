@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import uncompensated_db
-from sonarhw_sim.board.own_body import without_own_body
+from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam_table
 from sonarhw_sim.choices import Receiver

@@ -14,7 +14,7 @@ from sonarhw_compare.map.certainty import headings_and_ranges
 from sonarhw_compare.matching.assign import echo_statistics
 from sonarhw_compare.matching.match import Kind, compare_readings
 from sonarhw_compare.matching.region_match import compare_regions
-from sonarhw_sim.board.own_body import OwnBodyPart
+from sonarhw_sim.board.mount import OwnBodyPart
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, load_room

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.board.own_body import is_own_body, own_range
+from sonarhw_sim.board.mount import is_own_body, own_range
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, load_room
