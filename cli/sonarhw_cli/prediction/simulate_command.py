@@ -139,6 +139,8 @@ def simulate(
     _check_noise(noise, options.receiver_of(chosen, model), settings)
     _check_effect(model, options, here)
     _check_grain(grain, room, model)
+    if own_body and probability:
+        raise InputError("--own-body: has no effect with --probability; leave one of them out")
     if own_body and not chosen.own_body:
         raise InputError(f"--own-body: board {chosen.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
     headings = _headings(order, chosen, here)

@@ -23,7 +23,7 @@ from sonarhw_sim.probability.reading_chances import (
     scan_with_fainter_paths,
 )
 
-from sonarhw_compare.matching.match import TOLERANCE, Comparison
+from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind
 
 _STRAY = 0.01  # share of readings that nothing in the room explains
 _BINS = 10  # of calibration
@@ -59,10 +59,12 @@ def score_comparison(
     """Return the score of a comparison; `options` and `model` are those of its prediction.
 
     Readings are medians of an odd number of `pings`. `room_tolerance` (m) is the standard deviation of the position of
-    each wall. The predictions of simpler models have no spread of the threshold. Raises InputError.
+    each wall. The predictions of simpler models have no spread of the threshold. Readings of the carrier's own body are
+    left out. Raises InputError.
     """
     scan = _scan(comparison.prediction, options, model)
-    rows = [(row.measured, possible_readings(scan, row.index, pings, room_tolerance)) for row in comparison.rows]
+    of_room = [row for row in comparison.rows if row.kind is not Kind.OWN_BODY]
+    rows = [(row.measured, possible_readings(scan, row.index, pings, room_tolerance)) for row in of_room]
     logarithms = [math.log(_probability(measured, outcomes, scan.board)) for measured, outcomes in rows]
     log_score = float(np.mean(logarithms)) if logarithms else None
     return ProbabilityScore(log_score, calibration([_most_probable(*row) for row in rows]), pings, room_tolerance)
