@@ -14,7 +14,7 @@ _NEARLY_FULL = (600.0, 32_000_000)
 _ABOUT_TO_BE_FULL = (60.0, 2_000_000)
 # bytes of a reading and of a trace sample in a log with its index
 _READING = 800.0
-_SAMPLE = 1.3
+_SAMPLE = 2.4  # bytes of a sample of a trace: its frame, and 1 or 2 bytes in its decoded message
 
 
 class DiskSpaceMonitor:

@@ -22,6 +22,8 @@ static uint8_t samples[TRACE_SAMPLES];
 static uint8_t *volatile sample_end;
 static uint16_t sample_due; // count of timer 4 at the end of the conversion of the next sample, less a margin
 static uint8_t *sample_stop;
+static uint8_t *lost[LOST_MOST]; // samples that were not measured
+static uint8_t **lost_end;
 static bool tracing;
 static uint16_t sum;
 static uint8_t summed;
@@ -34,14 +36,21 @@ void converter_start(void)
     ADCSRA = SLOW | _BV(ADSC);
 }
 
-// A sample, every 208 cycles. Budget 160 cycles. An interrupt that lasts longer than a conversion costs samples. The next
-// sample takes their places, so that every later one is at its time.
+// A sample, every 208 cycles. Budget 185 cycles. An interrupt that lasts longer than a conversion costs samples. The next
+// sample fills their places, so that every later one is at its time. If no more can be marked as lost, the trace ends.
 ISR(ADC_vect)
 {
     uint8_t sample = ADCH;
     uint8_t *end = sample_end;
     int16_t late = (int16_t)(TCNT4 - sample_due);
     for (; late >= 0 && end < sample_stop; late -= TICKS_A_SAMPLE) {
+        if (late >= TICKS_A_SAMPLE) {
+            if (lost_end == lost + LOST_MOST) {
+                sample_stop = end;
+                break;
+            }
+            *lost_end++ = end;
+        }
         *end++ = sample;
         sample_due += TICKS_A_SAMPLE;
     }
@@ -57,6 +66,7 @@ void converter_prepare(uint16_t count)
     sum = 0;
     ADMUX = SUPPLY_REFERENCE | _BV(ADLAR) | TRACE_CHANNEL;
     ADCSRB = 0;
+    lost_end = lost;
     sample_end = samples;
     sample_stop = samples + (count < TRACE_SAMPLES ? count : TRACE_SAMPLES);
 }
@@ -81,6 +91,10 @@ void converter_stop(void)
 uint8_t *converter_samples(void) { return samples; }
 
 uint16_t converter_count(void) { return (uint16_t)(sample_end - samples); }
+
+uint8_t *const *converter_lost(void) { return lost; }
+
+uint8_t converter_lost_count(void) { return (uint8_t)(lost_end - lost); }
 
 // Temperature from the sum of 32 conversions, plus half a count each against the converter's rounding down.
 static int16_t centidegrees(uint16_t count32)

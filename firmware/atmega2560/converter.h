@@ -10,6 +10,8 @@ void converter_go(void); // start sampling
 void converter_stop(void);
 uint8_t *converter_samples(void); // 4 800 bytes; free for other use between traces
 uint16_t converter_count(void); // number of samples taken
+uint8_t *const *converter_lost(void); // those that were not measured
+uint8_t converter_lost_count(void);
 void converter_work(void); // measures the temperature; one conversion per call
 
 #endif

@@ -9,22 +9,33 @@
 #define BLANK 0xFF // erased EEPROM
 
 // the addresses must not change: avrdude may write a serial number there
-static uint32_t EEMEM stored_boots;
-static uint8_t EEMEM stored_serial[SERIAL_MOST];
+static EEMEM struct {
+    uint32_t boots;
+    uint8_t serial[SERIAL_MOST];
+    uint8_t wiring;
+} stored;
 
 static uint32_t boots;
 static char serial[SERIAL_MOST];
 
 void identity_start(void)
 {
-    boots = eeprom_read_dword(&stored_boots) + 1;
+    boots = eeprom_read_dword(&stored.boots) + 1;
     if (!boots) // erased EEPROM
         boots = 1;
-    eeprom_update_dword(&stored_boots, boots);
-    eeprom_read_block(serial, stored_serial, SERIAL_MOST);
+    eeprom_update_dword(&stored.boots, boots);
+    eeprom_read_block(serial, stored.serial, SERIAL_MOST);
 }
 
 uint32_t boot_count(void) { return boots; }
+
+uint8_t stored_wiring(void)
+{
+    uint8_t wiring = eeprom_read_byte(&stored.wiring);
+    return wiring == BLANK ? 0 : wiring;
+}
+
+void store_wiring(uint8_t wiring) { eeprom_update_byte(&stored.wiring, wiring); }
 
 // The time of the first Hello serves as a random number.
 static void invent_serial(void)
@@ -39,7 +50,7 @@ static void invent_serial(void)
         serial[at] = (char)(digit < 10 ? '0' + digit : 'A' + digit - 10);
     }
     serial[at] = 0;
-    eeprom_update_block(serial, stored_serial, SERIAL_MOST);
+    eeprom_update_block(serial, stored.serial, SERIAL_MOST);
 }
 
 struct text board_serial(void)

@@ -1,4 +1,4 @@
-/* Serial number and count of starts, in the EEPROM. */
+/* Serial number, count of starts and wiring, in the EEPROM. */
 #ifndef IDENTITY_H
 #define IDENTITY_H
 

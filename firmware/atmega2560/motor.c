@@ -41,6 +41,11 @@ bool home_mark(void) { return PIN_READ(HOME_MARK); }
 
 bool home_side(void) { return PIN_READ(HOME_SIDE); }
 
+uint8_t input_levels(void)
+{
+    return (home_mark() ? INPUT_MARK : 0) | (home_side() ? INPUT_CAM : 0) | (PIN_READ(ECHO) ? INPUT_ECHO : 0);
+}
+
 void interrupts_off(void) { cli(); }
 
 void interrupts_on(void) { sei(); }

@@ -121,5 +121,7 @@ struct ping_result ping_result(void)
         .echo_count = echo_count,
         .trace = converter_samples(),
         .trace_size = traced ? converter_count() : 0,
+        .lost = converter_lost(),
+        .lost_count = traced ? converter_lost_count() : 0,
     };
 }

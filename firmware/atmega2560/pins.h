@@ -13,7 +13,8 @@
 #define ENABLE A, 2 //                24; low lets current flow
 #define HOME_MARK A, 3 //             25
 #define HOME_SIDE A, 4 //             26
-// ECHO is the input capture of timer 4, L0: 49; the trace is on A0, the thermistor on A1
+#define ECHO L, 0 //                  49, the input capture of timer 4
+// the trace is on A0, the thermistor on A1
 
 #define PIN_HIGH(pin) PIN_HIGH_(pin)
 #define PIN_LOW(pin) PIN_LOW_(pin)

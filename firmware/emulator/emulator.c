@@ -136,6 +136,17 @@ void hang_board(avr_t *avr)
     avr->pc = avr->flashend - 1;
 }
 
+static uint32_t wiring;
+
+void miswire(avr_t *avr, uint32_t faults)
+{
+    wiring = faults;
+    turntable_show(avr);
+    ranging_show(avr);
+}
+
+bool miswired(enum wiring_fault fault) { return wiring & fault; }
+
 static void read_eeprom(avr_t *avr)
 {
     static uint8_t bytes[EEPROM_SIZE];
@@ -234,7 +245,7 @@ static void read_options(int count, char **words)
         {"link", required_argument, NULL, 'l'},     {"pace", required_argument, NULL, 'p'},
         {"stands", required_argument, NULL, 's'},   {"temperature", required_argument, NULL, 't'},
         {"any-baud", no_argument, NULL, 'a'},       {"parent", required_argument, NULL, 'd'},
-        {NULL, 0, NULL, 0},
+        {"miswire", required_argument, NULL, 'm'},  {NULL, 0, NULL, 0},
     };
     for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
         switch (option) {
@@ -258,6 +269,9 @@ static void read_options(int count, char **words)
             break;
         case 'a':
             options.any_baud = true;
+            break;
+        case 'm':
+            wiring = (uint32_t)atol(optarg);
             break;
         case 'd':
             parent_start(atoi(optarg));
@@ -294,6 +308,7 @@ static void run_for(avr_t *avr, avr_cycle_count_t cycles)
     for (avr_cycle_count_t end = avr->cycle + cycles; avr->cycle < end;) {
         avr_flashaddr_t before = avr->pc;
         int state = avr_run(avr);
+        ranging_time_conversion(avr);
         if (state == cpu_Done || state == cpu_Crashed)
             die("the firmware crashed");
         if (avr->pc == 0) {

@@ -49,6 +49,21 @@ void switch_off(void); // saves the EEPROM and ends the program
 double seconds(const avr_t *avr); // time of the board
 
 /* emulator.c */
+enum wiring_fault { // as in sonarhw/device/wiring_faults.py
+    CAM_INVERTED = 1,
+    CAM_OPEN = 2,
+    MOTOR_REVERSED = 4,
+    MARK_OPEN = 8,
+    MARK_INVERTED = 16,
+    MOTOR_OPEN = 32,
+    ECHO_LOW = 64,
+    ECHO_HIGH = 128,
+    NOISE_ON_INIT = 256,
+    THERMISTOR_OPEN = 512,
+    THERMISTOR_SHORTED = 1024,
+};
+void miswire(avr_t *avr, uint32_t faults);
+bool miswired(enum wiring_fault fault);
 uint16_t symbol(const char *name); // address in the chip's memory
 void reset_board(avr_t *avr); // as with the reset button
 void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
@@ -59,7 +74,9 @@ const uint32_t *longest_interrupts(void); // longest duration of each handler in
 /* ranging_model.c */
 void ranging_start(avr_t *avr, double temperature);
 void ranging_reset(avr_t *avr);
+void ranging_show(avr_t *avr); // set the level of ECHO
 bool ranging_listens(void); // INIT is high
+void ranging_time_conversion(avr_t *avr); // call it after every instruction
 
 /* turntable_model.c */
 void turntable_start(avr_t *avr, double degrees);
@@ -67,8 +84,7 @@ void turntable_reset(avr_t *avr);
 double turntable_degrees(void);
 void turntable_slip(double microsteps);
 void turntable_wedge(avr_t *avr, double seconds);
-enum wiring_fault { CAM_INVERTED = 1, CAM_OPEN = 2, MOTOR_REVERSED = 4, MARK_OPEN = 8 };
-void turntable_miswire(avr_t *avr, uint32_t faults);
+void turntable_show(avr_t *avr); // set the levels of the switches
 
 /* serial_line.c */
 void line_start(avr_t *avr, const char *link, bool any_baud);

@@ -105,7 +105,7 @@ static bool process_message(avr_t *avr, struct echoes *echoes)
         turntable_wedge(avr, read_double());
         return false;
     case 'M':
-        turntable_miswire(avr, read_count());
+        miswire(avr, read_count());
         return false;
     case 'C':
         send_message('C', longest_interrupts(), INTERRUPTS * sizeof(uint32_t));

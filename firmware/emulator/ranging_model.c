@@ -8,14 +8,17 @@
 #include <string.h>
 
 #include <simavr/avr_adc.h>
+#include <simavr/sim_io.h>
 #include <simavr/sim_time.h>
 
 #include "emulator.h"
 
 #define BLANKING 0.00238 // s
 #define NOISE 0.0001 // s after INIT
+#define FALSE_ECHO 0.003 // s after INIT, with noise on INIT
 #define NOISE_LASTS 160 // cycles
 #define SUPPLY 5000 // mV
+#define CONVERSION 208 // cycles of a conversion while tracing
 #define HOLD_CYCLES 24 // from the start of a conversion to sample-and-hold
 #define THERMISTOR_CHANNEL 1
 
@@ -29,12 +32,16 @@ static struct {
     avr_irq_t *converter;
     unsigned pending; // mV of the previous conversion
     unsigned conversions; // of this trace
+    bool converting; // a conversion has begun, and its end is not corrected yet
+    avr_cycle_count_t due; // end of the last conversion
 } board;
+
+void ranging_show(avr_t *avr) { set_pin(avr, 'L', 0, (board.latched && !miswired(ECHO_LOW)) || miswired(ECHO_HIGH)); }
 
 static void set_echo(avr_t *avr, bool high)
 {
     board.latched = high;
-    set_pin(avr, 'L', 0, high);
+    ranging_show(avr);
 }
 
 static avr_cycle_count_t cycles_of(double time) { return board.fired + (avr_cycle_count_t)llround(time * FREQUENCY); }
@@ -66,11 +73,21 @@ static void request_echoes(avr_t *avr)
     parent_request_echoes(avr, &ping, &board.echoes);
 }
 
+static avr_cycle_count_t false_echo(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)when;
+    (void)unused;
+    if (!board.latched && !board.blanked)
+        set_echo(avr, true);
+    return 0;
+}
+
 static void init_changed(avr_t *avr, bool high)
 {
     board.transmitting = high;
     avr_cycle_timer_cancel(avr, echo_arrives, NULL);
     avr_cycle_timer_cancel(avr, noise, NULL);
+    avr_cycle_timer_cancel(avr, false_echo, NULL);
     set_echo(avr, false);
     if (!high)
         return;
@@ -79,6 +96,8 @@ static void init_changed(avr_t *avr, bool high)
     board.conversions = 0;
     request_echoes(avr);
     avr_cycle_timer_register(avr, (avr_cycle_count_t)(NOISE * FREQUENCY), noise, NULL);
+    if (miswired(NOISE_ON_INIT))
+        avr_cycle_timer_register(avr, (avr_cycle_count_t)(FALSE_ECHO * FREQUENCY), false_echo, NULL);
     if (board.echoes.count) {
         avr_cycle_count_t first = cycles_of(board.echoes.times[0]);
         avr_cycle_timer_register(avr, first > avr->cycle ? first - avr->cycle : 1, echo_arrives, NULL);
@@ -114,14 +133,24 @@ static double envelope(avr_cycle_count_t cycles)
 // A thermistor of 10 kOhm at 25 °C towards ground, 10 kOhm towards the supply.
 static double thermistor(void)
 {
-    if (isnan(board.temperature))
+    if (miswired(THERMISTOR_SHORTED))
+        return 0;
+    if (isnan(board.temperature) || miswired(THERMISTOR_OPEN))
         return 1;
     double ratio = exp(3950 * (1 / (board.temperature + 273.15) - 1 / 298.15));
     return ratio / (1 + ratio);
 }
 
+static avr_io_t *adc_of(avr_t *avr)
+{
+    avr_io_t *module = avr->io_port;
+    while (module && strcmp(module->kind, "adc"))
+        module = module->next;
+    return module;
+}
+
 // A conversion begins. In free-running mode simavr starts the next conversion before the firmware reads the last one.
-// So this sets the pending value of the last one. Conversions of simavr take slightly longer than 208 cycles.
+// So this sets the pending value of the last one.
 static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
 {
     (void)irq;
@@ -140,6 +169,29 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
     unsigned now = (unsigned)lround((floor(level * 255 + 0.5) + 0.5) / 256 * SUPPLY);
     avr_raise_irq(board.converter + ADC_IRQ_ADC0, board.conversions++ ? board.pending : now);
     board.pending = now;
+    board.converting = true;
+}
+
+// simavr begins a conversion only after the instruction in which the last one ended. The converter of a chip runs on its
+// own clock, so its conversions end every CONVERSION cycles.
+void ranging_time_conversion(avr_t *avr)
+{
+    if (!board.converting)
+        return;
+    board.converting = false;
+    avr_cycle_timer_slot_p slot = avr->cycle_timers.timer;
+    while (slot && (!slot->param || slot->param != adc_of(avr)))
+        slot = slot->next;
+    if (!slot)
+        return;
+    if (board.conversions == 1) {
+        board.due = slot->when;
+        return;
+    }
+    board.due += CONVERSION;
+    avr_cycle_timer_t end = slot->timer;
+    avr_cycle_timer_cancel(avr, end, adc_of(avr));
+    avr_cycle_timer_register(avr, board.due > avr->cycle ? board.due - avr->cycle : 1, end, adc_of(avr));
 }
 
 void ranging_reset(avr_t *avr)

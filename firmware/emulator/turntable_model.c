@@ -22,7 +22,6 @@ static struct {
     double field_before; // a tick ago
     bool swinging;
     avr_cycle_count_t free_again;
-    uint32_t wiring; // enum wiring_fault
 } motor;
 
 double turntable_degrees(void)
@@ -31,12 +30,12 @@ double turntable_degrees(void)
     return round(motor.table) / MICROSTEPS * 360;
 }
 
-static void show_switches(avr_t *avr)
+void turntable_show(avr_t *avr)
 {
     double turn = (motor.table - MARK) / MICROSTEPS;
     // an open wire is high, because of its pull-up
-    set_pin(avr, 'A', 3, turn - floor(turn) < 0.5 || motor.wiring & MARK_OPEN);
-    set_pin(avr, 'A', 4, (motor.table > CAM) != ((motor.wiring & CAM_INVERTED) != 0) || motor.wiring & CAM_OPEN);
+    set_pin(avr, 'A', 3, (turn - floor(turn) < 0.5) != miswired(MARK_INVERTED) || miswired(MARK_OPEN));
+    set_pin(avr, 'A', 4, (motor.table > CAM) != miswired(CAM_INVERTED) || miswired(CAM_OPEN));
 }
 
 static void move_rotor(double seconds)
@@ -64,7 +63,7 @@ static avr_cycle_count_t update(avr_t *avr, avr_cycle_count_t when, void *unused
     } else {
         move_rotor((double)TICK / FREQUENCY);
     }
-    show_switches(avr);
+    turntable_show(avr);
     double away = fabs(remainder(motor.rotor - motor.field, FIELD));
     motor.swinging = motor.powered && (fabs(motor.speed) > 0.5 || away > 0.01 || when < motor.free_again);
     return motor.swinging ? when + TICK : 0;
@@ -80,11 +79,11 @@ static void start_updates(avr_t *avr)
 
 static void step_changed(avr_t *avr, bool high)
 {
-    if (!high || !motor.powered)
+    if (!high || !motor.powered || miswired(MOTOR_OPEN))
         return;
     if (ranging_listens())
         die("the firmware steps while it listens");
-    motor.field += motor.forwards != ((motor.wiring & MOTOR_REVERSED) != 0) ? 1 : -1;
+    motor.field += motor.forwards != miswired(MOTOR_REVERSED) ? 1 : -1;
     start_updates(avr);
 }
 
@@ -122,12 +121,6 @@ void turntable_wedge(avr_t *avr, double duration)
     start_updates(avr);
 }
 
-void turntable_miswire(avr_t *avr, uint32_t faults)
-{
-    motor.wiring = faults;
-    show_switches(avr);
-}
-
 void turntable_start(avr_t *avr, double degrees)
 {
     motor.rotor = motor.field = motor.field_before = round(degrees / 360 * MICROSTEPS);
@@ -135,5 +128,5 @@ void turntable_start(avr_t *avr, double degrees)
     make_irq_listener(avr, 'A', 0, step_changed);
     make_irq_listener(avr, 'A', 1, direction_changed);
     make_irq_listener(avr, 'A', 2, enable_changed);
-    show_switches(avr);
+    turntable_show(avr);
 }

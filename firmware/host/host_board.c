@@ -18,6 +18,7 @@
 #define RECEIVED_MOST (1 << 16)
 #define ECHOES_MOST 256
 #define ROUNDS 3 // of the main loop at each point of time
+#define STEPS_AT_ONCE 20 // between two rounds, with a motor that moves at once
 #define CAM_STEPS (-400) // edge of the cam: below the mark, as on the real turntable
 
 uint32_t host_trace_period_ns = 13000;
@@ -34,6 +35,9 @@ static struct {
     int16_t temperature;
     enum host_motor mode;
     uint32_t wiring; // enum host_wiring
+    uint8_t stored; // as in the EEPROM
+    uint8_t *lost[LOST_MOST];
+    uint8_t lost_count;
     bool turning, forwards, powered;
     uint64_t step_due_ns;
     int32_t position;
@@ -90,6 +94,25 @@ void host_set_echoes(const uint32_t *ticks, uint8_t count, const uint8_t *trace,
     host_trace_period_ns = period_ns;
 }
 
+void host_set_lost(const uint16_t *indices, uint8_t count)
+{
+    for (host.lost_count = 0; host.lost_count < count; host.lost_count++)
+        host.lost[host.lost_count] = (uint8_t *)host.trace + indices[host.lost_count];
+}
+
+void host_restart(void)
+{
+    uint8_t stored = host.stored;
+    uint32_t wiring = host.wiring, grain = host.grain;
+    int32_t position = host.position;
+    host_start();
+    host.stored = stored;
+    host.wiring = wiring;
+    host.grain = grain;
+    host.position = position;
+    conversation_reset();
+}
+
 void host_send(const uint8_t *bytes, uint32_t size)
 {
     if (host.received_at == host.received_size)
@@ -121,8 +144,11 @@ static void make_step(void)
 
 static void turn(void)
 {
-    while (host.turning && (host.mode == HOST_MOTOR_AT_ONCE ||
-                            (host.mode != HOST_MOTOR_HELD && host.step_due_ns <= host.now * 1000)))
+    // a few steps at a time, so that the firmware sees the switches
+    for (int left = STEPS_AT_ONCE; left && host.mode == HOST_MOTOR_AT_ONCE && host.turning; left--)
+        make_step();
+    while (host.turning && host.mode != HOST_MOTOR_AT_ONCE && host.mode != HOST_MOTOR_HELD &&
+           host.step_due_ns <= host.now * 1000)
         make_step();
 }
 
@@ -156,7 +182,8 @@ bool ping_over(void) { return !listening(); }
 struct ping_result ping_result(void)
 {
     memcpy(host.result, host.echoes, sizeof host.result);
-    return (struct ping_result){host.fired_us, host.result, host.echo_count, host.trace, host.traced};
+    return (struct ping_result){host.fired_us, host.result, host.echo_count, host.trace, host.traced,
+                                host.lost, host.lost_count};
 }
 
 void motor_start(bool counter_clockwise, uint16_t first_ticks)
@@ -179,7 +206,7 @@ void motor_release(void)
 bool home_mark(void)
 {
     bool mark = ((host.position % MICROSTEPS) + MICROSTEPS) % MICROSTEPS < MICROSTEPS / 2;
-    return mark || host.wiring & HOST_MARK_OPEN;
+    return mark != ((host.wiring & HOST_MARK_INVERTED) != 0) || host.wiring & HOST_MARK_OPEN;
 }
 
 bool home_side(void)
@@ -187,6 +214,12 @@ bool home_side(void)
     bool side = (host.position > CAM_STEPS) != ((host.wiring & HOST_CAM_INVERTED) != 0);
     return side || host.wiring & HOST_CAM_OPEN;
 }
+
+uint8_t input_levels(void) { return (home_mark() ? INPUT_MARK : 0) | (home_side() ? INPUT_CAM : 0); }
+
+uint8_t stored_wiring(void) { return host.stored; }
+
+void store_wiring(uint8_t wiring) { host.stored = wiring; }
 
 int16_t thermometer(void) { return host.temperature; }
 

@@ -33,11 +33,13 @@ from sonarhw.wire.messages import (
     CommandMessage,
     Configure,
     ConfigureTurntable,
+    ConfigureWiring,
     Finished,
     Heartbeat,
     Hello,
     Home,
     Info,
+    Input,
     LinkTested,
     Message,
     MessageError,
@@ -61,6 +63,8 @@ from sonarhw.wire.messages import (
     Turn,
     TurntableSettings,
     WhenBusy,
+    Wiring,
+    WiringSettings,
     Zero,
 )
 
@@ -174,6 +178,14 @@ class ProtocolDevice(ABC):
 
     def set_zero(self, now: float) -> None:
         """Make the present angle the zero of the turntable. Raises RefusalError."""
+        raise RefusalError(Refusal.UNKNOWN, "this device has no turntable")
+
+    def inputs(self, now: float) -> Input:
+        """Return the inputs whose pins are high."""
+        return Input(0)
+
+    def configure_wiring(self, change: Wiring, inverted: Wiring, now: float) -> Wiring:
+        """Invert switches or motor, and return what is inverted. Raises RefusalError."""
         raise RefusalError(Refusal.UNKNOWN, "this device has no turntable")
 
     @property
@@ -301,7 +313,7 @@ class ProtocolDevice(ABC):
 
     def _send_heartbeat(self, now: float) -> None:
         state = self._running.state if self._running else State.IDLE
-        beat = Heartbeat(state, self.angle(now), self._made, self.temperature(), self.boot, self.zero)
+        beat = Heartbeat(state, self.angle(now), self._made, self.temperature(), self.boot, self.zero, self.inputs(now))
         self.line.send(beat, now)
         self._next_heartbeat = now + HEARTBEAT
 
@@ -392,6 +404,14 @@ class ProtocolDevice(ABC):
             case SetZero():
                 self.set_zero(now)
                 self.line.send(Accepted(sequence), now)
+            case ConfigureWiring():
+                if message.change > sum(Wiring) or message.inverted & ~message.change:
+                    text = (
+                        f"change {message.change}, inverted {message.inverted}; expected 0 to 7, and none beyond change"
+                    )
+                    raise RefusalError(Refusal.OUT_OF_RANGE, text)
+                inverted = self.configure_wiring(Wiring(message.change), Wiring(message.inverted), now)
+                self.line.send(WiringSettings(sequence, inverted), now)
             case AskCapabilities():
                 self.line.send(self.capabilities(sequence), now)
             case AskStatistics():

@@ -14,12 +14,12 @@ import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from enum import IntFlag
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from sonarhw.device.wiring_faults import WiringFault
 from sonarhw.echo_source import EchoSource, Ping, PingResult
 from sonarhw.errors import InputError, LinkError
 
@@ -29,15 +29,6 @@ _READY_WITHIN = 60.0  # s, on a busy machine
 _ENDS_WITHIN = 30.0  # s, on a busy machine
 _HEADER = struct.Struct("<cI")
 _PING = struct.Struct("<ddHB")
-
-
-class WiringFault(IntFlag):
-    """Wiring faults of home switches and motor, as in firmware/emulator/emulator.h."""
-
-    CAM_INVERTED = 1
-    CAM_OPEN = 2
-    MOTOR_REVERSED = 4
-    MARK_OPEN = 8
 
 
 class EmulatedBoard:
@@ -66,7 +57,7 @@ class EmulatedBoard:
         self._send(b"S", struct.pack("<d", microsteps))
 
     def miswire(self, faults: WiringFault) -> None:
-        """Give the home switches and the motor these wiring faults."""
+        """Give the board these wiring faults."""
         self._send(b"M", struct.pack("<I", faults))
 
     def wedge(self, seconds: float) -> None:
@@ -142,10 +133,12 @@ def emulated_board(
     start_deg: float = 100.0,
     eeprom: Path | None = None,
     built: Path = BUILT,
+    miswire: WiringFault | None = None,
 ) -> Iterator[EmulatedBoard]:
     """Run the firmware in the folder `built` until the block ends.
 
-    `start_deg` is the angle of the turntable at power-on. `eeprom` is a file with the content of the EEPROM. Raises
+    `start_deg` is the angle of the turntable at power-on. `eeprom` is a file with the content of the EEPROM.
+    `miswire` are wiring faults from power-on. Raises
     InputError if firmware or emulator is not built, and LinkError if the emulator does not start or ends by itself. It
     ends by itself if the firmware sends a byte or makes a step while it listens. An error of the echo source is raised
     at the end of the block.
@@ -156,6 +149,7 @@ def emulated_board(
     arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--stands", str(start_deg)]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]
     arguments += ["--temperature", str(echoes.temperature_c)] if echoes.temperature_c is not None else []
+    arguments += ["--miswire", str(int(miswire))] if miswire else []
     arguments += ["--eeprom", eeprom] if eeprom else []
     arguments += ["--link", pty] if pty else []
     with _started(arguments) as (process, line):

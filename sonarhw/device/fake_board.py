@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from sonarhw.device.device_protocol import ActionError, ProtocolDevice, RefusalError
 from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
+from sonarhw.device.wiring_faults import NOISE_ECHO, Wires, WiringFault
 from sonarhw.echo_source import EchoSource, Ping
 from sonarhw.readings import ScanOrder
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
@@ -21,6 +22,7 @@ from sonarhw.wire.messages import (
     ConfigureTurntable,
     Feature,
     Info,
+    Input,
     Outcome,
     ReadingMessage,
     Refusal,
@@ -31,17 +33,30 @@ from sonarhw.wire.messages import (
     TraceKind,
     Turn,
     TurntableSettings,
+    Wiring,
     Zero,
 )
 from sonarhw.wire.origin import FAKE_FIRMWARE
 from sonarhw.wire.reading_messages import scan_order, trace_chunks
-from sonarhw.wire.units import centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of, seconds_of
+from sonarhw.wire.units import (
+    NO_TEMPERATURE,
+    centidegrees_of,
+    microdegrees_of,
+    microseconds_of,
+    nanoseconds_of,
+    radians_of,
+    seconds_of,
+)
 
 PING_PERIOD = 0.100  # s; shortest time from the start of a ping to the start of the next
 MAX_LISTEN = 0.065  # s
 REACH = 720_000_000  # µdeg in each direction; limit of the transducer's cable
+HOMING_LIMIT = math.radians(750)  # from the angle at the start, while the zero is unknown
+MOST_JOG = 10_000_000  # µdeg
+HOTTEST = 12_500  # 0.01 °C; reported with a shorted thermistor
 STEPS = 200
 MICROSTEPS = 3200
+_HOMING_FAILS_AFTER = 2.0  # s
 _POLL = 0.05  # s between two checks whether the echo source is ready
 
 
@@ -69,15 +84,23 @@ class FakeBoard(ProtocolDevice):
         blanking: float = 0.00238,
         identity: BoardIdentity | None = None,
         ready: Callable[[], bool] = lambda: True,
+        wires: Wires | None = None,
     ) -> None:
-        """`ready` returns True when the echo source can answer at once. Until then no ping is made."""
+        """`ready` returns True when the echo source can answer at once. Until then no ping is made.
+
+        `wires` has its wiring faults, and settings that outlast a restart.
+        """
         board = identity or BoardIdentity(serial=f"FAKE-{seed:04d}")
         super().__init__(Line(bauds=board.bauds))
         self.line.minor = board.minor if board.major == PROTOCOL_MAJOR else PROTOCOL_MINOR
         self._echoes = echoes
         self._ready = ready
         self._identity = board
+        self._wires = wires or Wires()
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
+        if self._wires.faults & WiringFault.MOTOR_OPEN:
+            self._turntable.wedge(0.0, math.inf)
+        self._turntable.turn_to(self._wires.sign, 0.0)
         self._lost_steps = 0  # microsteps
         self._listening = False
         self._next_ping = 0.0  # s; earliest time of the next ping, so that the echoes of the last one have decayed
@@ -91,7 +114,10 @@ class FakeBoard(ProtocolDevice):
 
     def temperature(self) -> int:
         """Return the air temperature at the board in the unit of messages."""
-        return centidegrees_of(self._echoes.temperature_c)
+        if self._wires.faults & WiringFault.THERMISTOR_SHORTED:
+            return HOTTEST
+        connected = not self._wires.faults & WiringFault.THERMISTOR_OPEN
+        return centidegrees_of(self._echoes.temperature_c if connected else None)
 
     def angle(self, now: float) -> int:
         """Return the angle of the turntable, µdeg."""
@@ -119,7 +145,8 @@ class FakeBoard(ProtocolDevice):
         rate = self._identity.trace_rate
         features = Feature.HOME_MARK | Feature.LOST_STEPS | Feature.BLANKING | Feature.REARM
         features |= Feature.ENVELOPE if rate else Feature(0)
-        features |= Feature(0) if self._echoes.temperature_c is None else Feature.THERMOMETER
+        features |= Feature(0) if self.temperature() == NO_TEMPERATURE else Feature.THERMOMETER
+        features |= Feature.INPUTS | Feature.WIRING if self.line.minor >= 2 else Feature(0)
         return Capabilities(
             command=sequence,
             features=features,
@@ -149,6 +176,18 @@ class FakeBoard(ProtocolDevice):
     def set_zero(self, now: float) -> None:
         """Make the present angle the zero of the turntable."""
         self._turntable.set_zero(now)
+
+    def inputs(self, now: float) -> Input:
+        """Return the inputs whose pins are high."""
+        return self._wires.levels(self._turntable, now)
+
+    def configure_wiring(self, change: Wiring, inverted: Wiring, now: float) -> Wiring:
+        """Invert switches or motor, and return what is inverted. A change makes the zero unknown."""
+        if change:
+            self._wires.inverted = self._wires.inverted & ~change | inverted
+            self._turntable.zero = Zero.UNKNOWN
+            self._turntable.turn_to(self._wires.sign, now)
+        return self._wires.inverted
 
     @property
     def listening(self) -> bool:
@@ -197,6 +236,10 @@ class FakeBoard(ProtocolDevice):
 
     def homing(self, now: float) -> Iterator[float]:
         """Home the turntable, without waiting for the echo source."""
+        if failure := self._wires.homing_failure():
+            self._turntable.zero = Zero.UNKNOWN
+            yield now + _HOMING_FAILS_AFTER
+            raise ActionError(failure)
         arrival = self._turntable.home(now)
         yield arrival
         if not self._turntable.confirm_home(arrival):
@@ -204,6 +247,10 @@ class FakeBoard(ProtocolDevice):
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises RefusalError at once."""
+        if order.relative > 1:
+            raise RefusalError(Refusal.OUT_OF_RANGE, f"relative is {order.relative}; expected 0 or 1")
+        if order.relative:
+            return self._turn(self._jogged(order.angle, now), now)
         self._check_angle(order.angle)
         return self._turn(radians_of(order.angle), now)
 
@@ -240,6 +287,15 @@ class FakeBoard(ProtocolDevice):
     def slip(self, microsteps: float) -> None:
         """Let the turntable miss some microsteps of a forward move, below 0 of a backward move."""
         self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
+
+    def _jogged(self, microdegrees: int, now: float) -> float:
+        angle = self._turntable.jogged(radians_of(microdegrees), now)
+        homed = self._turntable.zero is not Zero.UNKNOWN
+        limit, origin = (radians_of(REACH), 0.0) if homed else (HOMING_LIMIT, self._turntable.initial)
+        if abs(microdegrees) > MOST_JOG or abs(angle - origin) > limit:
+            text = "a jog of at most 10 degrees, within the limits of the cable, is possible"
+            raise RefusalError(Refusal.OUT_OF_RANGE, f"{microdegrees / 1e6:.9g} degrees; {text}")
+        return angle
 
     def _check_angle(self, microdegrees: int) -> None:
         if self._turntable.zero is Zero.UNKNOWN:
@@ -284,10 +340,16 @@ class FakeBoard(ProtocolDevice):
             self._listening = False
             self._report_ping(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
+    def _wired(self, times: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the echo times that arrive over the wires."""
+        if self._wires.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH):
+            return ()
+        return (NOISE_ECHO, *times) if self._wires.faults & WiringFault.NOISE_ON_INIT else times
+
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
         result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))
         blanking = seconds_of(self._settings.blanking_us)
-        times = [time for time in result.echo_times if blanking <= time <= ping.listen]
+        times = [time for time in self._wired(result.echo_times) if blanking <= time <= ping.listen]
         echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]
         reading = ReadingMessage(
             number=number,

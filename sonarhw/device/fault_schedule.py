@@ -9,9 +9,11 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from sonarhw.device.wiring_faults import WiringFault, read_wiring_faults
 from sonarhw.errors import InputError
 
 FOREVER = math.inf
+_NO_WIRES = WiringFault(0)
 
 
 @dataclass(frozen=True)
@@ -73,12 +75,13 @@ class Faults:
     insert: float = 0.0
     drift: float = 0.0  # ppm; above 0: its clock runs too fast
     protocol: tuple[int, int] | None = None  # protocol version; None: the current one
+    miswire: WiringFault = _NO_WIRES
     events: tuple[Event, ...] = ()
 
 
 NO_FAULTS = Faults()
 _RATES = ("drop", "flip", "insert")
-_LASTING = (*_RATES, "drift", "protocol")
+_LASTING = (*_RATES, "drift", "protocol", "miswire")
 _KINDS = {kind.text: kind for kind in FaultKind}
 KNOWN = (*_LASTING, *_KINDS)
 
@@ -88,7 +91,7 @@ def read_faults(spec: str) -> Faults:
 
     Raises InputError for an unknown fault, value or time.
     """
-    lasting: dict[str, float | tuple[int, int]] = {}
+    lasting: dict[str, float | tuple[int, int] | WiringFault] = {}
     events = []
     for entry in filter(None, map(str.strip, spec.split(","))):
         what, at, moment = entry.partition("@")
@@ -105,7 +108,12 @@ def read_faults(spec: str) -> Faults:
     return Faults(**lasting, events=tuple(events))  # type: ignore[arg-type]  # each value has the type of its field
 
 
-def _lasting(name: str, value: str, entry: str) -> float | tuple[int, int]:
+def _lasting(name: str, value: str, entry: str) -> float | tuple[int, int] | WiringFault:
+    if name == "miswire":
+        try:
+            return read_wiring_faults(value)
+        except InputError as error:
+            raise InputError(f"fault {entry!r}: {error}") from None
     if name == "protocol":
         major, dot, minor = value.partition(".")
         if not (dot and major.isdecimal() and minor.isdecimal() and int(major) <= 0xFF and int(minor) <= 0xFF):

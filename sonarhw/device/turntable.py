@@ -25,6 +25,8 @@ class Turntable:
         self.zero = Zero.UNKNOWN
         self.speed = SPEED  # rad/s
         self.settling = SETTLING
+        self.sign = 1.0  # -1: the table turns clockwise where it counts counter-clockwise
+        self.initial = initial_angle
         self._from = self._to = initial_angle
         self._start = self._arrival = 0.0
         self._slipped = 0.0  # true minus counted angle, rad
@@ -37,7 +39,7 @@ class Turntable:
     def home(self, now: float) -> float:
         """Turn to the zero mark, and return the time of arrival, s. Then call `confirm_home`."""
         self.zero = Zero.UNKNOWN
-        self._count_from(self.true_angle(now), now)
+        self._count_from(self.sign * self.true_angle(now), now)
         return self._move(0.0, now, HOMING_SPEED) + SETTLING
 
     def confirm_home(self, now: float) -> bool:
@@ -57,6 +59,18 @@ class Turntable:
         arrival = self._move(angle, now, self.speed)
         return arrival + self.settling if arrival > now else now
 
+    def turn_to(self, sign: float, now: float) -> None:
+        """Turn in this direction, 1 or -1, for a counter-clockwise command from now on."""
+        true = self.true_angle(now)
+        self.halt(now)
+        self.sign = sign
+        if self._stuck is None:
+            self._slipped = true - sign * self._position(now)
+
+    def jogged(self, angle: float, now: float) -> float:
+        """Return the counted angle after turning by `angle`, rad; before a zero is known from an unknown zero."""
+        return self._position(now) + angle
+
     def halt(self, now: float) -> None:
         """Stop at the present angle."""
         self._release_if_due(now)
@@ -66,12 +80,12 @@ class Turntable:
     def error(self, now: float) -> float:
         """Return true minus counted angle, rad; 0 if no step was missed."""
         self._release_if_due(now)
-        return self._slipped if self._stuck is None else self._stuck[0] - self._position(now)
+        return self._slipped if self._stuck is None else self._stuck[0] - self.sign * self._position(now)
 
     def true_angle(self, now: float) -> float:
         """Return the true angle, rad."""
         error = self.error(now)
-        return self._position(now) + error
+        return self.sign * self._position(now) + error
 
     def mark_misplaced(self, now: float) -> bool:
         """Return whether the last move passed the mark, or should have passed it, at a wrong angle.
@@ -91,11 +105,11 @@ class Turntable:
 
     def wedge(self, now: float, until: float) -> None:
         """Block the table until that time. It counts the steps that it misses."""
-        self._stuck = self._position(now) + self.error(now), until
+        self._stuck = self.true_angle(now), until
 
     def _count_from(self, angle: float, now: float) -> None:
         """Count on from `angle`, rad, at the present position."""
-        self._slipped = self.true_angle(now) - angle
+        self._slipped = self.true_angle(now) - self.sign * angle
         self._from = self._to = angle
         self._start = self._arrival = now
 
@@ -103,7 +117,7 @@ class Turntable:
         if self._stuck is not None and now >= self._stuck[1]:
             where, until = self._stuck
             self._stuck = None
-            self._slipped = where - self._position(until)
+            self._slipped = where - self.sign * self._position(until)
 
     def _position(self, now: float) -> float:
         if now >= self._arrival:

@@ -12,6 +12,7 @@ from sonarhw.wire.messages import (
     AnswerMessage,
     Configure,
     ConfigureTurntable,
+    ConfigureWiring,
     Feature,
     Home,
     Info,
@@ -21,6 +22,7 @@ from sonarhw.wire.messages import (
     SetZero,
     StartScan,
     Turn,
+    WiringSettings,
     Zero,
 )
 from sonarhw.wire.reading_messages import scan_order
@@ -58,6 +60,16 @@ def zeroing() -> Job:
     return Job(lambda talk, _: _set_zero(talk))
 
 
+def configuring_wiring(request: ConfigureWiring) -> Job:
+    """Return the job that inverts switches or the motor. Its result is a WiringSettings message."""
+    return Job(lambda talk, _: _configure_wiring(talk, request))
+
+
+def jogging(message: Turn) -> Job:
+    """Return the job that turns by a small angle, without homing. Its result is an Outcome."""
+    return Job(lambda talk, job: _jog(talk, message, job))
+
+
 def turning(message: Turn) -> Job:
     """Return the job that turns the turntable, and homes it first if needed. Its result is an Outcome."""
     return Job(lambda talk, job: _turn(talk, message, job))
@@ -91,6 +103,19 @@ def _set_zero(talk: Conversation) -> Script[Outcome]:
     yield from talk.request(SetZero())
     talk.device.zero = Zero.HAND
     return Outcome.DONE
+
+
+def _configure_wiring(talk: Conversation, request: ConfigureWiring) -> Script[WiringSettings]:
+    _require_minor(talk, 2, "a setting of the wiring")
+    answer = yield from talk.request_typed(request, WiringSettings)
+    if request.change:
+        talk.device.zero = Zero.UNKNOWN
+    return answer
+
+
+def _jog(talk: Conversation, message: Turn, job: Job) -> Script[Outcome]:
+    _require_minor(talk, 2, "a jog")
+    return (yield from talk.act(message, job))
 
 
 def _require_minor(talk: Conversation, minor: int, needs: str) -> None:

@@ -19,7 +19,17 @@ from contextlib import AbstractContextManager, suppress
 from typing import Any, TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
-from sonarhw.host.actions import configuring, configuring_turntable, homing, requesting, scanning, turning, zeroing
+from sonarhw.host.actions import (
+    configuring,
+    configuring_turntable,
+    configuring_wiring,
+    homing,
+    jogging,
+    requesting,
+    scanning,
+    turning,
+    zeroing,
+)
 from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
 from sonarhw.host.exclusive_use import ExclusiveUse
 from sonarhw.host.job import Job
@@ -36,6 +46,9 @@ from sonarhw.wire.messages import (
     AskStatistics,
     Configure,
     ConfigureTurntable,
+    ConfigureWiring,
+    Feature,
+    Input,
     Outcome,
     Settings,
     Statistics,
@@ -43,12 +56,15 @@ from sonarhw.wire.messages import (
     TraceKind,
     Turn,
     TurntableSettings,
+    Wiring,
+    WiringSettings,
 )
 from sonarhw.wire.reading_messages import start_scan
 from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per_second_of
 
 MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 _STOP_WITHIN = 1.5  # s
+_HEARTBEAT_WITHIN = 3.0  # s
 T = TypeVar("T")
 _TICK = 0.05  # s; longest delay until `close` takes effect
 
@@ -241,6 +257,32 @@ class Scanner:
         )
         return turn_settings(self._answer(configuring_turntable(request), TurntableSettings))
 
+    def configure_wiring(self, change: Wiring = Wiring(0), inverted: Wiring = Wiring(0)) -> Wiring:
+        """Invert what is in `change` and `inverted`, do not invert the rest of `change`, and return what is inverted.
+
+        The device keeps this over a restart. A change makes the zero unknown. Raises DeviceError if the firmware is too
+        old, CommandRefused, NoAnswer, LinkLost.
+        """
+        request = ConfigureWiring(int(change), int(inverted & change))
+        return Wiring(self._answer(configuring_wiring(request), WiringSettings).inverted)
+
+    def inputs(self) -> Input | None:
+        """Return the inputs whose pins are high now; None if the device does not report them.
+
+        Waits for the next heartbeat. Raises NoAnswer, LinkLost.
+        """
+        capabilities = self.info.capabilities
+        if capabilities is None or Feature.INPUTS not in capabilities.features:
+            return None
+        with self._changed:
+            known = self._session.heartbeat
+            until = time.monotonic() + _HEARTBEAT_WITHIN
+            while (beat := self._session.heartbeat) is None or beat is known:
+                if time.monotonic() > until:
+                    raise NoAnswer(f"{self.url}: no heartbeat for {_HEARTBEAT_WITHIN:g} s; check the cable")
+                self._wait()
+        return Input(beat.inputs)
+
     def device_statistics(self) -> Statistics:
         """Return the counters of the device since it started. Raises CommandRefused if its firmware is too old."""
         return self._answer(requesting(AskStatistics()), Statistics)
@@ -255,6 +297,10 @@ class Scanner:
     def turn(self, angle: float) -> Outcome:
         """Turn to `angle`, rad, and home first if needed. Returns and raises what `home` does."""
         return self._outcome(turning(Turn(microdegrees_of(angle))))
+
+    def jog(self, angle: float) -> Outcome:
+        """Turn by `angle`, rad, at most 10 degrees, without homing. Returns and raises what `home` does."""
+        return self._outcome(jogging(Turn(microdegrees_of(angle), relative=1)))
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
         """Scan, and yield each reading once when it is complete. A reading that was sent again may be out of order.

@@ -34,7 +34,7 @@ from sonarhw.host.job import Job, Script, Wait
 from sonarhw.host.recorder import JobRecording
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.wire.device_clock import DeviceClock
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.messages import Heartbeat, Outcome
 
 PATIENCE = 10.0  # s for the first greeting; enough for three attempts at each baud rate
 GREET_AGAIN = 3.0  # s for a greeting on a port that is still open
@@ -101,6 +101,11 @@ class Session:
         talk = self._conversation
         counts = self._earlier + talk.driver.statistics if talk else self._earlier
         return replace(counts, resets=self.clock.resets)
+
+    @property
+    def heartbeat(self) -> Heartbeat | None:
+        """The newest heartbeat of the present connection."""
+        return self._conversation.driver.heartbeat if self._conversation else None
 
     @property
     def loss(self) -> SonarError | None:

@@ -19,8 +19,9 @@ FRAMES_SENT = "/frames/tx"
 READINGS = "/readings"
 SWEEPS = "/scan"
 BYTES = "/bytes/rx"  # as received from a device that sends no frames
+TRACES = "/traces"  # decoded, for log viewers; never read back
 # in the order of their channel numbers, from 1, so that a log without its channel records can be read
-TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES)
+TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES, TRACES)
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,14 @@ from sonarhw.log.contents import (
     READINGS,
     SWEEPS,
     TOPICS,
+    TRACES,
     LogMetadata,
     RecordedFrame,
 )
 from sonarhw.log.index import MEDIA_TYPE, NAME, index_of, pack_index
 from sonarhw.log.laser_scan import laser_scan
 from sonarhw.log.recorded_scans import ScanDecoder
+from sonarhw.log.trace_message import TraceMessage, trace_message
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import frame_type
 from sonarhw.wire.limits import KEPT_READINGS
@@ -168,6 +170,9 @@ class LogWriter:
             if self._is_over(sweep, reading):
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
+        if reading.trace is not None:
+            message = trace_message(reading.number, math.degrees(reading.angle), reading.trace)
+            self._add(TRACES, message.SerializeToString())
         self._file.replace_old_file()
         self._commit()
 
@@ -264,5 +269,6 @@ def _register_channels(writer: Writer) -> dict[str, int]:
         READINGS: (MessageEncoding.JSON, decoded),
         SWEEPS: (MessageEncoding.Protobuf, register_schema(writer, LaserScan)),
         BYTES: ("application/octet-stream", 0),
+        TRACES: (MessageEncoding.Protobuf, register_schema(writer, TraceMessage)),
     }
     return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}

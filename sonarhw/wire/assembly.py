@@ -33,15 +33,17 @@ class _PartialTrace:
         self._period, self._start = seconds_of_nanoseconds(chunk.period_ns), seconds_of_nanoseconds(chunk.start_ns)
         self._carrier = chunk.kind == TraceKind.CARRIER
         self._samples: FloatArray = np.full(chunk.total, np.nan)
+        self._arrived = np.zeros(chunk.total, np.bool_)
 
     @property
     def complete(self) -> bool:
-        return not np.isnan(self._samples).any()
+        return bool(self._arrived.all())
 
     def add(self, chunk: TraceChunk) -> None:
         values = _sample_values(chunk)
         if chunk.offset + len(values) <= len(self._samples):
             self._samples[chunk.offset : chunk.offset + len(values)] = values
+            self._arrived[chunk.offset : chunk.offset + len(values)] = True
 
     def trace(self) -> Trace:
         return Trace(self._samples, 1 / self._period, self._start, self._carrier)
@@ -53,6 +55,8 @@ def _sample_values(chunk: TraceChunk) -> FloatArray:
     whole = len(chunk.samples) // 2 * 2 if wide else len(chunk.samples)
     levels = np.frombuffer(chunk.samples[:whole], "<u2" if wide else "u1").astype(np.float64)
     values: FloatArray = levels / (FULL_SCALE * 257 if wide else FULL_SCALE)
+    lost = np.frombuffer(chunk.lost, "u1")
+    values[lost[lost < len(values)]] = np.nan
     return 2 * values - 1 if chunk.kind == TraceKind.CARRIER else values
 
 

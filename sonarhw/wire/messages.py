@@ -24,13 +24,13 @@ def _since_1_1(wire: Wire, meaning: str, default: int) -> Any:
     return _since(1, wire, meaning, default)
 
 
-def _since_1_2(wire: Wire, meaning: str, default: int) -> Any:
+def _since_1_2(wire: Wire, meaning: str, default: int | bytes) -> Any:
     return _since(2, wire, meaning, default)
 
 
-def _since(minor: int, wire: Wire, meaning: str, default: int) -> Any:
+def _since(minor: int, wire: Wire, meaning: str, default: int | bytes) -> Any:
     """A field that senders of versions below 1.`minor` omit; receivers then use `default`."""
-    meaning = f"{meaning} · 1.{minor}, else {default}"
+    meaning = f"{meaning} · 1.{minor}, else {default if isinstance(default, int) else 'none'}"
     return field(default=default, metadata={"wire": wire, "meaning": meaning, "since": minor})
 
 
@@ -176,6 +176,24 @@ class Feature(IntFlag):
     PULSES = 32
     ENVELOPE = 64
     CARRIER = 128
+    INPUTS = 256
+    WIRING = 512
+
+
+class Input(IntFlag):
+    """The inputs of a device, each with the code of its level."""
+
+    MARK = 1
+    CAM = 2
+    ECHO = 4
+
+
+class Wiring(IntFlag):
+    """What a device can invert, so that it works with other switches and another motor."""
+
+    MARK = 1
+    CAM = 2
+    MOTOR = 4
 
 
 # host to device
@@ -221,6 +239,7 @@ class Turn(ActionMessage):
 
     TYPE = 0x04
     angle: int = _on_wire(I32, "turntable angle, µdeg, counter-clockwise")
+    relative: int = _since_1_2(U8, "1: a jog: turn by `angle`, at most 10 degrees, also while the zero is unknown", 0)
 
 
 @dataclass(frozen=True)
@@ -312,6 +331,17 @@ class SetZero(CommandMessage):
     TYPE = 0x0D
     SINCE = 2
     WHEN_BUSY = WhenBusy.REFUSED
+
+
+@dataclass(frozen=True)
+class ConfigureWiring(CommandMessage):
+    """Invert the level of a switch or the direction of the motor. Answer: WiringSettings, with the values in force."""
+
+    TYPE = 0x0E
+    SINCE = 2
+    WHEN_BUSY = WhenBusy.REFUSED
+    change: int = _on_wire(U8, "sum of the wiring codes to set; the others keep their value")
+    inverted: int = _on_wire(U8, "sum of those wiring codes in `change` that are to be inverted")
 
 
 # device to host
@@ -416,6 +446,7 @@ class TraceChunk(Message):
     samples: bytes = _on_wire(Samples(), "at most 256 bytes; 16-bit samples are little-endian")
     kind: int = _since_1_1(U8, "trace code: 1 envelope; 2 carrier, whose zero is half of full scale", 1)
     bits: int = _since_1_1(U8, "bits per sample, 8 or 16; full scale is all bits set", 8)
+    lost: bytes = _since_1_2(Samples(), "indices, in this chunk, of samples that were not measured", b"")
 
 
 @dataclass(frozen=True)
@@ -429,6 +460,7 @@ class Heartbeat(Message):
     temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
     boot: int = _since_1_1(U32, "as in Info; a different number means that the device was reset", 0)
     homed: int = _since_1_1(U8, "as in Info", 0)
+    inputs: int = _since_1_2(U8, "sum of the input codes whose pin is high", 0)
 
 
 @dataclass(frozen=True)
@@ -486,6 +518,14 @@ class LinkTested(AnswerMessage):
 
     TYPE = 0x8D
     data: bytes = _on_wire(Samples(), "the pattern of the TestLink, repeated to the requested size")
+
+
+@dataclass(frozen=True)
+class WiringSettings(AnswerMessage):
+    """What is inverted. Answers ConfigureWiring."""
+
+    TYPE = 0x8E
+    inverted: int = _on_wire(U8, "sum of the wiring codes that are inverted")
 
 
 FROM_HOST = tuple(kind for _, kind in sorted(BY_TYPE.items()) if issubclass(kind, CommandMessage))

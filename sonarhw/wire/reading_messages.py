@@ -30,7 +30,7 @@ def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
 def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
     """Yield the messages of the trace of reading `number`, 8 bits per sample, at most 65 535 samples.
 
-    Chunks with missing samples (NaN) are omitted.
+    Missing samples (NaN) are marked as lost; chunks without any sample are omitted.
     """
     samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
     levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
@@ -38,8 +38,10 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
     period, start = round(1e9 / trace.rate), nanoseconds_of(trace.start)
     for offset in range(0, len(levels), CHUNK):
         stretch = levels[offset : offset + CHUNK]
-        if not np.isnan(stretch).any():
-            yield TraceChunk(number, offset, len(levels), period, start, stretch.astype(np.uint8).tobytes(), kind)
+        lost = np.isnan(stretch)
+        if not lost.all():
+            sent, gaps = np.nan_to_num(stretch).astype(np.uint8), np.flatnonzero(lost).astype(np.uint8)
+            yield TraceChunk(number, offset, len(levels), period, start, sent.tobytes(), kind, lost=gaps.tobytes())
 
 
 def scan_order(message: StartScan) -> ScanOrder:

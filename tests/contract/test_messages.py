@@ -16,11 +16,13 @@ from sonarhw.wire.messages import (
     Accepted,
     AskStatistics,
     Configure,
+    ConfigureWiring,
     Feature,
     Finished,
     Heartbeat,
     Home,
     Info,
+    Input,
     Message,
     Outcome,
     ReadingMessage,
@@ -36,6 +38,8 @@ from sonarhw.wire.messages import (
     Stop,
     TestLink,
     Turn,
+    Wiring,
+    WiringSettings,
     Zero,
 )
 from sonarhw.wire.units import NO_TEMPERATURE
@@ -131,6 +135,10 @@ def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
         TestLink(1, b""),
         StartScan(0, 1, 2, 1, 1, in_place=1),
         StartScan(0, 1, 1, 1, 1, in_place=2),
+        Turn(11 * DEGREE, relative=1),
+        Turn(DEGREE, relative=2),
+        ConfigureWiring(8, 8),
+        ConfigureWiring(1, 2),
     ],
     ids=short,
 )
@@ -288,6 +296,43 @@ def test_a_zero_set_by_hand_is_the_present_angle_until_the_next_home(talk: Talk)
     assert heartbeat(talk).homed == Zero.MARK
     (there_again,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
     assert there_again.echoes[0] == pytest.approx(there.echoes[0], abs=NOISE)
+
+
+def test_a_jog_turns_by_its_angle_without_a_zero_and_changes_no_zero(talk: Talk) -> None:
+    talk.home()
+    talk.act(Turn(10 * DEGREE))
+    (at_ten,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
+    here = StartScan(0, DEGREE, 1, 1, 1, in_place=1)
+    assert talk.act(Turn(-4 * DEGREE, relative=1))[2].outcome == Outcome.DONE
+    assert (heartbeat(talk).homed, heartbeat(talk).angle) == (Zero.MARK, 6 * DEGREE)
+    forget_zero(talk)
+    (before,) = readings(talk.act(here)[1])
+    assert talk.act(Turn(8 * DEGREE, relative=1))[2].outcome == Outcome.DONE
+    assert heartbeat(talk).homed == Zero.UNKNOWN
+    (after,) = readings(talk.act(here)[1])
+    assert talk.act(Turn(-8 * DEGREE, relative=1))[2].outcome == Outcome.DONE
+    (back,) = readings(talk.act(here)[1])
+    assert back.echoes[0] == pytest.approx(before.echoes[0], abs=NOISE)
+    assert after.echoes[0] != pytest.approx(before.echoes[0], abs=NOISE)
+    talk.home()
+    (there,) = readings(talk.act(StartScan(10 * DEGREE, DEGREE, 1, 1, 1))[1])
+    assert there.echoes[0] == pytest.approx(at_ten.echoes[0], abs=NOISE)
+
+
+def test_the_wiring_can_be_inverted_and_back(talk: Talk) -> None:
+    talk.home()
+    assert talk.ask(ConfigureWiring(0, 0), WiringSettings).inverted == 0
+    assert heartbeat(talk).homed == Zero.MARK
+    try:
+        assert talk.ask(ConfigureWiring(Wiring.CAM, Wiring.CAM), WiringSettings).inverted == Wiring.CAM
+        assert heartbeat(talk).homed == Zero.UNKNOWN
+        assert talk.ask(ConfigureWiring(Wiring.MARK, Wiring.MARK), WiringSettings).inverted == 3
+    finally:
+        assert talk.ask(ConfigureWiring(7, 0), WiringSettings).inverted == 0
+    talk.home()
+    assert Input.CAM in Input(heartbeat(talk).inputs)
+    talk.act(Turn(-90 * DEGREE))
+    assert heartbeat(talk).inputs == 0
 
 
 # scanning

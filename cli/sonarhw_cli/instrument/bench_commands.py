@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sonarhw.wire.frames import Frame, Rejected
     from sonarhw.wire.messages import Outcome
 
+_MOST_JOG = 10.0  # degrees
 _SHOWN = 24  # bytes of a rejected block
 
 
@@ -33,15 +34,23 @@ def turn(
     url: ScannerUrl,
     degrees: Annotated[float, typer.Argument(help="Turntable angle, degrees, counter-clockwise.", metavar="DEG")],
     zero_here: ZeroHere = False,
+    jog: Annotated[
+        bool, typer.Option("--jog", help="Turn by DEG, at most 10 degrees, from the present angle, without homing.")
+    ] = False,
 ) -> None:
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
+    if jog and zero_here:
+        raise InputError("--jog, --zero-here: give only one of them")
+    if jog and not abs(degrees) <= _MOST_JOG:
+        raise InputError(f"{degrees:g} degrees: expected a jog between -{_MOST_JOG:g} and {_MOST_JOG:g}")
     if not abs(degrees) <= MOST_DEGREES:
         raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
     with connect_turntable(url) as scanner:
         if zero_here:
             scanner.home(here=True)
-        outcome = scanner.turn(math.radians(degrees))
-    print_note(f"{url}: {_ended(outcome, f'turned to {degrees:.1f}°')}")
+        done = f"turned {'by' if jog else 'to'} {degrees:.1f}°"
+        outcome = scanner.jog(math.radians(degrees)) if jog else scanner.turn(math.radians(degrees))
+    print_note(f"{url}: {_ended(outcome, done)}")
 
 
 def stop(url: ScannerUrl) -> None:

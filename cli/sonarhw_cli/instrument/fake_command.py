@@ -39,9 +39,9 @@ def fake(
 ) -> None:
     """Serve a fake scanner. The first line of standard output is its URL.
 
-    --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; stall, deaf, mute, reset, nonsense,
-    unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable. Faults with SECONDS or MICROSTEPS start
-    @SECONDS, @rPINGS or, repeatedly, @~SECONDS. After `move` the new URL is printed.
+    --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; miswire=WIRE; stall, deaf, mute, reset,
+    nonsense, unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable. Faults with SECONDS or MICROSTEPS
+    start @SECONDS, @rPINGS or, repeatedly, @~SECONDS. After `move` the new URL is printed.
     """
     from sonarhw_compare.scanners.fake_url import fake_device
     from sonarhw_sim.board.profile import load_board

@@ -16,6 +16,7 @@ from sonarhw.device.endpoint import Pace, read_pace, serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.fault_schedule import NO_FAULTS, Faults, read_faults
 from sonarhw.device.faulty_board import FaultyDevice, faulty_identity
+from sonarhw.device.wiring_faults import Wires
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,11 +85,12 @@ def fake_device(room: Room, place: Place, board: Board, seed: int, faults: Fault
     from sonarhw_sim.predict.room_echoes import RoomEchoes  # loads the kernels, which takes a second
 
     echoes = RoomEchoes(room, place, board, seed)
+    wires = Wires(faults.miswire)
     identity = faulty_identity(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=board.name), faults)
 
     def started(boots: int) -> FakeBoard:
         counted_identity = replace(identity, boot=1 + boots)
-        return FakeBoard(echoes, seed, board.blanking_end, counted_identity, ready=lambda: echoes.ready)
+        return FakeBoard(echoes, seed, board.blanking_end, counted_identity, ready=lambda: echoes.ready, wires=wires)
 
     return started(0) if faults == NO_FAULTS else FaultyDevice(started, faults, seed), echoes
 

@@ -28,6 +28,8 @@ struct ping_result {
     uint8_t echo_count;
     const uint8_t *trace;
     uint16_t trace_size; // samples
+    uint8_t *const *lost; // samples that were not measured and repeat a neighbour, in order
+    uint8_t lost_count;
 };
 
 void ping_start(const struct ping_order *order);
@@ -41,6 +43,9 @@ bool motor_turning(void);
 void motor_release(void);
 bool home_mark(void); // true from 0 to 180 degrees of each turn
 bool home_side(void); // cam behind a gear: true from an angle below 0 upwards, over the whole range of the cable
+uint8_t input_levels(void); // enum input: the pins that are high
+uint8_t stored_wiring(void); // non-volatile; 0 on a new board
+void store_wiring(uint8_t wiring);
 
 /* Other functions. */
 

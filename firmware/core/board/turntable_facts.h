@@ -8,6 +8,9 @@
 #define FULL_STEPS 450
 #define REACH_DEGREES 720 // limit of the cable in both directions
 #define HOMING_LIMIT_DEGREES 750 // homing may exceed REACH_DEGREES, if the table was left at its limit
+#define UNPROVEN_DEGREES 400 // limit of one Home towards the cam, until a Home has succeeded with the present wiring
+#define MARK_WITHIN_DEGREES 200 // the level of the mark changes every 180 degrees
+#define JOG_DEGREES 10 // largest jog
 #define CRAWL_SPEED 900 // 45 degrees/s: first Home after a start
 #define SPEED 3600 // steps/s: 180 degrees/s
 #define HOMING_SPEED 9000 // 450 degrees/s: no pings on the way

@@ -26,6 +26,7 @@ static bool read_configure(struct configure *to, struct payload *from)
 static bool read_turn(struct turn *to, struct payload *from)
 {
     to->angle = get_i32(from);
+    to->relative = more(from) ? get_u8(from) : 0;
     return from->whole;
 }
 
@@ -71,6 +72,13 @@ static bool read_test_link(struct test_link *to, struct payload *from)
     return from->whole;
 }
 
+static bool read_configure_wiring(struct configure_wiring *to, struct payload *from)
+{
+    to->change = get_u8(from);
+    to->inverted = get_u8(from);
+    return from->whole;
+}
+
 enum command_reading command_read(const struct command_frame *frame, union command *to)
 {
     struct payload from = payload_of((uint8_t *)frame->payload, frame->size);
@@ -99,6 +107,9 @@ enum command_reading command_read(const struct command_frame *frame, union comma
         break;
     case TEST_LINK:
         whole = read_test_link(&to->test_link, &from);
+        break;
+    case CONFIGURE_WIRING:
+        whole = read_configure_wiring(&to->configure_wiring, &from);
         break;
     case HOME:
     case STOP:
@@ -153,6 +164,9 @@ void command_handle(const struct command_frame *frame, const union command *comm
         break;
     case SET_ZERO:
         on_set_zero(frame);
+        break;
+    case CONFIGURE_WIRING:
+        on_configure_wiring(frame, &command->configure_wiring);
         break;
     }
 }

@@ -15,6 +15,7 @@ union command {
     struct configure_turntable configure_turntable;
     struct set_baud set_baud;
     struct test_link test_link;
+    struct configure_wiring configure_wiring;
 };
 
 enum command_reading { COMMAND_READ, COMMAND_CUT_OFF, COMMAND_UNKNOWN };
@@ -38,5 +39,6 @@ void on_ask_statistics(const struct command_frame *frame);
 void on_set_baud(const struct command_frame *frame, const struct set_baud *command);
 void on_test_link(const struct command_frame *frame, const struct test_link *command);
 void on_set_zero(const struct command_frame *frame);
+void on_configure_wiring(const struct command_frame *frame, const struct configure_wiring *command);
 
 #endif

@@ -38,7 +38,8 @@ void on_ask_capabilities(const struct command_frame *frame)
 {
     send_capabilities(&(struct capabilities){
         .command = frame->sequence,
-        .features = FEATURE_HOME_MARK | FEATURE_LOST_STEPS | FEATURE_BLANKING | FEATURE_REARM |
+        .features = FEATURE_HOME_MARK | FEATURE_LOST_STEPS | FEATURE_BLANKING | FEATURE_REARM | FEATURE_INPUTS |
+                    FEATURE_WIRING |
                     (thermometer() == NO_TEMPERATURE ? 0 : FEATURE_THERMOMETER) |
                     (TRACE_KIND == TRACE_KIND_CARRIER ? FEATURE_CARRIER : FEATURE_ENVELOPE),
         .lowest_angle = -REACH_DEGREES * 1000000L,

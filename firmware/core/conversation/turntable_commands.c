@@ -1,4 +1,4 @@
-/* Commands of the turntable: Home, SetZero, Turn, ConfigureTurntable. */
+/* Commands of the turntable: Home, SetZero, Turn, ConfigureTurntable, ConfigureWiring. */
 #include "commands.h"
 
 #include "action.h" // action_home, action_turn
@@ -24,8 +24,29 @@ void on_set_zero(const struct command_frame *frame)
 
 void on_turn(const struct command_frame *frame, const struct turn *order)
 {
-    if (!refused_while_busy(frame) && !refused_angle(frame, order->angle))
+    if (refused_while_busy(frame))
+        return;
+    if (order->relative > 1)
+        answer_out_of_range(frame, FLASH_TEXT("relative: expected 0 or 1"));
+    else if (order->relative && !turntable_can_jog(order->angle))
+        answer_out_of_range(frame, FLASH_TEXT("a jog of at most 10 degrees, within the limits of the cable, is possible"));
+    else if (order->relative)
+        action_jog(frame, order->angle);
+    else if (!refused_angle(frame, order->angle))
         action_turn(frame, order->angle);
+}
+
+void on_configure_wiring(const struct command_frame *frame, const struct configure_wiring *request)
+{
+    if (refused_while_busy(frame))
+        return;
+    if (request->change & ~(WIRING_MARK | WIRING_CAM | WIRING_MOTOR) || request->inverted & ~request->change) {
+        answer_out_of_range(frame, FLASH_TEXT("change: expected 0 to 7; inverted: only what is in change"));
+        return;
+    }
+    if (request->change)
+        turntable_invert(request->change, request->inverted);
+    send_wiring_settings(&(struct wiring_settings){.command = frame->sequence, .inverted = turntable_inverted()});
 }
 
 static uint32_t microsteps(uint32_t microdegrees)

@@ -6,6 +6,7 @@
 #include "ramp.h" // struct ramp
 
 #define TURN_MICRODEGREES 360000000
+#define WIRING_PROVEN 0x40 // stored beside enum wiring: a Home has succeeded with this wiring
 #define STEPS_OF_DEGREES(degrees) ((int32_t)((int64_t)(degrees) * MICROSTEPS / 360))
 
 enum leg {
@@ -26,7 +27,10 @@ static struct {
     enum order order; // starts as soon as the table is at rest
     enum turntable_trouble trouble;
     enum zero zero;
-    bool proven; // a Home has succeeded since the start, so the switches and the motor are wired correctly
+    bool homed_before; // a Home has succeeded since the start
+    uint8_t wiring; // enum wiring and WIRING_PROVEN
+    bool was_high; // level of the mark while seeking the cam
+    int32_t changed_at; // where this level changed last, steps
     int32_t target; // steps
     int32_t awaited; // next expected position of the mark, steps
     int32_t lost; // steps
@@ -36,16 +40,21 @@ static struct {
 
 // shared with the step interrupt
 static struct ramp ramp;
+static bool mark_inverted;
 static volatile int32_t position; // steps; before the first zero from the start of the board
 static int8_t direction;
 static bool was_marked;
 static volatile bool mark_passed; // counter-clockwise; only this edge is exact
 static volatile int32_t mark_position;
 
+static bool marked_now(void) { return home_mark() != mark_inverted; }
+
+static bool above_zero(void) { return home_side() != ((table.wiring & WIRING_CAM) != 0); }
+
 uint16_t turntable_step(void)
 {
     position += direction;
-    bool marked = home_mark();
+    bool marked = marked_now();
     if (marked && !was_marked && direction > 0) {
         mark_position = position;
         mark_passed = true;
@@ -68,7 +77,9 @@ void turntable_reset(void)
     table.trouble = TROUBLE_NONE;
     table.order = NOTHING;
     table.zero = ZERO_UNKNOWN;
-    table.proven = false;
+    table.homed_before = false;
+    table.wiring = stored_wiring();
+    mark_inverted = table.wiring & WIRING_MARK;
     table.lost = 0;
     position = 0;
     turntable_set_manner((struct turntable_manner){0, 0, SETTLING_US, APPROACH_COUNTER_CLOCKWISE});
@@ -124,13 +135,13 @@ static void start(enum leg leg, int32_t steps, uint16_t speed)
 {
     table.leg = leg;
     mark_passed = false;
-    was_marked = home_mark();
+    was_marked = marked_now();
     direction = steps < 0 ? -1 : 1;
     if (direction > 0)
         await_mark();
     ramp = ramp_of((uint16_t)(steps < 0 ? -steps : steps), table.manner.acceleration, speed);
     uint16_t first = ramp_next(&ramp);
-    motor_start(direction > 0, first);
+    motor_start((direction > 0) != ((table.wiring & WIRING_MOTOR) != 0), first);
 }
 
 static void stop(void)
@@ -169,18 +180,32 @@ static void give_up(enum turntable_trouble trouble)
 }
 
 // A first Home crawls, so that a person can stop it if a wire is wrong.
-static uint16_t homing_speed(uint16_t fastest) { return table.proven ? fastest : CRAWL_SPEED; }
+static uint16_t homing_speed(uint16_t fastest) { return table.homed_before ? fastest : CRAWL_SPEED; }
 
-/* Start towards the edge of the cam. Never beyond HOMING_LIMIT from the last known zero, or from where the board
- * started: with one wrong wire, every Home would wind the cable further. */
-static void seek(enum leg leg, uint16_t speed)
+static bool within_homing_limit(int32_t steps)
 {
     int32_t limit = STEPS_OF_DEGREES(HOMING_LIMIT_DEGREES);
-    int32_t way = (leg == SEEKING_ABOVE ? limit : -limit) - position_now();
-    if (leg == SEEKING_ABOVE ? way > 0 : way < 0)
-        start(leg, way, homing_speed(speed));
-    else
+    return steps > -limit && steps < limit;
+}
+
+/* Start towards the edge of the cam. Never beyond HOMING_LIMIT from the last known zero, or from where the board
+ * started: with one wrong wire, every Home would wind the cable further. With wiring that has never worked, only as far
+ * as a table that was left within its first turn needs. */
+static void seek(enum leg leg, uint16_t speed)
+{
+    int32_t here = position_now();
+    int32_t way = STEPS_OF_DEGREES(HOMING_LIMIT_DEGREES);
+    way = leg == SEEKING_ABOVE ? way - here : way + here;
+    int32_t most = STEPS_OF_DEGREES(UNPROVEN_DEGREES);
+    if (!(table.wiring & WIRING_PROVEN) && way > most)
+        way = most;
+    if (way <= 0) {
         give_up(TROUBLE_LIMIT);
+        return;
+    }
+    table.was_high = home_mark();
+    table.changed_at = here;
+    start(leg, leg == SEEKING_ABOVE ? way : -way, homing_speed(speed));
 }
 
 static void begin(void)
@@ -191,7 +216,7 @@ static void begin(void)
     if (order == TURNING)
         approach();
     else if (order == HOMING)
-        seek(home_side() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
+        seek(above_zero() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
 }
 
 static void take(enum order order)
@@ -213,6 +238,31 @@ void turntable_turn(int32_t microdegrees)
     table.target = steps_of(microdegrees);
     take(TURNING);
 }
+
+bool turntable_can_jog(int32_t microdegrees)
+{
+    if (microdegrees > JOG_DEGREES * 1000000L || microdegrees < -JOG_DEGREES * 1000000L)
+        return false;
+    int32_t steps = position_now() + steps_of(microdegrees);
+    return turntable_homed() ? turntable_reaches(microdegrees_of(steps)) : within_homing_limit(steps);
+}
+
+void turntable_jog(int32_t microdegrees)
+{
+    table.target = position_now() + steps_of(microdegrees);
+    take(TURNING);
+}
+
+void turntable_invert(uint8_t change, uint8_t inverted)
+{
+    table.wiring = (uint8_t)((table.wiring & ~(change | WIRING_PROVEN)) | inverted);
+    mark_inverted = table.wiring & WIRING_MARK;
+    table.zero = ZERO_UNKNOWN;
+    table.homed_before = false;
+    store_wiring(table.wiring);
+}
+
+uint8_t turntable_inverted(void) { return table.wiring & (uint8_t)~WIRING_PROVEN; }
 
 void turntable_stay(void) { take(NOTHING); }
 
@@ -257,7 +307,9 @@ static void set_zero(void)
     interrupts_on();
     mark_passed = false;
     table.zero = ZERO_MARK;
-    table.proven = true;
+    table.homed_before = true;
+    table.wiring |= WIRING_PROVEN;
+    store_wiring(table.wiring);
     table.awaited = MICROSTEPS;
     table.target = 0;
     // the table first slows down, then returns to zero
@@ -302,12 +354,29 @@ static void check_mark(void)
         table.awaited = seen - off + MICROSTEPS;
 }
 
+// While the table seeks the cam, the mark must change in every half turn. Otherwise its wire is open, or nothing turns.
+static void watch_mark(void)
+{
+    int32_t here = position_now();
+    bool high = home_mark();
+    if (high != table.was_high) {
+        table.was_high = high;
+        table.changed_at = here;
+    }
+    int32_t since = here - table.changed_at;
+    int32_t most = STEPS_OF_DEGREES(MARK_WITHIN_DEGREES);
+    if (since > most || since < -most)
+        give_up(TROUBLE_NO_MARK);
+}
+
 static void watch(void)
 {
-    if (table.leg == SEEKING_ABOVE && home_side())
+    if (table.leg == SEEKING_ABOVE && above_zero())
         stop();
-    else if (table.leg == SEEKING_BELOW && !home_side())
+    else if (table.leg == SEEKING_BELOW && !above_zero())
         stop();
+    else if (table.leg == SEEKING_ABOVE || table.leg == SEEKING_BELOW)
+        watch_mark();
     else if (table.leg == CREEPING && mark_passed)
         take_mark();
     else if (table.zero == ZERO_MARK)
@@ -318,13 +387,13 @@ static void next_leg(uint64_t now_us)
 {
     switch (table.leg) {
     case SEEKING_ABOVE:
-        if (home_side())
+        if (above_zero())
             seek(SEEKING_BELOW, SPEED);
         else
             give_up(TROUBLE_CAM);
         break;
     case SEEKING_BELOW:
-        if (!home_side())
+        if (!above_zero())
             creep();
         else
             give_up(TROUBLE_CAM);

@@ -41,8 +41,14 @@ void turntable_home(void);
 void turntable_stay(void); // end a halt, and clear the trouble of the last movement
 void turntable_set_zero(void); // here; the mark is not checked until the next Home
 void turntable_turn(int32_t microdegrees); // to the nearest microstep; must be homed and within reach
+bool turntable_can_jog(int32_t microdegrees);
+void turntable_jog(int32_t microdegrees); // by this angle, also while the zero is unknown
 void turntable_halt(void); // as soon as the ramp allows; after a Home that was stopped, the zero is unknown
 void turntable_release(void); // without current it can be turned by hand, so it must be homed again
+
+// Invert some of enum wiring, and keep that over a restart. The zero becomes unknown.
+void turntable_invert(uint8_t change, uint8_t inverted);
+uint8_t turntable_inverted(void); // enum wiring
 
 // Starts the next leg of a movement when one has ended. True while turning or settling.
 bool turntable_work(uint64_t now_us);

@@ -42,6 +42,8 @@ static struct {
     uint32_t number;
     const uint8_t *samples;
     uint16_t sent, total;
+    uint8_t *const *lost; // those of the samples not yet sent that were not measured
+    uint8_t lost_count;
 } trace;
 
 static struct {
@@ -107,13 +109,13 @@ static void add_trouble(struct words *words)
 {
     switch (action.trouble) {
     case TROUBLE_NO_MARK:
-        words_add(words, FLASH_TEXT("the zero mark never came; check its wire"));
+        words_add(words, FLASH_TEXT("the zero mark never came; check its wire and the motor"));
         break;
     case TROUBLE_CAM:
-        words_add(words, FLASH_TEXT("the cam never changed; check its wire and polarity, and the motor"));
+        words_add(words, FLASH_TEXT("the cam never changed; check its wire and polarity, and the direction"));
         break;
     case TROUBLE_WRONG_WAY:
-        words_add(words, FLASH_TEXT("moved the wrong way; swap a coil of the motor and invert the cam"));
+        words_add(words, FLASH_TEXT("moved the wrong way; invert the mark, or cam and motor"));
         break;
     case TROUBLE_LIMIT:
         words_add(words, FLASH_TEXT("homing may wind the cable no further; unwind it by hand and restart the board"));
@@ -185,6 +187,12 @@ void action_turn(const struct command_frame *order, int32_t microdegrees)
     begin(order);
 }
 
+void action_jog(const struct command_frame *order, int32_t microdegrees)
+{
+    turntable_jog(microdegrees);
+    begin(order);
+}
+
 void action_scan(const struct command_frame *order, const struct start_scan *wanted)
 {
     kept_clear(wanted->first);
@@ -228,10 +236,21 @@ static void send_kept(uint32_t number)
     outbox_finish(); // the echoes are on the stack
 }
 
+// Take the lost samples of the next `count` samples off the list, and return their indices in this chunk.
+static struct samples lost_in_chunk(uint8_t *indices, uint16_t count)
+{
+    struct samples lost = {.bytes = indices};
+    const uint8_t *first = trace.samples + trace.sent;
+    for (; trace.lost_count && *trace.lost < first + count; trace.lost++, trace.lost_count--)
+        indices[lost.count++] = (uint8_t)(*trace.lost - first);
+    return lost;
+}
+
 static void send_chunk(void)
 {
     uint16_t left = trace.total - trace.sent;
     uint16_t count = left < CHUNK ? left : CHUNK;
+    uint8_t indices[LOST_MOST];
     struct trace_chunk chunk = {
         .number = trace.number,
         .offset = trace.sent,
@@ -241,6 +260,7 @@ static void send_chunk(void)
         .samples = {.bytes = trace.samples + trace.sent, .count = count},
         .kind = TRACE_KIND,
         .bits = 8,
+        .lost = lost_in_chunk(indices, count),
     };
     trace.sent += count;
     send_trace_chunk(&chunk);
@@ -262,6 +282,8 @@ static void take_reading(void)
     trace.number = kept_end();
     trace.samples = result.trace;
     trace.total = result.trace_size;
+    trace.lost = result.lost;
+    trace.lost_count = result.lost_count;
     trace.sent = 0;
     kept_add(result.fired_us, thermometer(), result.echoes, sift(result.echoes, result.echo_count));
     pings++;

@@ -27,6 +27,7 @@ void action_forget(void);
 
 void action_home(const struct command_frame *order);
 void action_turn(const struct command_frame *order, int32_t microdegrees);
+void action_jog(const struct command_frame *order, int32_t microdegrees); // by this angle, also without a zero
 void action_scan(const struct command_frame *order, const struct start_scan *scan);
 void action_stop(void); // no effect if nothing is running
 

@@ -96,6 +96,7 @@ void send_trace_chunk(const struct trace_chunk *message)
     put_samples(&payload, &message->samples);
     put_u8(&payload, message->kind);
     put_u8(&payload, message->bits);
+    put_samples(&payload, &message->lost);
     outbox_send(TRACE_CHUNK, &payload);
 }
 
@@ -108,6 +109,7 @@ void send_heartbeat(const struct heartbeat *message)
     put_i16(&payload, message->temperature);
     put_u32(&payload, message->boot);
     put_u8(&payload, message->homed);
+    put_u8(&payload, message->inputs);
     outbox_send(HEARTBEAT, &payload);
 }
 
@@ -166,4 +168,12 @@ void send_link_tested(const struct link_tested *message)
     put_u16(&payload, message->command);
     put_samples(&payload, &message->data);
     outbox_send(LINK_TESTED, &payload);
+}
+
+void send_wiring_settings(const struct wiring_settings *message)
+{
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u8(&payload, message->inverted);
+    outbox_send(WIRING_SETTINGS, &payload);
 }

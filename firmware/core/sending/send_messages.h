@@ -19,5 +19,6 @@ void send_capabilities(const struct capabilities *message);
 void send_turntable_settings(const struct turntable_settings *message);
 void send_statistics(const struct statistics *message);
 void send_link_tested(const struct link_tested *message);
+void send_wiring_settings(const struct wiring_settings *message);
 
 #endif

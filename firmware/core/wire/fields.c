@@ -97,5 +97,10 @@ void put_numbers(struct payload *to, const struct numbers *numbers)
 void put_samples(struct payload *to, const struct samples *samples)
 {
     put_u16(to, samples->count);
+    if (to->tail) {
+        for (uint16_t at = 0; at < samples->count; at++)
+            put_u8(to, samples->bytes[at]);
+        return;
+    }
     put_tail(to, samples->bytes, samples->count, samples->period);
 }

@@ -1,7 +1,7 @@
 /* Encoding and decoding of message fields: little-endian, without padding.
  *
- * If a payload ends too soon or is full, `whole` becomes false and nothing is written. Arrays are not copied: they
- * become the tail of the payload, which is sent from its present address.
+ * If a payload ends too soon or is full, `whole` becomes false and nothing is written. The first array is not copied: it
+ * becomes the tail of the payload, which is sent from its present address. A second array must be short; it is copied.
  */
 #ifndef FIELDS_H
 #define FIELDS_H
@@ -52,7 +52,7 @@ void put_u64(struct payload *to, uint64_t value);
 void put_i16(struct payload *to, int16_t value);
 void put_i32(struct payload *to, int32_t value);
 void put_text(struct payload *to, const struct text *text);
-void put_numbers(struct payload *to, const struct numbers *numbers); // each message has at most one array
+void put_numbers(struct payload *to, const struct numbers *numbers);
 void put_samples(struct payload *to, const struct samples *samples);
 
 #endif

@@ -36,6 +36,7 @@ enum message_type {
     SET_BAUD = 0x0b,
     TEST_LINK = 0x0c,
     SET_ZERO = 0x0d,
+    CONFIGURE_WIRING = 0x0e,
     INFO = 0x81,
     ACCEPTED = 0x82,
     REFUSED = 0x83,
@@ -49,6 +50,7 @@ enum message_type {
     TURNTABLE_SETTINGS = 0x8b,
     STATISTICS = 0x8c,
     LINK_TESTED = 0x8d,
+    WIRING_SETTINGS = 0x8e,
 };
 
 enum state {
@@ -110,6 +112,20 @@ enum feature {
     FEATURE_PULSES = 32,
     FEATURE_ENVELOPE = 64,
     FEATURE_CARRIER = 128,
+    FEATURE_INPUTS = 256,
+    FEATURE_WIRING = 512,
+};
+
+enum input {
+    INPUT_MARK = 1,
+    INPUT_CAM = 2,
+    INPUT_ECHO = 4,
+};
+
+enum wiring {
+    WIRING_MARK = 1,
+    WIRING_CAM = 2,
+    WIRING_MOTOR = 4,
 };
 
 struct hello {
@@ -131,6 +147,7 @@ struct configure {
 
 struct turn {
     int32_t angle; // turntable angle, µdeg, counter-clockwise
+    uint8_t relative; // 1: a jog: turn by `angle`, at most 10 degrees, also while the zero is unknown · 1.2, else 0
 };
 
 struct start_scan {
@@ -163,6 +180,11 @@ struct set_baud {
 struct test_link {
     uint16_t size; // number of bytes to send back, at most 480
     struct samples data; // pattern to repeat, 1 to 64 bytes
+};
+
+struct configure_wiring {
+    uint8_t change; // sum of the wiring codes to set; the others keep their value
+    uint8_t inverted; // sum of those wiring codes in `change` that are to be inverted
 };
 
 struct info {
@@ -234,6 +256,7 @@ struct trace_chunk {
     struct samples samples; // at most 256 bytes; 16-bit samples are little-endian
     uint8_t kind; // trace code: 1 envelope; 2 carrier, whose zero is half of full scale · 1.1, else 1
     uint8_t bits; // bits per sample, 8 or 16; full scale is all bits set · 1.1, else 8
+    struct samples lost; // indices, in this chunk, of samples that were not measured · 1.2, else none
 };
 
 struct heartbeat {
@@ -243,6 +266,7 @@ struct heartbeat {
     int16_t temperature; // air temperature at the board, 0.01 °C; −32768: no thermometer
     uint32_t boot; // as in Info; a different number means that the device was reset · 1.1, else 0
     uint8_t homed; // as in Info · 1.1, else 0
+    uint8_t inputs; // sum of the input codes whose pin is high · 1.2, else 0
 };
 
 struct capabilities {
@@ -288,6 +312,11 @@ struct statistics {
 struct link_tested {
     uint16_t command; // sequence number of the answered command
     struct samples data; // the pattern of the TestLink, repeated to the requested size
+};
+
+struct wiring_settings {
+    uint16_t command; // sequence number of the answered command
+    uint8_t inverted; // sum of the wiring codes that are inverted
 };
 
 #endif

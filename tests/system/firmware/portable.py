@@ -40,6 +40,10 @@ class PortableBoard:
         self._kept += (samples,)
         self.c.host_set_echoes(ticks, len(echoes_ns), samples, len(trace), period_ns)
 
+    def set_lost(self, *indices: int) -> None:
+        """Mark these samples of all following traces as lost."""
+        self.c.host_set_lost((ctypes.c_uint16 * len(indices))(*indices), len(indices))
+
     def send(self, data: bytes) -> None:
         """Send bytes to the board."""
         self.c.host_send(data, len(data))

@@ -55,7 +55,7 @@ TWO_TICKS = 1e-6  # s
 REARM = 0.0006  # s; so long that the interrupt of the board never loses an echo that the fake board reports
 TIMER_WRAP = 65_536 * 0.5e-6  # s
 TRACE_STORE = 4_800  # bytes
-OTHER_VARIABLES = 1_600
+OTHER_VARIABLES = 1_680
 FREE_STACK = 1_024
 
 
@@ -94,7 +94,7 @@ def test_levels_and_times_of_a_trace_are_correct() -> None:
     assert trace.rate == pytest.approx(1 / 13e-6)
     assert len(trace.samples) > 4_750
     time = trace.start + np.arange(len(trace.samples)) / trace.rate
-    assert np.abs(trace.samples - envelope(time)).max() < 0.005
+    assert np.nanmax(np.abs(trace.samples - envelope(time))) < 0.005
 
 
 class Sawtooth(Echoes):
@@ -116,7 +116,10 @@ def test_every_sample_is_at_its_time_although_echoes_delay_the_converter() -> No
         assert len(reading.echo_times) == 8
         expected = reading.trace.times % 0.002
         off = (reading.trace.samples - 0.05) / 450 - expected
-        inside = (expected > 0.0001) & (expected < 0.0019)
+        lost = np.isnan(reading.trace.samples)
+        # at most one conversion is lost for each echo, and it is marked
+        assert 1 <= lost.sum() <= 8
+        inside = (expected > 0.0001) & (expected < 0.0019) & ~lost
         # one conversion and the resolution of a sample; not one conversion for each echo
         assert np.abs(off[inside]).max() < 13e-6 + 5e-6
         assert len(reading.trace.samples) == 4_800

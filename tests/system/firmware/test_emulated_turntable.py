@@ -1,14 +1,16 @@
 """The turntable of the emulated board: lost steps, jams, and Home with wrong wires."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarhw import sector
-from sonarhw.device.emulated_board import WiringFault
+from sonarhw.device.wiring_faults import WiringFault
 from sonarhw.errors import DeviceError, LostSteps
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, pings_in_place
+from sonarhw.wire.messages import Input, Outcome, Wiring
 from tests.system.firmware.conftest import Echoes, scanner_on
 
 
@@ -55,14 +57,14 @@ def test_steps_lost_in_a_short_jam_are_reported() -> None:
 def test_homing_a_blocked_table_names_the_cam() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         board.wedge(60)
-        with pytest.raises(DeviceError, match="the cam never changed"):
+        with pytest.raises(DeviceError, match="the zero mark never came; check its wire and the motor"):
             scanner.home()
 
 
 @pytest.mark.parametrize(
     ("fault", "first", "again"),
     [
-        (WiringFault.CAM_INVERTED, "the cam never changed", "may wind the cable no further"),
+        (WiringFault.CAM_INVERTED, "the cam never changed", "the cam never changed"),
         (WiringFault.MARK_OPEN, "the zero mark never came", "the zero mark never came"),
         (WiringFault.CAM_INVERTED | WiringFault.MOTOR_REVERSED, "moved the wrong way", "moved the wrong way"),
     ],
@@ -74,6 +76,31 @@ def test_home_with_a_wrong_wire_names_it(fault: WiringFault, first: str, again: 
             scanner.home()
         with pytest.raises(DeviceError, match=again):
             scanner.home()
+
+
+def test_a_corrected_wire_works_also_after_a_power_failure(tmp_path: Path) -> None:
+    faults = WiringFault.CAM_INVERTED | WiringFault.MARK_INVERTED | WiringFault.MOTOR_REVERSED
+    echoes = Echoes(0.020)
+    kept = tmp_path / "eeprom"
+    with scanner_on(echoes, start_deg=30, eeprom=kept, miswire=faults) as (_, scanner):
+        assert scanner.configure_wiring(Wiring(7), Wiring(7)) == Wiring(7)
+        assert scanner.home() is Outcome.DONE
+    with scanner_on(echoes, start_deg=30, eeprom=kept, miswire=faults) as (_, scanner):
+        assert scanner.configure_wiring() == Wiring(7)
+        list(scanner.scan(sector(10, 30, 10)))
+    assert np.degrees([ping.angle for ping in echoes.pings]) == pytest.approx([10, 20], abs=0.01)
+
+
+def test_a_jog_turns_the_table_before_a_home() -> None:
+    echoes = Echoes(0.020)
+    with scanner_on(echoes, start_deg=100) as (_, scanner):
+        assert scanner.inputs() == Input.MARK | Input.CAM
+        for angle in (0.0, 8.0, -3.0):
+            assert scanner.jog(np.radians(angle)) is Outcome.DONE
+            list(scanner.scan(pings_in_place(1)))
+    assert np.degrees([ping.angle for ping in echoes.pings]) == pytest.approx(
+        [100 - 0.6, 108 - 0.6, 105 - 0.6], abs=0.7
+    )
 
 
 def test_the_table_is_at_rest_at_the_reported_angle_during_a_ping() -> None:

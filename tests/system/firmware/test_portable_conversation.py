@@ -204,6 +204,22 @@ def test_nothing_is_sent_and_no_motor_steps_while_it_listens(board: PortableBoar
     assert board.c.host_violations() == 0
 
 
+def test_lost_samples_are_marked_in_their_chunks(board: PortableBoard) -> None:
+    board.greet_and_home()
+    board.set_echoes([7_000_000], FULL_TRACE[:600])
+    board.set_lost(0, 255, 256, 599)
+    board.ask(Configure(20_000, 2_380, 1, 343_200))
+    for _ in range(2):
+        received = board.ask(StartScan(0, 1_000_000, 1, 1, 1), 300_000)
+        chunks = [message for message in received if isinstance(message, TraceChunk)]
+        assert [(chunk.offset, chunk.lost) for chunk in chunks] == [
+            (0, bytes([0, 255])),
+            (256, bytes([0])),
+            (512, bytes([87])),
+        ]
+        assert b"".join(chunk.samples for chunk in chunks) == FULL_TRACE[:600]
+
+
 def test_a_host_of_version_1_1_is_gone_after_2_s_of_silence(board: PortableBoard) -> None:
     board.c.host_grain(100)
     board.c.host_motor(AT_ONCE)

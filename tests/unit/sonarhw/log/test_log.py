@@ -3,6 +3,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +14,7 @@ from sonarhw.errors import LogError, NotALog, SonarError
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.host.actions import configuring
 from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
 from sonarhw.wire.messages import Configure, Finished, Hello, Message, ReadingMessage, Started, StartScan
 from sonarhw.wire.reading_messages import reading_message
@@ -92,6 +93,24 @@ def test_traces_are_kept_to_eight_bits(tmp_path: Path) -> None:
     written = write_example(tmp_path / "scan.mcap", trace=True)
     for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
         assert_readings_close(got, wanted)
+
+
+def test_each_trace_is_a_decoded_message_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    samples = np.array([0.0, 1.0, np.nan, 0.5, np.nan])
+    carrier = Trace(np.array([np.nan, -1.0, 1.0]), 80_000.0, 0.0, carrier=True)
+    with LogWriter(path, METADATA) as log:
+        log.reading(replace(example_reading(0), trace=Trace(samples, 50_000.0, 0.001)))
+        log.reading(replace(example_reading(1), trace=None))
+        log.reading(replace(example_reading(2), trace=carrier))
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        first, second = (trace for _, _, _, trace in reader.iter_decoded_messages(topics=["/traces"]))
+    assert (first.reading, first.rate_hz, first.start_s, first.carrier) == (0, 50_000.0, 0.001, False)
+    assert [*first.level] == [0, 255, 255, 128, 128]
+    assert [*first.lost] == [2, 4]
+    assert (second.reading, second.carrier, [*second.level], [*second.lost]) == (2, True, [0, -255, 255], [0])
+    assert math.radians(second.angle_deg) == pytest.approx(example_reading(2).angle)
 
 
 def test_readings_at_different_speeds_of_sound_keep_their_ranges(tmp_path: Path) -> None:

@@ -184,8 +184,19 @@ def test_a_trace_is_cut_to_the_samples_that_its_messages_can_count() -> None:
     assert sum(len(chunk.samples) for chunk in sent) == 65_535
 
 
-def test_chunks_with_any_missing_sample_are_not_sent() -> None:
+def test_missing_samples_are_marked_as_lost_and_whole_missing_chunks_are_not_sent() -> None:
     samples = np.full(3 * CHUNK, 0.5)
-    samples[CHUNK + 7] = np.nan  # one sample of the second chunk
+    samples[[CHUNK + 7, 2 * CHUNK - 1]] = np.nan
     samples[2 * CHUNK :] = np.nan  # the whole third
-    assert [chunk.offset for chunk in trace_chunks(0, Trace(samples, 50_000.0, 0.0))] == [0]
+    sent = [*trace_chunks(0, Trace(samples, 50_000.0, 0.0))]
+    assert [(chunk.offset, chunk.lost) for chunk in sent] == [(0, b""), (CHUNK, bytes([7, CHUNK - 1]))]
+
+
+def test_lost_samples_are_missing_and_the_trace_is_complete(assembler: ReadingAssembler) -> None:
+    assembler.feed(Settings(1, 20_000, 2_380, TraceKind.ENVELOPE, 343_200))
+    assembler.feed(Started(2, 1))
+    assembler.feed(reading(0))
+    # an index beyond the chunk is ignored
+    (made,) = assembler.feed(TraceChunk(0, 0, 4, 1000, 0, b"\xff" * 4, lost=bytes([2, 9])))
+    assert made.trace is not None
+    assert list(np.isnan(made.trace.samples)) == [False, False, True, False]

@@ -29,6 +29,7 @@ from sonarhw.wire.messages import (
     Heartbeat,
     Hello,
     Home,
+    Input,
     Message,
     Outcome,
     ReadingMessage,
@@ -42,6 +43,7 @@ from sonarhw.wire.messages import (
     Stop,
     TraceKind,
     Turn,
+    Wiring,
     Zero,
     unpack_message,
 )
@@ -96,6 +98,8 @@ def test_exactly_the_existing_messages_are_documented() -> None:
         ("Approach codes", Approach),
         ("Reset codes", ResetCause),
         ("Feature codes", Feature),
+        ("Input codes", Input),
+        ("Wiring codes", Wiring),
     ],
 )
 def test_tables_of_codes_match_the_code(title: str, codes: type[IntEnum]) -> None:

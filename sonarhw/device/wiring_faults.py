@@ -1,0 +1,84 @@
+"""Wiring faults of a scanner, and the wires of a fake board that has them."""
+
+import math
+from enum import IntFlag
+
+from sonarhw.device.turntable import Turntable
+from sonarhw.errors import InputError
+from sonarhw.wire.messages import Input, Wiring
+
+CAM_ANGLE = math.radians(-20.0)  # edge of the cam
+NOISE_ECHO = 0.003  # s; time of the false echo of every ping with NOISE_ON_INIT
+
+
+class WiringFault(IntFlag):
+    """A wrong or broken wire, as in firmware/emulator/emulator.h. Open inputs are high, because of their pull-ups."""
+
+    CAM_INVERTED = 1
+    CAM_OPEN = 2
+    MOTOR_REVERSED = 4
+    MARK_OPEN = 8
+    MARK_INVERTED = 16
+    MOTOR_OPEN = 32  # the table does not turn
+    ECHO_LOW = 64  # ECHO is never high: a broken wire, or no pull-up
+    ECHO_HIGH = 128  # ECHO is always high
+    NOISE_ON_INIT = 256  # every ping has an echo at NOISE_ECHO
+    THERMISTOR_OPEN = 512
+    THERMISTOR_SHORTED = 1024
+
+
+FAULT_NAMES = {str(fault.name).lower().replace("_", "-"): fault for fault in WiringFault}
+
+
+def read_wiring_faults(text: str) -> WiringFault:
+    """Return the faults in a text such as `cam-inverted+motor-reversed`. Raises InputError for an unknown fault."""
+    faults = WiringFault(0)
+    for name in text.split("+"):
+        if name not in FAULT_NAMES:
+            raise InputError(f"unknown wire fault {name!r}; expected one of {', '.join(FAULT_NAMES)}, joined with +")
+        faults |= FAULT_NAMES[name]
+    return faults
+
+
+class Wires:
+    """The wires between a fake board and its turntable, and the settings with which its firmware corrects them.
+
+    They outlast a restart of the board.
+    """
+
+    def __init__(self, faults: WiringFault = WiringFault(0)) -> None:
+        self.faults = faults
+        self.inverted = Wiring(0)
+
+    @property
+    def sign(self) -> float:
+        """Direction in which the table turns for a counter-clockwise command: 1 or, clockwise, -1."""
+        return -1.0 if self._wrong(WiringFault.MOTOR_REVERSED, Wiring.MOTOR) else 1.0
+
+    def levels(self, turntable: Turntable, now: float) -> Input:
+        """Return the inputs whose pins are high, while the board does not listen."""
+        angle = turntable.true_angle(now)
+        mark = math.sin(angle + 1e-9) >= 0
+        levels = Input(0)
+        if mark != bool(self.faults & WiringFault.MARK_INVERTED) or self.faults & WiringFault.MARK_OPEN:
+            levels |= Input.MARK
+        if (angle > CAM_ANGLE) != bool(self.faults & WiringFault.CAM_INVERTED) or self.faults & WiringFault.CAM_OPEN:
+            levels |= Input.CAM
+        if self.faults & WiringFault.ECHO_HIGH:
+            levels |= Input.ECHO
+        return levels
+
+    def homing_failure(self) -> str | None:
+        """Return why a Home fails with these wires; None if it finds a zero."""
+        cam = self._wrong(WiringFault.CAM_INVERTED, Wiring.CAM)
+        mark = self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
+        if self.faults & WiringFault.MARK_OPEN:
+            return "the zero mark never came; check its wire and the motor"
+        if self.faults & WiringFault.CAM_OPEN or cam != (self.sign < 0):
+            return "the cam never changed; check its wire and polarity, and the direction"
+        if mark != (self.sign < 0):
+            return "moved the wrong way; invert the mark, or cam and motor"
+        return None
+
+    def _wrong(self, fault: WiringFault, setting: Wiring) -> bool:
+        return bool(self.faults & fault) != bool(self.inverted & setting)
