@@ -21,6 +21,7 @@ from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.readings.chance_shading import ChanceShading
 from sonarhw_gui.scene.plan_geometry import outline_ranges
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
@@ -49,6 +50,8 @@ class RangeView(Canvas):
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
+        self.shading = ChanceShading()
+        self.ranges.addItem(self.shading, ignoreBounds=True)
         self._outline = Outline()
         self.ranges.addItem(self._outline)
         self._tolerance = self._add_tolerance()
@@ -72,6 +75,8 @@ class RangeView(Canvas):
             self._set_look(shown.look)
         if before is None or before.outline is not shown.outline:
             self._draw_outline(shown)
+        if before is None or before.chances is not shown.chances or before.look != shown.look:
+            self.shading.draw(shown.chances, shown.look.palette.predicted)
         if before is None or not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
@@ -102,6 +107,8 @@ class RangeView(Canvas):
         drawn = [float(np.max(points.ranges)) for points in shown.classes.values()]
         if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
             drawn.append(float(np.nanmax(shown.outline.ranges)))
+        if shown.chances is not None:
+            drawn.append(shown.chances.reach)
         most = max(drawn, default=1.0)
         if not 0.5 * self._top < most <= self._top:
             self._top = 1.15 * most

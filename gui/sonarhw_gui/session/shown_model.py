@@ -174,6 +174,7 @@ class ShownModel(QObject):
         shown = replace(
             self.shown,
             outline=self.forecast.outline,
+            chances=self.forecast.chances,
             compared=compared,
             outdated=self.forecast.outdated,
             readings=readings,

@@ -19,6 +19,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from sonarhw_gui.work.bscan_picture import BScans
 from sonarhw_gui.work.chosen_trace import ChosenTrace
+from sonarhw_gui.work.outline_chances import OutlineChances
 from sonarhw_gui.work.prediction_requests import Compared
 
 
@@ -54,6 +55,7 @@ class Shown:
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
     outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
+    chances: OutlineChances | None = None  # probabilities of ranges, if the board states spreads
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # rows that `rows` reuses
 
     @property

@@ -12,6 +12,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw.readings import Reading
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.effort import EffortChoice
+from sonarhw_gui.work.outline_chances import ChancesRequest, OutlineChances, has_chances
 from sonarhw_gui.work.prediction_requests import Compared, CompareRequest, PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
@@ -25,6 +26,7 @@ class Forecast:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
+        self.chances: OutlineChances | None = None  # of the outline, after the search for all paths
         self.compared: Compared | None = None
         self.outdated = False  # whether the comparison is of a previous scene for longer than LATE
         self.failures: list[str] = []
@@ -38,10 +40,11 @@ class Forecast:
         self._oldest = 0  # older generations belong to another room
         self._scan_generation = 0
         self._search_at: float | None = None  # time of the next search for all paths
-        # three threads: drafts and comparisons never wait for the search for all paths
+        # four threads: drafts and comparisons never wait for the search for all paths, nor for probabilities
         self._drafter = Worker("draft paths")
         self._finder = Worker("find paths")
         self._comparer = Worker("compare readings")
+        self._weigher = Worker("probabilities")
 
     @property
     def searching(self) -> bool:
@@ -50,7 +53,7 @@ class Forecast:
 
     def set_scene(self, scene: Scene) -> None:
         """Predict for `scene` from now on, and drop the results for the previous scene."""
-        self._found, self.outline = None, None
+        self._found, self.outline, self.chances = None, None, None
         self._oldest = self._generation + 1
         self.begin_scan()
         self.change_scene(scene)
@@ -85,14 +88,18 @@ class Forecast:
         """Fetch the answers since the last call; return whether anything has changed."""
         self._search_when_due()
         changed = False
-        for answer in (*self._drafter.take(), *self._finder.take(), *self._comparer.take()):
+        for answer in (answer for worker in self._workers for answer in worker.take()):
             changed = self._accept(answer) or changed
         return self._update_outdated() or changed
 
     def close(self) -> None:
         """End the threads."""
-        for worker in (self._drafter, self._finder, self._comparer):
+        for worker in self._workers:
             worker.close()
+
+    @property
+    def _workers(self) -> tuple[Worker, ...]:
+        return self._drafter, self._finder, self._comparer, self._weigher
 
     def _update_outdated(self) -> bool:
         """Update `outdated`; return whether it changed. Only a comparison of the newest scene clears it."""
@@ -109,7 +116,7 @@ class Forecast:
             self._search_at = None
             self._finder.submit(PathsRequest(self._generation, self._scene, self._scene.options))
 
-    def _accept(self, answer: PathsFound | Compared | Failure) -> bool:
+    def _accept(self, answer: PathsFound | Compared | OutlineChances | Failure) -> bool:
         match answer:
             case Failure():
                 self.failures.append(answer.message)
@@ -122,6 +129,9 @@ class Forecast:
                 self.compared = answer
                 self._forget_changes(answer.scene_generation)
                 return True
+            case OutlineChances() if self._found is not None and answer.generation == self._found.generation:
+                self.chances = answer
+                return True
         return False
 
     def _accept_paths(self, found: PathsFound) -> bool:
@@ -129,7 +139,9 @@ class Forecast:
         known = self._found
         if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
             return False
-        self._found, self.outline = found, found.outline
+        self._found, self.outline, self.chances = found, found.outline, None
+        if not found.draft and has_chances(found.outline):
+            self._weigher.submit(ChancesRequest(found))
         if self.compared is None:
             self._forget_changes(found.generation)
         self._compare()

@@ -17,6 +17,7 @@ from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 _SURELY = 5.5  # standard deviations; a threshold is hardly ever (2e-8) so far from its mean
+_SURE = 1e-8  # probability of missing all echoes so far, below which later ones do not matter
 _FALL_DB = 3.0  # by so much the signal falls and rises between two echoes
 
 
@@ -68,8 +69,11 @@ def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
     # a level is reached between two samples
     distances = np.append(times[0], (times[1:] + times[:-1]) / 2) * speed / 2
     starts = _rises(levels)
-    found = []
+    found: list[PossibleEcho] = []
+    missed = 1.0
     for begin, end in zip(starts, [*starts[1:], len(levels)], strict=True):
+        if missed < _SURE:
+            break
         if levels[begin:end].max() < _least_level(board):
             continue
 
@@ -77,6 +81,7 @@ def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
             return scan.path_detected_at(index, float(times[begin + row]), signal)
 
         found.append(_possible_echo(levels[begin:end], distances[begin:end], path_at, board))
+        missed *= 1.0 - found[-1].probability
     return found
 
 

@@ -289,3 +289,24 @@ def test_slow_drafts_get_fewer_bounces_and_fast_ones_more() -> None:
     deepest = choice.effort
     choice.record(0.010)
     assert choice.effort is deepest
+
+
+def test_probabilities_follow_the_complete_outline_of_a_board_with_spreads(
+    qtbot: QtBot, forecast: Forecast, scene: Scene
+) -> None:
+    uncertain = replace(scene, board=replace(scene.board, threshold_sd_db=3.0))
+    forecast.set_scene(uncertain)
+    until(qtbot, lambda: forecast.take() and forecast.chances is not None)
+    chances, outline = forecast.chances, forecast.outline
+    cells = np.round(outline.ranges / chances.reach * chances.opacities.shape[1] - 0.5)
+    heard = np.flatnonzero((outline.over_threshold > 9.0) & (np.diff(cells, append=cells[0]) == 0))
+    assert len(heard) > 50
+    # echoes three standard deviations over the threshold are almost certain, unless an earlier one may be heard
+    opacities = chances.opacities[heard, cells[heard].astype(int)]
+    assert np.median(opacities) > 0.95
+    assert chances.opacities.max() <= 1.0
+    forecast.set_scene(scene)
+    assert forecast.chances is None
+    finished(qtbot, forecast)
+    assert not forecast._weigher.busy
+    assert forecast.chances is None

@@ -13,6 +13,7 @@ from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.work.outline_chances import OutlineChances
 from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.readings import Reading
@@ -119,3 +120,24 @@ def test_the_cursor_of_another_view_is_a_cross(view: RangeView, shown: Shown) ->
     assert all(line.isVisible() for line in view._pointer)
     view.show_state(shown)
     assert not any(line.isVisible() for line in view._pointer)
+
+
+def test_shading_has_the_opacity_of_the_probability(view: RangeView, shown: Shown) -> None:
+    opacities = np.zeros((360, 10))
+    opacities[:, 4], opacities[75:105, 4] = 1.0, 0.5
+    chances = OutlineChances(1, np.radians(np.arange(360.0)), opacities, 1.0)
+    view.show_state(replace(shown, chances=chances))
+    shade, paper = QColor(shown.look.palette.predicted), QColor(shown.look.palette.paper)
+
+    def colour(heading: float, distance: float) -> QColor:
+        at = view.mapFromScene(view.ranges.vb.mapViewToScene(QPointF(heading, distance)))
+        return view.grab().toImage().pixelColor(at)
+
+    for heading, share in ((130.0, 1.0), (80.0, 0.5)):
+        found = colour(heading, 0.45)
+        for channel in ("red", "green", "blue"):
+            mixed = share * getattr(shade, channel)() + (1 - share) * getattr(paper, channel)()
+            # a grid line may cross
+            assert getattr(found, channel)() == pytest.approx(mixed, abs=30)
+    view.show_state(shown)
+    assert not view.shading.isVisible()
