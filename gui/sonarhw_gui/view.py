@@ -34,6 +34,7 @@ class Gestures(QObject):
     edited = Signal(object, str, object)  # Scene, label for Undo, gesture or None; edits of one gesture are one step
     cancelled = Signal(object)  # the gesture whose edits are undone
     surface_chosen = Signal(object)  # name of a wall or post, or None
+    switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
     bscan_requested = Signal(object)  # BScanSettings, or None while no B-scan is visible
 
 

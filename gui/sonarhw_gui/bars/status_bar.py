@@ -14,6 +14,7 @@ from sonarhw_gui.parts.plain_label import PlainLabel
 # badges have the same background in both palettes
 _COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
 
+_FEW = 360  # readings; so many are compared within a moment, as during a scan
 _MESSAGE_TIME = 10_000  # ms
 
 
@@ -85,6 +86,8 @@ def activity_text(status: Status) -> str:
         parts.append("predicting … grey values belong to the previous prediction")
     elif status.predicting:
         parts.append("predicting …")
+    if status.uncompared > _FEW:
+        parts.append(f"{status.uncompared} readings to compare")
     return " · ".join(parts)
 
 

@@ -141,11 +141,11 @@ class SaveCommands(QObject):
         return ReportPage(self._log_name(), recorded, scene, facts)
 
     def _picture(self, view: QWidget, ending: str) -> Picture:
-        look = self._session.shown.look
-        title = "" if view is self._window else f"{self._session.shown.scene.title} · {self._subject.name.lower()}"
+        shown = self._session.shown
+        title = "" if view is self._window else f"{shown.scene.title} · {self._subject.name.lower()}"
         if ending == SVG:
-            return Picture(None, svg_text(view, title, look))
-        return Picture(png_pixels(view, title, look), endings=self._subject.endings)
+            return Picture(None, svg_text(view, title, shown))
+        return Picture(png_pixels(view, title, shown), endings=self._subject.endings)
 
     def _log_name(self) -> str:
         recorded = self._session.recorded

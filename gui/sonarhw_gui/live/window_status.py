@@ -42,6 +42,7 @@ class Status:
     recording: Path | None = None
     log_name: str = ""  # of the replayed log
     predicting: bool = False
+    uncompared: int = 0  # readings that are not compared with the newest prediction yet
     outdated: bool = False  # whether the values shown are of the previous prediction
     scan_settings: ScanSettings | None = None  # settings of the next scan
     link: LinkState | None = None  # the connection to a scanner

@@ -1,65 +1,99 @@
 """The legend above the views. Marks and colours mean the same in all views; tooltips explain each entry."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import pyqtgraph as pg
 from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
-from PySide6.QtCore import QMargins, QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPixmap
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
+from PySide6.QtCore import QMargins, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPixmap
+from PySide6.QtWidgets import QToolButton, QWidget
 from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import MARKS, Palette, Unclassed
+from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Layer, Palette
+from sonarhw_gui.parts.eye import EYE_WIDTH, draw_eye
 from sonarhw_gui.parts.flow_layout import FlowLayout
-from sonarhw_gui.parts.plain_label import PlainLabel
 
 Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels per pixel
 ORIGIN = "ORIGIN"  # in a text, stands for the origin of the readings
 _SIZE = 14  # pixels
 _LINE = 26  # pixels
+SWITCH_SIZE = QSize(round(EYE_WIDTH) + _SIZE, _SIZE)  # of `switch_picture` with a mark
+_FADED = 0.4  # opacity
 
 
 class Legend(QWidget):
-    """Explains marks, lines and areas."""
+    """Explains marks, lines and areas. An eye shows and hides the readings or lines of an entry in all views."""
 
-    def __init__(self) -> None:
+    switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
+
+    def __init__(self, hidden: frozenset[Class | Layer] = frozenset(), switches: bool = True) -> None:
+        """`switches`: whether entries have an eye; a legend of a picture has none, and no entries of hidden layers."""
         super().__init__()
-        self._pictures: list[tuple[QLabel, Picture]] = []
-        self._named: list[tuple[QLabel, str]] = []  # texts with the origin of the readings
-        row = FlowLayout(self, QMargins(8, 2, 8, 2), gap=14)
-        for kind in Kind:
-            if kind in MARKS:
-                self._add(row, partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
-        for picture, name, meaning in _LINES_AND_PATCHES:
-            self._add(row, picture, name, meaning)
-        self.show_origin(Origin.MEASURED)
+        self._hidden, self._switches = hidden, switches
+        self._palette, self._origin = LIGHT, Origin.MEASURED
+        self.entries: dict[Class | Layer, QToolButton] = {}
+        row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=4)
+        for layer, entry in _ENTRIES.items():
+            if switches or layer not in hidden:
+                self.entries[layer] = button = self._made(layer, entry)
+                row.addWidget(button)
+        self._draw()
 
-    def show_origin(self, origin: Origin) -> None:
-        """Name the readings by their origin."""
-        for label, text in self._named:
-            label.setText(text.replace(ORIGIN, origin))
+    def show_state(self, origin: Origin, hidden: frozenset[Class | Layer]) -> None:
+        """Name the readings by their origin, and show which layers are hidden."""
+        if (origin, hidden) != (self._origin, self._hidden):
+            self._origin, self._hidden = origin, hidden
+            self._draw()
 
     def show_look(self, look: Look) -> None:
         """Use the colours of `look`."""
-        for label, picture in self._pictures:
-            label.setPixmap(picture(look.palette, self.devicePixelRatioF()))
+        self._palette = look.palette
+        self._draw()
 
-    def _add(self, row: FlowLayout, picture: Picture, name: str, meaning: str) -> None:
-        drawn = PlainLabel()
-        self._pictures.append((drawn, picture))
-        entry = QWidget()
-        entry.setToolTip(meaning)
-        pair = QHBoxLayout(entry)
-        pair.setContentsMargins(0, 0, 0, 0)
-        pair.setSpacing(5)
-        named = PlainLabel(name)
-        self._named.append((named, name))
-        for label in (drawn, named):
-            pair.addWidget(label)
-        row.addWidget(entry)
+    def _made(self, layer: Class | Layer, entry: "_Entry") -> QToolButton:
+        button = QToolButton(autoRaise=True)
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        button.setToolTip(f"{entry.meaning}. Click to hide or show it in all views")
+        button.clicked.connect(lambda: self.switched.emit(layer, layer in self._hidden))
+        return button
+
+    def _draw(self) -> None:
+        for layer, button in self.entries.items():
+            entry, visible = _ENTRIES[layer], layer not in self._hidden
+            button.setText(entry.name.replace(ORIGIN, self._origin))
+            button.setAccessibleName(f"{button.text()}, {'shown' if visible else 'hidden'}")
+            if self._switches:
+                picture = switch_picture(entry.picture, self._palette, self.devicePixelRatioF(), visible)
+            else:
+                picture = entry.picture(self._palette, self.devicePixelRatioF())
+            button.setIcon(QIcon(picture))
+            button.setIconSize(picture.deviceIndependentSize().toSize())
+            colours = QPalette()
+            if not visible:
+                colours.setColor(QPalette.ColorRole.ButtonText, QColor(self._palette.faint))
+            button.setPalette(colours)
+
+
+def switch_picture(picture: Picture, colours: Palette, ratio: float, visible: bool) -> QPixmap:
+    """Return an eye, open or struck out, beside the mark or line that it shows or hides."""
+    drawn = picture(colours, ratio)
+    width, height = drawn.deviceIndependentSize().width(), _SIZE
+    both = _blank(round(EYE_WIDTH + width), height, ratio)
+    with QPainter(both) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        draw_eye(painter, colours.ink if visible else colours.faint, height / 2, visible)
+        painter.setOpacity(1.0 if visible else _FADED)
+        painter.drawPixmap(QPointF(EYE_WIDTH, 0.0), drawn)
+    return both
+
+
+def no_picture(colours: Palette, ratio: float) -> QPixmap:
+    """Return an empty picture, for a class without a mark."""
+    return _blank(1, _SIZE, ratio)
 
 
 def _blank(width: int, height: int, ratio: float) -> QPixmap:
@@ -69,13 +103,15 @@ def _blank(width: int, height: int, ratio: float) -> QPixmap:
     return picture
 
 
-def mark_picture(kind: Kind | Unclassed, colours: Palette, ratio: float) -> QPixmap:
+def mark_picture(kind: Class, colours: Palette, ratio: float) -> QPixmap:
     """Return the mark of a class, for legends and lists."""
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        drawSymbol(painter, MARKS[kind].symbol, 10, pg.mkPen(None), pg.mkBrush(colours.of(kind)))
+        colour, hollow = colours.of(kind), MARKS[kind].hollow
+        pen, brush = (pg.mkPen(colour, width=1.3), None) if hollow else (None, pg.mkBrush(colour))
+        drawSymbol(painter, MARKS[kind].symbol, 10, pg.mkPen(pen), pg.mkBrush(brush))
     return picture
 
 
@@ -97,20 +133,40 @@ def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
     return picture
 
 
+@dataclass(frozen=True)
+class _Entry:
+    picture: Picture
+    name: str
+    meaning: str
+
+
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
-_LINES_AND_PATCHES: tuple[tuple[Picture, str, str], ...] = (
-    (partial(_line_picture, "measured", _SOLID), f"{ORIGIN} trace", "the received signal that the board recorded"),
-    (
+_ENTRIES: dict[Class | Layer, _Entry] = {
+    **{
+        kind: _Entry(partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
+        for kind in Kind
+        if kind in MARKS
+    },
+    Layer.TRACE: _Entry(
+        partial(_line_picture, "measured", _SOLID), f"{ORIGIN} trace", "the received signal that the board recorded"
+    ),
+    Layer.PREDICTED: _Entry(
         partial(_line_picture, "predicted", _SOLID),
         "predicted",
         "the range or trace that the model predicts; dashed in the trace view",
     ),
-    (partial(_line_picture, "threshold", _DASHED), "threshold", "detection threshold; weaker echoes are not detected"),
-    (
+    Layer.THRESHOLD: _Entry(
+        partial(_line_picture, "threshold", _DASHED), "threshold", "detection threshold; weaker echoes are not detected"
+    ),
+    Layer.RAYS: _Entry(
         partial(_line_picture, "chosen", _SOLID),
         "rays",
         "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
     ),
-    (partial(_patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"),
-    (partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"),
-)
+    Layer.BEAM: _Entry(
+        partial(_patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"
+    ),
+    Layer.BLANKING: _Entry(
+        partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"
+    ),
+}

@@ -12,9 +12,24 @@ from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, OWN_
 
 
 class Unclassed(Enum):
-    """The class of a reading that is not compared yet, or cannot be compared without a room."""
+    """The class of a reading that is not compared."""
 
-    MEASURED = auto()
+    MEASURED = auto()  # there is no room to compare with
+    WAITING = auto()  # not compared yet
+
+
+class Layer(Enum):
+    """What the views draw besides the readings, and the legend can hide."""
+
+    TRACE = auto()  # measured
+    PREDICTED = auto()  # outline and trace
+    THRESHOLD = auto()
+    RAYS = auto()
+    BEAM = auto()
+    BLANKING = auto()
+
+
+Class = Kind | Unclassed
 
 
 @dataclass(frozen=True)
@@ -24,10 +39,11 @@ class Mark:
     name: str
     symbol: str  # pyqtgraph's name
     meaning: str
+    hollow: bool = False  # drawn as an outline
 
 
 UNCLASSED = Mark("measured", "o", "measured, not compared with a prediction")
-MARKS: dict[Kind | Unclassed, Mark] = {
+MARKS: dict[Class, Mark] = {
     Kind.MATCH: Mark("match", "o", "measured and predicted range differ by at most 5 cm"),
     Kind.SHORT: Mark("short", "t", "measured range is shorter than predicted by more than 5 cm"),
     Kind.LONG: Mark("long", "t1", "measured range is longer than predicted by more than 5 cm"),
@@ -37,6 +53,7 @@ MARKS: dict[Kind | Unclassed, Mark] = {
         "own body", "d", "an echo of the carrier of the sensor, not of the room (own_body of the board)"
     ),
     Unclassed.MEASURED: UNCLASSED,
+    Unclassed.WAITING: Mark("not compared", "o", "measured, not compared with the prediction yet", hollow=True),
 }
 
 
@@ -73,7 +90,7 @@ class Palette:
     idle: str = "#666666"
     grid_alpha: float = 0.15
 
-    def of(self, kind: Kind | Unclassed) -> str:
+    def of(self, kind: Class) -> str:
         """Return the colour of the readings of one class."""
         match kind:
             case Kind.SHORT:
@@ -86,6 +103,8 @@ class Palette:
                 return self.missed
             case Kind.OWN_BODY:
                 return self.own_body
+            case Unclassed.WAITING:
+                return self.faint
         return self.measured
 
 

@@ -17,6 +17,7 @@ from sonarhw_sim.predict.by_heading import standpoints
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import Layer
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
@@ -71,7 +72,7 @@ class PlanDrawing(Canvas):
             self._draw_predicted(before, shown)
         if self._measured:
             self._draw_measured(before, shown)
-        if _differ(before, shown, "scene", "readings", "chosen", "look"):
+        if _differ(before, shown, "scene", "readings", "chosen", "look", "hidden"):
             self.sensor.draw(shown)
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
@@ -198,7 +199,8 @@ class PlanDrawing(Canvas):
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
         if before is None or before.outline is not shown.outline:
             self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
-        if _differ(before, shown, "scene", "compared", "readings", "chosen", "look"):
+        self._outline.setVisible(shown.draws(Layer.PREDICTED))
+        if _differ(before, shown, "scene", "compared", "readings", "chosen", "look", "hidden"):
             self.path.draw(shown)
 
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:

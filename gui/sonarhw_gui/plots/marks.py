@@ -7,16 +7,16 @@ import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import HoverEvent
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QPainter, QPen, QPolygonF
-from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.look.palette import MARKS, Palette, Unclassed
+from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.shown.shown import ClassPoints
 
-_SIZE = 9
+_SIZE, _SMALL = 9, 7  # pixels
 _RING = 16
+_CROWDED = 720  # readings; above, marks are small and have no outline, because outlines would cover their neighbours
 NO_POSITIONS = np.empty((0, 2))
 NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))
 _MOST_MARKS = 2000  # of one class; more are drawn as dots, because each mark takes time at every repaint
@@ -96,8 +96,10 @@ class ReadingMarks:
     """One scatter for each class, and a ring around the selected reading."""
 
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
-        self.placed: dict[Kind | Unclassed, Placed] = {}
+        self.placed: dict[Class, Placed] = {}
         self.scatters = {kind: _scatter(kind, tip) for kind in MARKS}
+        self._crowded = False
+        self._colours = LIGHT
         self._ring = Spots(size=_RING, symbol="o", brush=None)
         self._dots = {kind: Dots() for kind in MARKS}
         items: tuple[pg.GraphicsObject, ...] = (*self._dots.values(), *self.scatters.values(), self._ring)
@@ -109,14 +111,18 @@ class ReadingMarks:
 
     def set_look(self, colours: Palette) -> None:
         """Use these colours."""
-        for kind, scatter in self.scatters.items():
-            scatter.setPen(cosmetic_pen(colours.paper, width=1))
-            scatter.setBrush(pg.mkBrush(colours.of(kind)))
-            self._dots[kind].set_pen(cosmetic_pen(colours.of(kind), width=_DOT))
+        self._colours = colours
+        self._style_scatters()
+        for kind, dots in self._dots.items():
+            dots.set_pen(cosmetic_pen(colours.of(kind), width=_DOT))
         self._ring.setPen(cosmetic_pen(colours.chosen, width=2))
 
-    def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
+    def draw(self, placed: dict[Class, Placed]) -> None:
         """Draw the readings of each class at their positions, (n, 2) float in plot coordinates."""
+        crowded = sum(len(positions) for _, positions in placed.values()) > _CROWDED
+        if crowded is not self._crowded:
+            self._crowded = crowded
+            self._style_scatters()
         for kind, scatter in self.scatters.items():
             before, (points, positions) = self.placed.get(kind, NO_MARKS), placed.get(kind, NO_MARKS)
             known = _unchanged_count(before, (points, positions))
@@ -130,6 +136,17 @@ class ReadingMarks:
             if few:  # draw only new points of a growing scan; each added point takes time
                 scatter.addPoints(*positions[known:].T, data=points.readings[known:])
         self.placed = placed
+
+    def _style_scatters(self) -> None:
+        for kind, scatter in self.scatters.items():
+            colour = self._colours.of(kind)
+            if MARKS[kind].hollow:
+                scatter.setPen(cosmetic_pen(colour, width=1))
+                scatter.setBrush(None)
+            else:
+                scatter.setPen(pg.mkPen(None) if self._crowded else cosmetic_pen(self._colours.paper, width=1))
+                scatter.setBrush(pg.mkBrush(colour))
+            scatter.setSize(_SMALL if self._crowded else _SIZE)
 
     def ring(self, chosen: int | None) -> None:
         """Draw the ring around one reading; remove it if the reading is not drawn."""
@@ -154,7 +171,7 @@ def _unchanged_count(before: Placed, now: Placed) -> int:
     return count if same else 0
 
 
-def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> Spots:
+def _scatter(kind: Class, tip: Callable[[int], str]) -> Spots:
     return _Scatter(size=_SIZE, symbol=MARKS[kind].symbol, hoverable=True, tip=lambda x, y, data: tip(data))
 
 

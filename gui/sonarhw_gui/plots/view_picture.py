@@ -20,17 +20,18 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.shown.shown import Shown
 
 _SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
 _RATIO = 2  # picture pixels per screen pixel, for print
 
 
-def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
+def png_pixels(widget: QWidget, title: str, shown: Shown) -> Pixels:
     """Return the pixels of the view with title and legend; without a title, the widget alone."""
-    parts = _with_legend(widget, title, look)
+    parts = _with_legend(widget, title, shown)
     size = _size(parts) * _RATIO
     image = QImage(size, QImage.Format.Format_RGBA8888)
-    image.fill(QColor(look.palette.paper))
+    image.fill(QColor(shown.look.palette.paper))
     image.setDevicePixelRatio(_RATIO)
     with QPainter(image) as painter:
         _draw(painter, parts)
@@ -38,16 +39,16 @@ def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
     return rows[:, : 4 * size.width()].reshape(size.height(), size.width(), 4).copy()
 
 
-def svg_text(widget: QWidget, title: str, look: Look) -> str:
+def svg_text(widget: QWidget, title: str, shown: Shown) -> str:
     """Return the view with title and legend as SVG. `sonarhw_gui.parts.svg_strokes` corrects Qt's line widths in it.
 
     Qt's generator does not clip, so the content of each plot is a nested SVG element.
     """
-    parts = _with_legend(widget, title, look)
+    parts = _with_legend(widget, title, shown)
     size = _size(parts)
     boxes = [box for view in _graphics_views(widget) for box in _items(view, pg.ViewBox)]
     with _faded([box.childGroup for box in boxes]):
-        whole = _svg(QRect(QPoint(0, 0), size), look, partial(_draw, parts=parts))
+        whole = _svg(QRect(QPoint(0, 0), size), shown.look, partial(_draw, parts=parts))
     below = size.height() - widget.height()
     insets = []
     for view in _graphics_views(widget):
@@ -111,13 +112,14 @@ def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
             item.setOpacity(opacity)
 
 
-def _with_legend(widget: QWidget, title: str, look: Look) -> Sequence[QWidget]:
+def _with_legend(widget: QWidget, title: str, shown: Shown) -> Sequence[QWidget]:
     if not title:
         return (widget,)
     width = widget.width()
-    head, legend = PlainLabel(title), Legend()
+    head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
     head.setContentsMargins(8, 6, 8, 2)
-    legend.show_look(look)
+    legend.show_state(shown.origin, shown.hidden)
+    legend.show_look(shown.look)
     for part in (head, legend):
         part.setAttribute(Qt.WidgetAttribute.WA_TranslucentBackground)
     head.resize(width, head.sizeHint().height())

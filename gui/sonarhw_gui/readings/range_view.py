@@ -12,7 +12,7 @@ from sonarhw_compare.matching.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Unclassed
+from sonarhw_gui.look.palette import Class, Layer
 from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import Canvas, new_plot
@@ -77,6 +77,8 @@ class RangeView(Canvas):
             self._draw_outline(shown)
         if before is None or before.chances is not shown.chances or before.look != shown.look:
             self.shading.draw(shown.chances, shown.look.palette.predicted)
+        self._outline.setVisible(shown.draws(Layer.PREDICTED))
+        self.shading.setVisible(shown.draws(Layer.PREDICTED))
         if before is None or not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
@@ -242,13 +244,13 @@ def _over_heading(headings: FloatArray, values: FloatArray) -> FloatArray:
     return np.column_stack((np.degrees(headings) % 360, values))
 
 
-def _ranges(shown: Shown) -> dict[Kind | Unclassed, Placed]:
+def _ranges(shown: Shown) -> dict[Class, Placed]:
     return {kind: (points, _over_heading(points.headings, points.ranges)) for kind, points in shown.classes.items()}
 
 
-def _residuals(shown: Shown) -> dict[Kind | Unclassed, Placed]:
+def _residuals(shown: Shown) -> dict[Class, Placed]:
     """Return measured minus predicted, m, of readings that have both, clipped to the scale."""
-    placed: dict[Kind | Unclassed, Placed] = {}
+    placed: dict[Class, Placed] = {}
     residuals = np.clip(shown.rows.residuals, -_MOST_RESIDUAL, _MOST_RESIDUAL)
     for kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
         points = shown.classes.get(kind)

@@ -12,11 +12,11 @@ from PySide6.QtGui import QBrush, QColor, QPixmap
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import mark_picture
-from sonarhw_gui.look.palette import MARKS, Unclassed
+from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
 from sonarhw_gui.shown.reading_order import RowQuery, order_of
-from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, Class, IntArray, ReadingRows
+from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, IntArray, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 
 Index = QModelIndex | QPersistentModelIndex

@@ -1,8 +1,9 @@
 """The view "Readings": a table to sort, filter by class and by text, and copy as CSV."""
 
 from dataclasses import replace
+from functools import partial
 
-from PySide6.QtCore import QItemSelectionModel, QModelIndex, QSize, Qt, Signal, Slot
+from PySide6.QtCore import QItemSelectionModel, QModelIndex, Qt, Signal, Slot
 from PySide6.QtGui import (
     QFontMetrics,
     QGuiApplication,
@@ -22,14 +23,15 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
+from sonarhw_compare.matching.match import Kind
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.legend import mark_picture
-from sonarhw_gui.look.palette import MARKS, UNCLASSED, Unclassed
+from sonarhw_gui.look.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
+from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.readings.reading_model import ReadingModel
 from sonarhw_gui.shown.reading_cells import Column, class_name, column_name, rows_as_csv
-from sonarhw_gui.shown.reading_rows import CLASSES, Class
+from sonarhw_gui.shown.reading_rows import CLASSES
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 
@@ -43,6 +45,7 @@ _HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow 
 _MARK = 20  # pixels, mark of a class with the gap before the name
 _BESIDE = 12  # pixels, margins
 _ARROW = 14  # pixels, sort indicator in the header
+_MANY = 360  # readings
 _SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
 
 
@@ -103,6 +106,9 @@ class TableView(QWidget):
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
             self._set_look(shown)
+        if before is not None and before.hidden is not shown.hidden:
+            self._draw_switches(shown)
+            self._filter()
         self._following = True  # added or removed rows move the selection; the user has picked nothing
         self.model.show_state(shown)
         self._following = False
@@ -146,12 +152,10 @@ class TableView(QWidget):
 
     def _made_button(self, kind: Class) -> QToolButton:
         button = QToolButton(autoRaise=True)
-        button.setCheckable(True)
-        button.setChecked(True)
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
-        button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings")
-        button.toggled.connect(self._filter)
+        button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings in all views")
+        button.clicked.connect(partial(self._switch, kind))
         return button
 
     def _connect(self) -> None:
@@ -175,12 +179,22 @@ class TableView(QWidget):
         for column in Column:
             self.view.setColumnWidth(column, self._needed(shown, column))
         self._path_width = metrics.horizontalAdvance(_USUAL_PATH) + _BESIDE
-        for kind, button in self.classes.items():
+        for button in self.classes.values():
             button.setFont(font)
-            button.setIconSize(QSize(14, 14))
-            if kind in MARKS and MARKS[kind] is not UNCLASSED:
-                button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
+            button.setIconSize(SWITCH_SIZE)
+        self._draw_switches(shown)
+
+    def _draw_switches(self, shown: Shown) -> None:
+        for kind, button in self.classes.items():
+            mark = partial(mark_picture, kind) if kind in MARKS else no_picture
+            button.setIcon(
+                QIcon(switch_picture(mark, shown.look.palette, self.devicePixelRatioF(), kind not in shown.hidden))
+            )
             button.setFixedSize(button.sizeHint())
+
+    def _switch(self, kind: Class) -> None:
+        if self._shown is not None:
+            self.gestures.switched.emit(kind, kind in self._shown.hidden)
 
     def _widen_columns(self, shown: Shown) -> None:
         """Widen the columns for longer numbers and class names."""
@@ -225,10 +239,10 @@ class TableView(QWidget):
     def _count(self, shown: Shown) -> None:
         for kind, count in self.model.rows.counts().items():
             button = self.classes[kind]
-            button.setText(str(count) if not button.icon().isNull() else f"{class_name(kind)} {count}")
+            button.setText(str(count) if isinstance(kind, Kind) and kind in MARKS else f"{class_name(kind)} {count}")
             button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
-            waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # about to be compared
-            button.setVisible((count > 0 and not waiting) or not button.isChecked())
+            least = _MANY if kind is Unclassed.WAITING else 0  # a few are compared within a moment
+            button.setVisible(count > least or kind in shown.hidden)
 
     def _fade_counts(self, shown: Shown) -> None:
         """Show the counts in grey while they belong to an older prediction."""
@@ -240,7 +254,8 @@ class TableView(QWidget):
 
     @Slot()
     def _filter(self) -> None:
-        hidden = frozenset(kind for kind, button in self.classes.items() if not button.isChecked())
+        hidden = self._shown.hidden if self._shown else frozenset()
+        hidden = frozenset(kind for kind in CLASSES if kind in hidden)
         self._following = True
         self.model.set_query(replace(self.model.query, hidden=hidden, text=self.words.text()))
         self._following = False

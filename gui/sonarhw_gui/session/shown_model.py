@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, Signal, Slot
 
 from sonarhw.readings import Reading
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import Class, Layer
 from sonarhw_gui.scene.history import History
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
@@ -121,6 +122,13 @@ class ShownModel(QObject):
         """Compute the B-scan with these settings; None: it is not visible."""
         self.traces.request_bscan(settings)
 
+    @Slot(object, bool)
+    def switch(self, layer: Class | Layer, visible: bool) -> None:
+        """Show or hide a class of readings, or another layer, in every view."""
+        hidden = self.shown.hidden - {layer} if visible else self.shown.hidden | {layer}
+        if hidden != self.shown.hidden:
+            self._emit(replace(self.shown, hidden=hidden))
+
     def set_look(self, look: Look) -> None:
         """Draw everything in another palette, unit or size."""
         if look != self.shown.look:
@@ -169,8 +177,8 @@ class ShownModel(QObject):
     def refresh(self) -> None:
         """Update the views now."""
         readings, compared = self._source.readings, self.forecast.compared
-        if self._source.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:
-            self.forecast.follow(readings)  # only the newest readings of a long log are compared at once
+        chosen = self._choice.among(len(readings), compared.end if compared else 0)
+        self.forecast.prefer(chosen)
         shown = replace(
             self.shown,
             outline=self.forecast.outline,
@@ -180,7 +188,7 @@ class ShownModel(QObject):
             readings=readings,
             origin=self._source.origin,
             earlier=self.shown.known_rows,
-            chosen=self._choice.among(len(readings), compared.end if compared else 0),
+            chosen=chosen,
         )
         self._emit(shown)
 

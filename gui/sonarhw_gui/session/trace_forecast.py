@@ -8,8 +8,7 @@ import time
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.bscan_picture import BScans, BScanSettings
 from sonarhw_gui.work.bscan_request import BScanRequest
-from sonarhw_gui.work.chosen_trace import ChosenTrace
-from sonarhw_gui.work.trace_request import TraceFound, TraceRequest
+from sonarhw_gui.work.chosen_trace import ChosenTrace, TraceFound, TraceRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
 _PAUSE = 0.05  # s between two traces; a person cannot see fifty readings per second

@@ -316,7 +316,7 @@ class WindowSession(QObject):
     def _update_status(self) -> None:
         searching = self.showing.forecast.searching
         status = self._source.status(time.monotonic(), searching, room_name(self.shown.scene))
-        status = replace(status, outdated=self.shown.outdated)
+        status = replace(status, outdated=self.shown.outdated, uncompared=self.showing.forecast.uncompared)
         if status != self.status:
             self.status = status
             self.status_changed.emit(status)

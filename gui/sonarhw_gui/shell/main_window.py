@@ -93,6 +93,7 @@ class MainWindow(QMainWindow):
         connect_replay(self.replay_bar, session)
         connect_banner(self.banner, session)
         views.connect_gestures(session.showing)
+        self.legend.switched.connect(session.showing.switch)
         views.stage.currentChanged.connect(self._show_again)
         views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
@@ -126,7 +127,7 @@ class MainWindow(QMainWindow):
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self.setWindowTitle(f"sonarhw — {shown.title}")
-        self.legend.show_origin(shown.origin)
+        self.legend.show_state(shown.origin, shown.hidden)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()
 

@@ -54,6 +54,7 @@ class ViewArea(QSplitter):
             gestures.pointed.connect(showing.point_at)
             gestures.edited.connect(showing.edit)
             gestures.cancelled.connect(showing.cancel)
+            gestures.switched.connect(showing.switch)
             gestures.bscan_requested.connect(showing.request_bscan)
 
     def show_state(self, shown: Shown) -> None:

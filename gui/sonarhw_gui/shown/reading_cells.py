@@ -9,9 +9,9 @@ from enum import IntEnum
 from sonarhw.export.csv_rows import text_cell
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import MARKS
+from sonarhw_gui.look.palette import MARKS, Class
 from sonarhw_gui.look.residual_unit import residual_unit
-from sonarhw_gui.shown.reading_rows import CLASSES, Class, ReadingRows
+from sonarhw_gui.shown.reading_rows import CLASSES, ReadingRows
 
 _NOTHING = "–"
 

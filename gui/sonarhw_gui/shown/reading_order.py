@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_gui.look.palette import Class
 from sonarhw_gui.shown.reading_cells import Column, class_name
-from sonarhw_gui.shown.reading_rows import CLASSES, CODES, NO_PATH, Class, IntArray, ReadingRows
+from sonarhw_gui.shown.reading_rows import CLASSES, CODES, NO_PATH, IntArray, ReadingRows
 
 
 @dataclass(frozen=True)

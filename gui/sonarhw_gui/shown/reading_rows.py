@@ -1,25 +1,18 @@
 """The readings as rows of a table, in plain arrays that are extended while a scan grows."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from sonarhw_compare.matching.match import Kind, Matched
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_gui.look.palette import Unclassed
+from sonarhw_gui.look.palette import Class, Unclassed
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.prediction_requests import Compared
+from sonarhw_gui.work.comparing import NO_PATH, ComparedScan, IntArray
 
-IntArray = NDArray[np.int64]
-Class = Kind | Unclassed
-CLASSES: tuple[Class, ...] = (*Kind, Unclassed.MEASURED)
+CLASSES: tuple[Class, ...] = (*Kind, *Unclassed)  # begins with the codes of `Stretch.kinds`
 CODES = {kind: code for code, kind in enumerate(CLASSES)}
-_UNCLASSED = CODES[Unclassed.MEASURED]
-NO_PATH = -1
 
 
 @dataclass(frozen=True)
@@ -58,7 +51,10 @@ NO_ROWS = ReadingRows((), _EMPTY, _EMPTY, _EMPTY, _EMPTY, _NONE, _NONE, ())
 
 
 def rows_of(
-    readings: tuple[Reading, ...], compared: Compared | None, scene: Scene, before: ReadingRows = NO_ROWS
+    readings: tuple[Reading, ...],
+    compared: ComparedScan | None,
+    scene: Scene,
+    before: ReadingRows = NO_ROWS,
 ) -> ReadingRows:
     """Return the rows of readings made in a scene.
 
@@ -69,14 +65,8 @@ def rows_of(
     angles = np.concatenate((before.angles[:known], np.degrees([reading.angle for reading in fresh])))
     ranges = (reading.range for reading in fresh)
     measured = np.concatenate((before.measured[:known], [math.nan if far is None else far for far in ranges]))
-    predicted, classes, paths = np.full(len(angles), math.nan), np.full(len(angles), _UNCLASSED), _no_paths(len(angles))
-    names: tuple[str, ...] = ()
-    if compared is not None:
-        matched = compared.comparison.rows[: max(0, len(angles) - compared.first)]
-        stretch = slice(compared.first, compared.first + len(matched))
-        predicted[stretch] = [math.nan if row.predicted is None else row.predicted for row in matched]
-        classes[stretch] = [CODES[row.kind] for row in matched]
-        paths[stretch], names = _named_paths(matched, compared.comparison.prediction)
+    uncompared = Unclassed.WAITING if scene.room else Unclassed.MEASURED
+    predicted, classes, paths, names = _compared_values(len(angles), compared, CODES[uncompared])
     headings = np.mod(scene.board.turned(angles) + math.degrees(scene.pose.heading), 360.0)
     return ReadingRows(readings, angles, headings, measured, predicted, classes, paths, names)
 
@@ -96,16 +86,19 @@ def _shared(earlier: tuple[Reading, ...], later: tuple[Reading, ...]) -> int:
     return both if both and earlier[both - 1] is later[both - 1] else 0
 
 
-def _no_paths(count: int) -> IntArray:
-    return np.full(count, NO_PATH, np.int64)
-
-
-def _named_paths(rows: Iterable[Matched], prediction: PredictedScan) -> tuple[IntArray, tuple[str, ...]]:
-    """Return the index of each reading's path name, and the names. The path of a missed echo is the predicted one."""
-    missed = {row.index: int(prediction.winners[row.index]) for row in rows if row.kind is Kind.MISSED}
-    found = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
-    different, places = np.unique(found, return_inverse=True)
-    names = {path: ">".join(prediction.paths.via(path, prediction.room)) for path in different.tolist() if path >= 0}
-    in_order = sorted(set(names.values()))
-    place = {path: in_order.index(name) for path, name in names.items()}
-    return np.array([place.get(path, NO_PATH) for path in different.tolist()], np.int64)[places], tuple(in_order)
+def _compared_values(
+    count: int, compared: ComparedScan | None, uncompared: int
+) -> tuple[FloatArray, IntArray, IntArray, tuple[str, ...]]:
+    """Return predicted ranges, classes and paths of `count` readings, and the names of the paths."""
+    predicted, classes = np.full(count, math.nan), np.full(count, uncompared)
+    paths = np.full(count, NO_PATH, np.int64)
+    stretches = [stretch for stretch in (compared.stretches if compared else ()) if stretch.first < count]
+    names = sorted(set().union(*(stretch.paths[1] for stretch in stretches)))
+    places = {name: place for place, name in enumerate(names)}
+    for stretch in stretches:
+        here = slice(stretch.first, min(stretch.end, count))
+        rows = slice(0, here.stop - here.start)
+        predicted[here], classes[here] = stretch.predicted[rows], stretch.kinds[rows]
+        found, own_names = stretch.paths
+        paths[here] = np.array([*(places[name] for name in own_names), NO_PATH], np.int64)[found[rows]]
+    return predicted, classes, paths, tuple(names)

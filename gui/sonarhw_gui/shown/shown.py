@@ -9,18 +9,18 @@ from functools import cached_property
 import numpy as np
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.headings import heading_text
-from sonarhw_compare.matching.match import Kind, Matched
+from sonarhw_compare.matching.match import Matched
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Unclassed
+from sonarhw_gui.look.palette import Class, Layer
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from sonarhw_gui.work.bscan_picture import BScans
 from sonarhw_gui.work.chosen_trace import ChosenTrace
+from sonarhw_gui.work.comparing import ComparedScan
 from sonarhw_gui.work.outline_chances import OutlineChances
-from sonarhw_gui.work.prediction_requests import Compared
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,14 @@ class Shown:
 
     scene: Scene
     outline: PredictedScan | None = None
-    compared: Compared | None = None
+    compared: ComparedScan | None = None
     readings: tuple[Reading, ...] = ()
     origin: Origin = Origin.MEASURED  # of the readings
     chosen: int | None = None
     trace: ChosenTrace | None = None  # of the selected reading; computed after the selection
     bscan: BScans | None = None  # as last shown
     cursor: Cursor | None = None
+    hidden: frozenset[Class | Layer] = frozenset()  # classes and layers that no view draws
     look: Look = field(default_factory=Look)
     outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
     chances: OutlineChances | None = None  # probabilities of ranges, if the board states spreads
@@ -76,8 +77,9 @@ class Shown:
 
     @property
     def prediction(self) -> PredictedScan | None:
-        """The prediction of the compared rows; None if nothing was compared."""
-        return self.compared.comparison.prediction if self.compared else None
+        """The prediction that `chosen_row` belongs to; None if the selected reading was not compared."""
+        stretch = self.compared.stretch_of(self.chosen) if self.compared and self.chosen is not None else None
+        return stretch.comparison.prediction if stretch else None
 
     def row(self, reading: int) -> Matched | None:
         """Return the comparison of a reading; None if it was not compared."""
@@ -89,7 +91,12 @@ class Shown:
 
     def same_readings(self, other: "Shown") -> bool:
         """Return whether `other` has the same readings in the same classes at the same points."""
-        return self.readings is other.readings and self.compared is other.compared and self.scene is other.scene
+        mine, others = ((one.readings, one.compared, one.scene, one.hidden) for one in (self, other))
+        return all(part is other_part for part, other_part in zip(mine, others, strict=True))
+
+    def draws(self, layer: Layer) -> bool:
+        """Return whether a layer is drawn."""
+        return layer not in self.hidden
 
     @cached_property
     def sentence(self) -> str:
@@ -100,8 +107,9 @@ class Shown:
 
     def sentence_of(self, reading: int) -> str:
         """Return the explanation of a reading, or why there is none yet."""
-        if self.compared is not None and self.row(reading) is not None:
-            return explain_reading(self.compared.comparison, reading - self.compared.first, self.look.unit.text)
+        stretch = self.compared.stretch_of(reading) if self.compared else None
+        if stretch is not None:
+            return explain_reading(stretch.comparison, reading - stretch.first, self.look.unit.text)
         range_ = self.readings[reading].range
         at = heading_text(self.heading(reading))
         measured = f"no echo at {at}" if range_ is None else f"{self.look.unit.text(range_)} at {at}"
@@ -118,12 +126,14 @@ class Shown:
         return longer_of(self.rows, self.earlier)
 
     @cached_property
-    def classes(self) -> dict[Kind | Unclassed, ClassPoints]:
-        """All readings with a measured or predicted range, by class."""
+    def classes(self) -> dict[Class, ClassPoints]:
+        """The readings of the visible classes with a measured or predicted range, by class."""
         rows = self.rows
         drawn_at = np.where(np.isnan(rows.measured), rows.predicted, rows.measured)
         points = {}
         for code, kind in enumerate(CLASSES):
+            if kind in self.hidden:
+                continue
             found = np.flatnonzero((rows.classes == code) & ~np.isnan(drawn_at))
             if len(found):
                 points[kind] = ClassPoints(tuple(found.tolist()), np.radians(rows.headings[found]), drawn_at[found])

@@ -44,6 +44,7 @@ class EchoNames:
         self._font = QFont()
         self._metrics = QFontMetricsF(self._font)
         self._echoes: tuple[NamedEcho, ...] = ()
+        self._visible = True
         self._heights = EMPTY
         self._rows, self._per_pixel = _ROWS, 1.0
         self._items: list[pg.TextItem] = []
@@ -76,13 +77,20 @@ class EchoNames:
         )
         self._lay_out()
 
+    def set_visible(self, visible: bool) -> None:
+        """Show or hide all names and stems."""
+        if visible is not self._visible:
+            self._visible = visible
+            self._lay_out()
+
     def _lay_out(self, *_: object) -> None:
         height, row = max(self._view.height(), 1.0), _ROW * self._look.scale
         bottom, top = self._heights.bottom, self._heights.top
         self._rows = max(1, min(_ROWS, int(_SHARE * height / row)))
         self._per_pixel = (top - bottom) / max(height - self._rows * row, (1 - _SHARE) * height)
         self._view.setYRange(bottom, bottom + height * self._per_pixel, padding=0)
-        names = self._fitting()
+        names = self._fitting() if self._visible else []
+        self._heads.setVisible(self._visible)
         self._stems.setData(*self._stem_ends(names).T)
         while len(self._items) < len(names):
             item = pg.TextItem(fill=pg.mkBrush(self._look.palette.paper))

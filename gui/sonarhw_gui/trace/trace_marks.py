@@ -7,8 +7,10 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import Layer
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_axes import GainAxis, Heights
 from sonarhw_gui.work.chosen_trace import ChosenTrace
 
@@ -21,6 +23,7 @@ class TraceMarks:
 
     def __init__(self, plot: pg.PlotItem, gain_axis: GainAxis) -> None:
         self._gain_axis = gain_axis
+        self._drawn = False  # whether there is a trace
         self._blanking = pg.LinearRegionItem(movable=False)
         self._blanking.setZValue(_BEHIND)
         self._threshold = pg.PlotCurveItem(connect="pairs")
@@ -44,8 +47,7 @@ class TraceMarks:
 
     def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:
         """Draw the marks of a trace; None hides them."""
-        for item in self._items:
-            item.setVisible(trace is not None)
+        self._drawn = trace is not None
         if trace is None:
             return
         self._blanking.setRegion((0.0, trace.blanking))
@@ -59,6 +61,14 @@ class TraceMarks:
         self._gain.setData(trace.gain.curve.times[begun], placed)
         data = [f"reported: {look.unit.text(trace.range_at(time))}, {time * 1e3:.2f} ms" for time in trace.echo_times]
         self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data=data)
+
+    def set_visible(self, shown: Shown) -> None:
+        """Show the marks of the layers that `shown` draws; without a trace, none."""
+        for item, layer in (
+            *((self._blanking, Layer.BLANKING), (self._threshold, Layer.THRESHOLD)),
+            *((self._gain, None), (self._reported, Layer.TRACE)),
+        ):
+            item.setVisible(self._drawn and layer not in shown.hidden)
 
 
 def _tip(x: float, y: float, data: str) -> str:

@@ -14,6 +14,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_sim.air import Air
 
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import Layer
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.parts.plain_label import PlainLabel
@@ -74,12 +75,13 @@ class TraceView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if before is None or before.trace is not shown.trace or before.cursor != shown.cursor:
+        if before is None or before.trace is not shown.trace or _marked(before) != _marked(shown):
             self.canvas.repaint_whole()
         if before is None or before.look != shown.look:
             self._set_look(shown.look)
         if before is None or before.trace is not shown.trace or before.look != shown.look:
             self._draw(shown.trace)
+        self._show_layers(shown)
         if shown.trace is None and not self._duration:
             self._show_board_range(shown.scene)
         self._update_title()
@@ -154,6 +156,12 @@ class TraceView(QWidget):
             self._set_time_range(trace)
         self._read_cursors()
 
+    def _show_layers(self, shown: Shown) -> None:
+        self._measured.setVisible(shown.draws(Layer.TRACE))
+        self._predicted.setVisible(shown.draws(Layer.PREDICTED))
+        self.names.set_visible(shown.draws(Layer.PREDICTED))
+        self.marks.set_visible(shown)
+
     def _update_title(self) -> None:
         shown = self._shown
         due = None if shown is None or shown.chosen is None else shown.heading(shown.chosen)
@@ -212,6 +220,10 @@ class TraceView(QWidget):
         self._pointer.setVisible(cursor is not None and self._trace is not None)
         if cursor is not None and self._trace is not None:
             self._pointer.setValue(self._trace.time_at(cursor.range))
+
+
+def _marked(shown: Shown) -> tuple[object, ...]:
+    return shown.cursor, shown.hidden
 
 
 def _curve_item() -> pg.PlotDataItem:

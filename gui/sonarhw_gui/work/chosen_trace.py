@@ -159,3 +159,26 @@ def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable
         level += float(stepped_gain_db(np.array([time]), board)[0] - path_loss_db(np.array([length]), board)[0])
     via = ">".join(prediction.paths.via(echo.path, prediction.room))
     return NamedEcho(time, echo.range, level, via, detectable, first, board.sum_arrivals)
+
+
+@dataclass(frozen=True)
+class TraceFound:
+    """The traces of a reading."""
+
+    generation: int
+    trace: ChosenTrace
+
+
+@dataclass(frozen=True)
+class TraceRequest:
+    """Read the trace of a reading and predict it."""
+
+    generation: int
+    scene: Scene
+    reading: Reading
+    prediction: PredictedScan | None
+    index: int  # among the prediction's headings
+
+    def answer(self) -> TraceFound:
+        """Read and predict the trace; this takes some milliseconds."""
+        return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))

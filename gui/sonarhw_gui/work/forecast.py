@@ -11,12 +11,12 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import Reading
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.comparing import ComparedScan, Comparer
 from sonarhw_gui.work.effort import EffortChoice
 from sonarhw_gui.work.outline_chances import ChancesRequest, OutlineChances, has_chances
-from sonarhw_gui.work.prediction_requests import Compared, CompareRequest, PathsFound, PathsRequest
+from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
-MOST_COMPARED = 1440  # newest readings that are compared; more would fill the memory in an hour of scanning
 LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
 REST = 0.2  # s without a movement, after which a drag is considered to pause
 
@@ -27,24 +27,31 @@ class Forecast:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
         self.chances: OutlineChances | None = None  # of the outline, after the search for all paths
-        self.compared: Compared | None = None
         self.outdated = False  # whether the comparison is of a previous scene for longer than LATE
         self.failures: list[str] = []
         self._clock = clock
         self._effort = EffortChoice()
         self._scene: Scene | None = None
-        self._readings: Sequence[Reading] = ()
         self._found: PathsFound | None = None
         self._generation = 0  # number of the scene; every change increments it
         self._changed_at: dict[int, float] = {}  # generation: time of its change; only those after the compared scene
         self._oldest = 0  # older generations belong to another room
-        self._scan_generation = 0
         self._search_at: float | None = None  # time of the next search for all paths
         # four threads: drafts and comparisons never wait for the search for all paths, nor for probabilities
         self._drafter = Worker("draft paths")
         self._finder = Worker("find paths")
-        self._comparer = Worker("compare readings")
         self._weigher = Worker("probabilities")
+        self._comparer = Comparer()
+
+    @property
+    def compared(self) -> ComparedScan | None:
+        """The readings that are compared so far; None before the first."""
+        return self._comparer.compared
+
+    @property
+    def uncompared(self) -> int:
+        """The number of readings that are not compared with the newest paths yet."""
+        return self._comparer.uncompared
 
     @property
     def searching(self) -> bool:
@@ -54,6 +61,7 @@ class Forecast:
     def set_scene(self, scene: Scene) -> None:
         """Predict for `scene` from now on, and drop the results for the previous scene."""
         self._found, self.outline, self.chances = None, None, None
+        self._comparer.use(None)
         self._oldest = self._generation + 1
         self.begin_scan()
         self.change_scene(scene)
@@ -76,13 +84,15 @@ class Forecast:
 
     def begin_scan(self) -> None:
         """Drop the readings; later readings belong to another scan."""
-        self.compared, self._readings = None, ()
-        self._scan_generation += 1
+        self._comparer.begin_scan()
 
     def follow(self, readings: Sequence[Reading]) -> None:
         """Compare `readings`, all readings of the scan so far; until `begin_scan` they only grow."""
-        self._readings = readings
-        self._compare()
+        self._comparer.follow(readings)
+
+    def prefer(self, reading: int | None) -> None:
+        """Compare the stretch of this reading first."""
+        self._comparer.around = reading
 
     def take(self) -> bool:
         """Fetch the answers since the last call; return whether anything has changed."""
@@ -90,16 +100,17 @@ class Forecast:
         changed = False
         for answer in (answer for worker in self._workers for answer in worker.take()):
             changed = self._accept(answer) or changed
+        changed = self._take_compared() or changed
         return self._update_outdated() or changed
 
     def close(self) -> None:
         """End the threads."""
-        for worker in self._workers:
-            worker.close()
+        for part in (*self._workers, self._comparer):
+            part.close()
 
     @property
     def _workers(self) -> tuple[Worker, ...]:
-        return self._drafter, self._finder, self._comparer, self._weigher
+        return self._drafter, self._finder, self._weigher
 
     def _update_outdated(self) -> bool:
         """Update `outdated`; return whether it changed. Only a comparison of the newest scene clears it."""
@@ -116,7 +127,14 @@ class Forecast:
             self._search_at = None
             self._finder.submit(PathsRequest(self._generation, self._scene, self._scene.options))
 
-    def _accept(self, answer: PathsFound | Compared | OutlineChances | Failure) -> bool:
+    def _take_compared(self) -> bool:
+        changed, failures = self._comparer.take()
+        self.failures += [failure.message for failure in failures]
+        if self.compared is not None and changed:
+            self._forget_changes(self.compared.scene_generation)
+        return changed or bool(failures)
+
+    def _accept(self, answer: PathsFound | OutlineChances | Failure) -> bool:
         match answer:
             case Failure():
                 self.failures.append(answer.message)
@@ -125,10 +143,6 @@ class Forecast:
                 if answer.draft:
                     self._effort.record(answer.took)
                 return self._accept_paths(answer)
-            case Compared(generation=self._scan_generation):
-                self.compared = answer
-                self._forget_changes(answer.scene_generation)
-                return True
             case OutlineChances() if self._found is not None and answer.generation == self._found.generation:
                 self.chances = answer
                 return True
@@ -144,18 +158,11 @@ class Forecast:
             self._weigher.submit(ChancesRequest(found))
         if self.compared is None:
             self._forget_changes(found.generation)
-        self._compare()
+        self._comparer.use(found)
         return True
 
     def _forget_changes(self, done: int) -> None:
         self._changed_at = {scene: at for scene, at in self._changed_at.items() if scene > done}
-
-    def _compare(self) -> None:
-        if self._found is None or not self._readings:
-            return
-        first = max(0, len(self._readings) - MOST_COMPARED)
-        newest = tuple(self._readings[first:])
-        self._comparer.submit(CompareRequest(self._scan_generation, self._found, newest, first))
 
 
 def _rank(found: PathsFound) -> tuple[int, bool]:

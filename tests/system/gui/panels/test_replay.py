@@ -188,20 +188,6 @@ def test_playback_keeps_the_recorded_schedule(log: Log) -> None:
     assert playback.count == 1
 
 
-def test_a_very_long_log_is_compared_around_the_visible_time(
-    qtbot: QtBot, open_with: OpenWith, log: Log, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sonarhw_gui.work.forecast.MOST_COMPARED", 10)
-    window = open_with(source=log)
-    until(qtbot, lambda: window.session.shown.chosen_row is not None)
-    assert window.session.shown.row(0) is None
-    slider = window.replay_bar.slider
-    slider.setValue(slider.maximum() // 4)
-    until(qtbot, lambda: window.session.shown.chosen_row is not None)
-    assert window.session.shown.row(0) is not None
-    assert window.session.shown.chosen == len(window.session.shown.readings) - 1
-
-
 def test_lost_readings_are_those_made_but_missing(log: Log) -> None:
     (scan,) = log.scans
     assert lost_in(scan) == 0

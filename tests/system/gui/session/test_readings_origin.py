@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_gui.plots.reading_tip import reading_tip
@@ -17,7 +16,7 @@ from tests.system.gui.driving import until
 
 
 def legend_texts(window: MainWindow) -> set[str]:
-    return {label.text() for label in window.legend.findChildren(QLabel) if label.text()}
+    return {entry.text() for entry in window.legend.entries.values()}
 
 
 def test_title_legend_table_and_tooltip_name_the_origin_of_a_log(

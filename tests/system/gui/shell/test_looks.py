@@ -52,8 +52,8 @@ def test_every_symbol_of_the_legend_is_visible_on_dark() -> None:
     open_application()
     legend = Legend()
     legend.show_look(Look(DARK))
-    for label, _ in legend._pictures:
-        image = label.pixmap().toImage()
+    for entry in legend.entries.values():
+        image = entry.icon().pixmap(entry.iconSize()).toImage()
         pixels = [image.pixelColor(x, y) for x in range(image.width()) for y in range(image.height())]
         assert max(contrast(one.name(), DARK.window) for one in pixels if one.alpha() == 255) > 3
 

@@ -11,9 +11,10 @@ import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.comparing import ComparedScan, CompareRequest
 from sonarhw_gui.work.effort import Effort, EffortChoice
 from sonarhw_gui.work.forecast import LATE, REST, Forecast
-from sonarhw_gui.work.prediction_requests import Compared, CompareRequest, PathsFound, PathsRequest
+from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 from sonarhw_sim.predict.prediction import predict_scan
 
@@ -98,7 +99,7 @@ def forecast() -> Iterator[Forecast]:
 def finished(qtbot: QtBot, forecast: Forecast) -> None:
     def settled() -> bool:
         forecast.take()
-        return not forecast.searching and not forecast._comparer.busy
+        return not forecast.searching and not forecast._comparer._worker.busy
 
     until(qtbot, settled)
 
@@ -111,10 +112,10 @@ def test_answers_of_another_scene_or_scan_are_dropped(
     forecast.follow(readings)
     finished(qtbot, forecast)
     stale_paths = PathsRequest(0, scene, scene.options).answer()
-    stale_rows = CompareRequest(0, stale_paths, readings[:2], 0).answer()
+    stale_rows = CompareRequest(0, stale_paths, ((0, readings[:2]),)).answer()
     outline, compared = forecast.outline, forecast.compared
-    for answer in (stale_paths, stale_rows):
-        forecast._finder.submit(Echoed(answer))
+    for worker, answer in ((forecast._finder, stale_paths), (forecast._comparer._worker, stale_rows)):
+        worker.submit(Echoed(answer))
         finished(qtbot, forecast)
     assert forecast.outline is outline
     assert forecast.compared is compared
@@ -134,7 +135,7 @@ def test_a_new_scan_drops_the_comparison_of_the_last_one(
     forecast.set_scene(scene)
     forecast.follow(read_log(recorded).readings)
     finished(qtbot, forecast)
-    assert isinstance(forecast.compared, Compared)
+    assert isinstance(forecast.compared, ComparedScan)
     forecast.begin_scan()
     assert forecast.compared is None
 
@@ -148,7 +149,7 @@ def test_the_window_and_the_command_compare_alike(
     forecast.follow(readings)
     finished(qtbot, forecast)
     slow = compare_readings(readings, scene.room, scene.pose, scene.board)
-    fast = forecast.compared.comparison
+    fast = forecast.compared.stretches[0].comparison
     for one, other in zip(fast.rows, slow.rows, strict=True):
         assert (one.kind, one.measured, one.predicted) == (other.kind, other.measured, other.predicted)
         if other.path is not None:
@@ -234,7 +235,7 @@ def test_the_old_prediction_stays_until_the_changed_scene_is_predicted(
     assert forecast.compared is compared
     finished(qtbot, forecast)
     assert forecast.outline is not outline
-    assert forecast.compared.comparison.prediction.place.position == moved(scene, 0.1).place.position
+    assert forecast.compared.stretches[0].comparison.prediction.place.position == moved(scene, 0.1).place.position
 
 
 def test_old_values_become_outdated_after_a_delay_until_the_new_ones_arrive(
@@ -246,7 +247,7 @@ def test_old_values_become_outdated_after_a_delay_until_the_new_ones_arrive(
     forecast.follow(read_log(recorded).readings)
     finished(qtbot, forecast)
     gate, begun = threading.Event(), threading.Event()
-    forecast._comparer.submit(Waiting(gate, begun))  # blocks the comparison
+    forecast._comparer._worker.submit(Waiting(gate, begun))  # blocks the comparison
     assert begun.wait(HANG)
     forecast.change_scene(moved(scene, 0.1))
     for now, outdated in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
@@ -270,8 +271,9 @@ def test_late_drafts_of_a_moving_sensor_are_outdated(scene: Scene, recorded: Pat
     for generation in range(2, 12):  # the sensor moves again as soon as the last draft has arrived
         forecast.change_scene(moved(scene, 0.001 * generation), moving=True)
         clock.now += late
-        compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
-        forecast._accept(compared.answer())
+        request = CompareRequest(0, replace(found, generation=generation - 1), ((0, readings),))
+        forecast._comparer.compared = (forecast.compared or ComparedScan(())).with_newer(request.answer().stretches)
+        forecast._forget_changes(generation - 1)
         forecast._update_outdated()
         observed.append(forecast.outdated)
     assert observed == [outdated] * len(observed)

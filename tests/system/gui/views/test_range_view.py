@@ -13,8 +13,8 @@ from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.work.comparing import ComparedScan, Stretch
 from sonarhw_gui.work.outline_chances import OutlineChances
-from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.readings import Reading
 from tests.system.gui.driving import PATIENCE, click, position_of, until
@@ -30,7 +30,7 @@ def shown(scene: Scene) -> Shown:
         for k, far in enumerate(RANGES)
     )
     comparison = compare_readings(readings, scene.room, scene.pose, scene.board)
-    return Shown(scene, None, Compared(0, comparison, 0, draft=False), readings, chosen=0)
+    return Shown(scene, None, ComparedScan((Stretch(0, comparison),)), readings, chosen=0)
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def view(qtbot: QtBot, shown: Shown) -> RangeView:
 
 
 def test_residuals_are_measured_minus_predicted_and_clipped_to_the_scale(view: RangeView, shown: Shown) -> None:
-    for row in shown.compared.comparison.rows:
+    for row in shown.compared.stretches[0].comparison.rows:
         if row.kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
             heading, residual = position_of(view._marks[1], row.index)
             assert heading == pytest.approx(90 * row.index)
@@ -62,7 +62,7 @@ def test_a_residual_beyond_the_scale_is_an_arrow_with_its_value_in_the_tooltip(
     )
     room = shown.scene
     comparison = compare_readings(readings, room.room, room.pose, room.board)
-    view.show_state(replace(shown, readings=readings, compared=Compared(0, comparison, 0, draft=False)))
+    view.show_state(replace(shown, readings=readings, compared=ComparedScan((Stretch(0, comparison),))))
     points = {kind: [(spot.pos().x(), spot.pos().y()) for spot in view.beyond[kind].points()] for kind in view.beyond}
     assert points == {Kind.SHORT: [], Kind.LONG: [(pytest.approx(180), pytest.approx(0.25))]}
     assert view.beyond[Kind.LONG].isVisible()

@@ -22,7 +22,7 @@ from sonarhw_gui.shown.reading_cells import Column, rows_as_csv
 from sonarhw_gui.shown.reading_order import RowQuery, order_of
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.prediction_requests import Compared
+from sonarhw_gui.work.comparing import ComparedScan, Stretch
 
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
@@ -45,7 +45,7 @@ def readings(recorded: Path) -> tuple[Reading, ...]:
 @pytest.fixture(scope="session")
 def shown(scene: Scene, readings: tuple[Reading, ...]) -> Shown:
     comparison = compare_readings(readings, scene.room, scene.pose, scene.board)
-    return Shown(scene, None, Compared(0, comparison, 0, draft=False), readings, chosen=len(readings) - 1)
+    return Shown(scene, None, ComparedScan((Stretch(0, comparison),)), readings, chosen=len(readings) - 1)
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def click_header(qtbot: QtBot, table: TableView, column: Column) -> None:
 
 def test_rows_have_measured_range_residual_class_and_path(shown: Shown) -> None:
     rows = shown.rows
-    for index, row in enumerate(shown.compared.comparison.rows):
+    for index, row in enumerate(shown.compared.stretches[0].comparison.rows):
         assert rows.measured[index] == pytest.approx(math.nan if row.measured is None else row.measured, nan_ok=True)
         assert rows.residuals[index] == pytest.approx(math.nan if row.residual is None else row.residual, nan_ok=True)
         assert CLASSES[rows.classes[index]] is row.kind
@@ -172,10 +172,13 @@ def test_a_click_on_a_column_sorts_by_number_not_by_text(qtbot: QtBot, table: Ta
     assert headings == sorted(headings, reverse=True)
 
 
-def test_the_button_of_a_class_hides_and_shows_it(qtbot: QtBot, table: TableView) -> None:
+def test_the_button_of_a_class_hides_and_shows_it(qtbot: QtBot, table: TableView, shown: Shown) -> None:
     button = table.classes[Kind.MATCH]
     matches = table.model.rows.counts()[Kind.MATCH]
     assert button.text() == str(matches)
+    table.gestures.switched.connect(
+        lambda kind, visible: table.show_state(replace(shown, hidden=frozenset() if visible else frozenset((kind,))))
+    )
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
     assert "match" not in listed(table, Column.CLASS)
     assert len(listed(table)) == COUNT - matches
@@ -308,12 +311,15 @@ def test_units_follow_the_look(table: TableView, shown: Shown) -> None:
     assert listed(table, Column.MEASURED)[27] == f"{measured / 0.3048:.2f}"
 
 
-def test_readings_that_are_not_compared_are_listed_as_measured(qtbot: QtBot, shown: Shown) -> None:
+@pytest.mark.parametrize(("room", "name"), [(False, "measured"), (True, "not compared")])
+def test_readings_that_are_not_compared_are_listed_as_such(qtbot: QtBot, shown: Shown, room: bool, name: str) -> None:
     table = TableView()
     qtbot.addWidget(table)
-    table.show_state(replace(shown, compared=None))
-    assert set(listed(table, Column.CLASS)) == {"measured"}
-    assert table.classes[Unclassed.MEASURED].text() == f"measured {COUNT}"
+    scene = shown.scene if room else replace(shown.scene, room=None, place=None)
+    table.show_state(replace(shown, compared=None, scene=scene))
+    assert set(listed(table, Column.CLASS)) == {name}
+    kind = Unclassed.WAITING if room else Unclassed.MEASURED
+    assert table.classes[kind].text() == f"{name} {COUNT}"
 
 
 def test_sentences_are_computed_only_for_visible_rows(
