@@ -10,14 +10,14 @@ from typing import cast
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
-from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_sim.predict.by_heading import standpoints
 
-from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Layer
+from sonarhw_gui.plan.edge_arrows import EdgeArrows
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
@@ -27,11 +27,13 @@ from sonarhw_gui.plots.plot_look import label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.scene.plan_geometry import outline_points, plan_bounds
 from sonarhw_gui.scene.room_edit import Point
+from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures
 
-_BEYOND = 0.17  # margin, share of the room's longer side: multipath readings are drawn outside the room
+_BEYOND = 0.08  # margin, share of the room's longer side
+_AROUND_READINGS = 0.04  # likewise, share of the extent of all readings
 
 
 class PlanDrawing(Canvas):
@@ -45,18 +47,17 @@ class PlanDrawing(Canvas):
         super().__init__(self.plot)
         self.shown: Shown | None = None
         self._measured, self._predicted = measured, predicted
-        self._zoomed_by_user = False  # whether the user has panned or zoomed
         self.plot.setAspectLocked(True)
         self.room, self.sensor = RoomLayer(self.plot), SensorLayer(self.plot)
         self._outline = Outline()
         self.plot.addItem(self._outline)
         self.path, self.pointer = PathLayer(self.plot), CursorLayer(self.plot)
         self._marks = ReadingMarks(self.plot, self._tip)
+        self.arrows = EdgeArrows(self._box)
         self.ruler = RulerLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
-        self._box.sigRangeChangedManually.connect(self._keep_range)
         self.clicked.connect(self.controller.click)
         self.hovered.connect(self.controller.hover)
 
@@ -77,40 +78,42 @@ class PlanDrawing(Canvas):
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
         if before is None or _is_another_room(before, shown) or (not before.readings and not shown.scene.room):
-            self._fit()
-        if before is None or before.chosen != shown.chosen:
-            self._show_reading(self._marks.position_of(shown.chosen))
+            self.fit()
+        if before is None or _differ(before, shown, "readings", "compared", "scene", "chosen", "hidden", "look"):
+            self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
 
     def fit(self) -> None:
-        """Show the room, the sensor and the selected reading with a margin; without a room, all points."""
-        self._fit(self._marks.position_of(self.shown.chosen) if self.shown else None)
-
-    def _show_reading(self, reading: FloatArray | None) -> None:
-        """Extend the visible range to the selected reading, unless the user has panned or zoomed."""
-        seen = self._box.viewRect()
-        if reading is not None and not self._zoomed_by_user and not seen.contains(QPointF(*reading)):
-            self._fit(reading, besides=seen)
-
-    def _fit(self, reading: FloatArray | None = None, besides: QRectF | None = None) -> None:
-        self._zoomed_by_user = False
+        """Show the room and the sensor with a margin; without a room, all points."""
         scene = self.controller.scene if self.shown else None
         if scene is None or scene.room is None:
+            self.fit_everything()
+            return
+        self._box.setRange(self._room_area(scene), padding=0)
+
+    def fit_everything(self) -> None:
+        """Show the room, the sensor and every reading."""
+        points = [positions for _, positions in self._marks.placed.values() if len(positions)]
+        scene = self.controller.scene if self.shown else None
+        if scene is None or scene.room is None or not points:
             self._box.autoRange(padding=0.05)
             return
-        points = [scene.pose.position] if reading is None else [scene.pose.position, reading]
-        (left, bottom), (right, top) = plan_bounds(scene.room, np.array(points))
+        (left, bottom), (right, top) = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
+        beyond = _AROUND_READINGS * max(right - left, top - bottom)
+        drawn = QRectF(left, bottom, right - left, top - bottom).adjusted(-beyond, -beyond, beyond, beyond)
+        self._box.setRange(drawn.united(self._room_area(scene)), padding=0)
+
+    def _room_area(self, scene: Scene) -> QRectF:
+        assert scene.room is not None, "without a room there is nothing to measure"
+        (left, bottom), (right, top) = plan_bounds(scene.room, np.array([scene.pose.position]))
         beyond = _BEYOND * max(right - left, top - bottom)
-        area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
-        self._box.setRange(area.united(besides or area), padding=0)
+        return QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
 
     def zoom(self, scale: float) -> None:
         """Scale the visible range by `scale` about its middle."""
-        self._zoomed_by_user = True
         self._box.scaleBy((scale, scale))
 
     def pan(self, right: int, up: int) -> None:
         """Move the visible range by tenths of its size."""
-        self._zoomed_by_user = True
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
 
@@ -160,7 +163,9 @@ class PlanDrawing(Canvas):
     def pick(self, event: MouseClickEvent) -> None:
         """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""
         if self._measured:
-            index = nearest_reading(self._box, self._marks.placed, event.scenePos())
+            index = self.arrows.reading_at(event.scenePos())
+            if index is None:
+                index = nearest_reading(self._box, self._marks.placed, event.scenePos())
         else:
             index = self._towards(event)
         if index is not None:
@@ -183,10 +188,6 @@ class PlanDrawing(Canvas):
             return True
         return bool(super().event(event))
 
-    @Slot()
-    def _keep_range(self) -> None:
-        self._zoomed_by_user = True
-
     def _set_look(self, look: Look) -> None:
         self.set_look(look)
         for side, what in (("bottom", "x"), ("left", "y")):
@@ -195,6 +196,7 @@ class PlanDrawing(Canvas):
             layer.set_look(look)
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)
+        self.arrows.set_look(look)
 
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
         if before is None or before.outline is not shown.outline:

@@ -16,8 +16,9 @@ from sonarhw_gui.look.palette import Layer
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
-from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, bounce_losses, half_power_angle, wall_lines
+from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, half_power_angle, wall_lines
 from sonarhw_gui.scene.room_edit import Point, corners
+from sonarhw_gui.shown.bounces import chosen_path
 from sonarhw_gui.shown.shown import Shown
 
 _BEAM_LENGTH, _HANDLE = 0.3, 0.12  # shares of the room's diagonal
@@ -122,7 +123,7 @@ class SensorLayer:
 
 
 class PathLayer:
-    """The path that explains the selected reading, with the loss at each bounce."""
+    """The path that explains the selected reading, with the number of each bounce."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._rays = pg.PlotCurveItem()
@@ -144,11 +145,12 @@ class PathLayer:
 
     def draw(self, shown: Shown) -> None:
         """Draw the path that explains the reading as a solid line, or else the predicted path as a dotted line."""
-        points, losses, explains = _chosen_path(shown) if shown.draws(Layer.RAYS) else (_NOTHING, [], False)
-        style = Qt.PenStyle.SolidLine if explains else Qt.PenStyle.DotLine
+        path = chosen_path(shown) if shown.draws(Layer.RAYS) else None
+        points = _NOTHING if path is None else path.corners
+        style = Qt.PenStyle.SolidLine if path is not None and path.explains else Qt.PenStyle.DotLine
         self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
-        self._texts, self._sensor = bounce_labels(points, losses), shown.scene.pose.position
+        self._texts, self._sensor = bounce_labels(points), shown.scene.pose.position
         for k, label in enumerate(self._labels):
             label.setVisible(k < len(self._texts))
             if k < len(self._texts):
@@ -217,17 +219,6 @@ class RulerLayer:
         """Remove the ruler."""
         for item in (self._line, self._ends, self.label):
             item.setVisible(False)
-
-
-def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
-    """Return corners and losses of the selected reading's path, and whether it explains the reading."""
-    row, prediction = shown.chosen_row, shown.prediction
-    if row is None or prediction is None or prediction.place.position != shown.scene.pose.position:
-        return _NOTHING, [], False
-    path = row.path if row.path is not None else int(prediction.winners[row.index])
-    if path < 0:
-        return _NOTHING, [], False
-    return prediction.paths.outline(path), bounce_losses(prediction, path), row.path is not None
 
 
 def _posts_path(posts: FloatArray) -> QPainterPath:

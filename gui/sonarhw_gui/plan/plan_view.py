@@ -14,6 +14,10 @@ from sonarhw_gui.view import Gestures, ViewEntry
 
 _MOVES = {"Left": (-1, 0), "Right": (1, 0), "Down": (0, -1), "Up": (0, 1)}
 _ZOOM = 1.25
+_FITS = (
+    ("Fit room", "Home", "Show the room and the sensor; readings outside are arrows at the edge", PlanDrawing.fit),
+    ("Fit everything", "Shift+F", "Show the room, the sensor and every reading", PlanDrawing.fit_everything),
+)
 _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
@@ -76,6 +80,8 @@ class PlanView(QWidget):
         for side, (key, steps) in _TURNS.items():
             action = self._action(f"Turn {side}", key, "Turn the sensor by 1°")
             action.triggered.connect(partial(controller.turn, steps))
+        for name, key, tip, fit in _FITS:
+            self._action(name, key, tip).triggered.connect(partial(fit, self.drawing))
         for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
             action = self._action(name, key, "About the middle; the mouse wheel zooms about the pointer")
             action.triggered.connect(partial(self.drawing.zoom, scale))

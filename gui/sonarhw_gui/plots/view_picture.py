@@ -20,6 +20,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.shown.bounces import bounces_text
 from sonarhw_gui.shown.shown import Shown
 
 _SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
@@ -120,11 +121,17 @@ def _with_legend(widget: QWidget, title: str, shown: Shown) -> Sequence[QWidget]
     head.setContentsMargins(8, 6, 8, 2)
     legend.show_state(shown.origin, shown.hidden)
     legend.show_look(shown.look)
-    for part in (head, legend):
-        part.setAttribute(Qt.WidgetAttribute.WA_TranslucentBackground)
+    parts: list[QWidget] = [head, legend]
+    for text in filter(None, (shown.sentence if shown.chosen is not None else "", bounces_text(shown))):
+        line = PlainLabel(text, wordWrap=True)
+        line.setContentsMargins(8, 2, 8, 2)
+        line.resize(width, line.heightForWidth(width))
+        parts.append(line)
     head.resize(width, head.sizeHint().height())
     legend.resize(width, legend.heightForWidth(width))
-    return head, legend, widget
+    for part in parts:
+        part.setAttribute(Qt.WidgetAttribute.WA_TranslucentBackground)
+    return *parts, widget
 
 
 def _size(parts: Sequence[QWidget]) -> QSize:

@@ -1,4 +1,7 @@
-"""The sentence that explains the selected reading. The tooltip has the full text of a sentence that does not fit."""
+"""The sentence that explains the selected reading, and the line with the bounces of its path.
+
+The tooltip has the full text of what does not fit.
+"""
 
 from math import ceil
 
@@ -7,11 +10,13 @@ from PySide6.QtGui import QFont, QFontMetricsF, QPalette, QResizeEvent, QTextLay
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.shown.bounces import bounces_text
 from sonarhw_gui.shown.shown import Shown
 
 _LINES = 2  # fixed height, so that a longer sentence does not move the views
-_MARGIN, _ABOVE = 12, 6
+_MARGIN, _ABOVE, _BELOW = 12, 6, 4
 _SIZE = 1.2  # of the default text size
 
 
@@ -48,6 +53,27 @@ class Sentence(PlainLabel):
         fitting = shortened_to_lines(self._whole, self.font(), self.width() - 2 * _MARGIN, _LINES)
         self.setText(fitting)
         self.setToolTip(self._whole if fitting != self._whole else "")
+
+
+class BounceLine(ElidedLabel):
+    """Lists the bounces of the selected reading's path, numbered as in the plan, with the loss of each."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.setContentsMargins(_MARGIN, 0, _MARGIN, _BELOW)
+        self._look: Look | None = None
+
+    def show_state(self, shown: Shown) -> None:
+        """Show the bounces, in grey while they belong to an older prediction."""
+        self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
+        if self._look is None or self._look.scale != shown.look.scale:
+            self._look = shown.look
+            self.setFont(text_font(shown.look))
+            self.setFixedHeight(ceil(QFontMetricsF(self.font()).lineSpacing()) + _BELOW)
+        text = bounces_text(shown)
+        if text != self.text():
+            self.setText(text)
 
 
 def shortened_to_lines(text: str, font: QFont, width: float, lines: int) -> str:

@@ -106,18 +106,16 @@ def decibels_text(level: float) -> str:
     return f"{level:.1f} dB".replace("-0.0 ", "0.0 ").replace("-", "−")
 
 
-def bounce_labels(corners: FloatArray, losses: list[tuple[int, float]]) -> list[tuple[str, FloatArray]]:
-    """Return the labels of a path's corners, number and loss, with their positions.
+def bounce_labels(corners: FloatArray) -> list[tuple[str, FloatArray]]:
+    """Return the numbers of a path's bounces with their positions.
 
-    A path that returns on itself has several labels at one point; these are joined.
+    A path that returns on itself has several bounces at one point; their numbers are joined.
     """
-    loss_at = dict(losses)
     labels: list[tuple[list[str], FloatArray]] = []
     for number, at in enumerate(corners[1:-1], start=1):
-        text = f"{number}  {decibels_text(loss_at[number])}" if number in loss_at else f"{number}"
         same = next((texts for texts, there in labels if math.dist(at, there) < _SAME_BOUNCE), None)
         if same is None:
-            labels.append(([text], at))
+            labels.append(([str(number)], at))
         else:
-            same.append(text)
-    return [("\n".join(texts), at) for texts, at in labels]
+            same.append(str(number))
+    return [(", ".join(texts), at) for texts, at in labels]

@@ -25,7 +25,7 @@ from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.parts.label_slot import LabelSlot
-from sonarhw_gui.readings.sentence import Sentence
+from sonarhw_gui.readings.sentence import BounceLine, Sentence
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.command_states import show_history, show_scanner
 from sonarhw_gui.shell.docks import Docks
@@ -49,6 +49,7 @@ class MainWindow(QMainWindow):
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
+        self.bounces = BounceLine()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.toolbar = ToolBar(self.commands)
         self.docks = Docks(self)
@@ -72,7 +73,8 @@ class MainWindow(QMainWindow):
         column = QVBoxLayout(centre)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        for part in (self.banner, self.legend, self.views, LabelSlot(self.sentence), self.replay_bar):
+        sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
+        for part in (self.banner, self.legend, self.views, sentence, bounces, self.replay_bar):
             column.addWidget(part, stretch=1 if part is self.views else 0)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
@@ -142,6 +144,7 @@ class MainWindow(QMainWindow):
     def _update_texts(self) -> None:
         self.views.show_texts(self.session.shown)
         self.sentence.show_state(self.session.shown)
+        self.bounces.show_state(self.session.shown)
         self.status_bar.show_state(self.session.status)
 
     @Slot()

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, QRectF, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import begin_drag, click, drag, pixel_at, position_of, predicted, until
+from tests.system.gui.driving import begin_drag, click, drag, pixel_at, predicted, until
 
 Point = tuple[float, float]
 _STROKES = 40
@@ -309,23 +309,6 @@ def test_the_beam_has_the_heading_of_the_chosen_reading(qtbot: QtBot, open_with:
         (x, y), end = sensor_position(window), window.views.plan.drawing.sensor.handle_at
         apart = math.atan2(end[1] - y, end[0] - x) - window.session.shown.heading(chosen)
         assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
-
-
-def test_a_reading_chosen_elsewhere_becomes_visible_unless_the_user_has_zoomed(
-    qtbot: QtBot, open_with: OpenWith, recorded: Path
-) -> None:
-    window = open_with(source=read_log(recorded))
-    until(qtbot, lambda: predicted(window))
-    plan = window.views.plan.drawing
-    drawn = {k: position_of(plan._marks, k) for kind in plan._marks.placed.values() for k in kind[0].readings}
-    nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(sensor_position(window), drawn[k]))
-    box = plan.plot.vb
-    for by_hand in (True, False):
-        window.session.showing.choose(nearest)
-        box.setRange(QRectF(drawn[nearest][0] - 0.05, drawn[nearest][1] - 0.05, 0.1, 0.1), padding=0)
-        plan._zoomed_by_user = by_hand
-        window.session.showing.choose(farthest)
-        assert box.viewRect().contains(QPointF(*drawn[farthest])) is not by_hand
 
 
 def test_labels_of_bounces_cover_neither_each_other_nor_the_sensor(

@@ -1,0 +1,157 @@
+"""Arrows at the edge of the plan towards readings outside the visible part, with their distance from the sensor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF, QRectF, QSizeF, Qt
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPen, QPolygonF
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import Class
+from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.plots.marks import Placed
+
+_INSET = 9.0  # pixels, from the edge to the middle of an arrow
+_ARROW, _HALF_WIDTH, _GAP = 8.0, 5.5, 3.0  # pixels: half of its length and width, and the gap before its text
+_APART = 56.0  # pixels between two arrows at least; readings between them share one
+_PICK = 16.0  # pixels
+Pixels = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EdgeArrow:
+    """One arrow: the nearest of its readings, or the selected one."""
+
+    reading: int
+    kind: Class
+    at: Pixels  # of its middle, from the upper left corner of the plot
+    towards: Pixels  # unit vector
+    distance: float  # m, from the sensor
+    count: int  # readings that share it
+
+
+def edge_arrows(
+    placed: dict[Class, Placed], seen: QRectF, size: Pixels, sensor: Pixels, chosen: int | None
+) -> list[EdgeArrow]:
+    """Return arrows towards the readings outside the area `seen`, m, of a plot of `size` pixels."""
+    if not placed or min(size) <= 4 * _INSET:
+        return []
+    kinds = [kind for kind, (points, _) in placed.items() for _ in points.readings]
+    numbers = np.array([number for points, _ in placed.values() for number in points.readings])
+    places = np.vstack([positions for _, positions in placed.values()])
+    scale = size[0] / seen.width(), size[1] / seen.height()
+    pixels = np.column_stack(((places[:, 0] - seen.left()) * scale[0], (seen.bottom() - places[:, 1]) * scale[1]))
+    outside = np.flatnonzero(~((pixels >= 0) & (pixels <= size)).all(axis=1))
+    if not len(outside):
+        return []
+    at, towards = _at_edge(pixels[outside], np.array(size))
+    away = np.hypot(*(places[outside] - sensor).T)
+    order = np.lexsort((away, numbers[outside] != chosen))  # the selected reading first, then the nearest ones
+    arrows: list[EdgeArrow] = []
+    taken = np.full(len(outside), False)
+    for k in order.tolist():
+        if taken[k]:
+            continue
+        near = ~taken & (np.hypot(*(at - at[k]).T) < _APART)
+        taken |= near
+        index = int(outside[k])
+        arrows.append(
+            EdgeArrow(
+                int(numbers[index]), kinds[index], tuple(at[k]), tuple(towards[k]), float(away[k]), int(near.sum())
+            )
+        )
+    return arrows
+
+
+def _at_edge(pixels: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the lines from the middle of the plot to `pixels` (n, 2) meet its edge, and their directions."""
+    middle = size / 2
+    from_middle = pixels - middle
+    share = ((middle - _INSET) / np.maximum(np.abs(from_middle), 1e-9)).min(axis=1)
+    return middle + share[:, None] * from_middle, from_middle / np.hypot(*from_middle.T)[:, None]
+
+
+class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
+    """Draws the arrows in front of a view box, in pixels."""
+
+    def __init__(self, box: pg.ViewBox) -> None:
+        super().__init__()
+        self.arrows: list[EdgeArrow] = []
+        self._box = box
+        self._look = Look()
+        self._font = QFont()
+        self._placed: dict[Class, Placed] = {}
+        self._sensor: Pixels = (0.0, 0.0)
+        self._chosen: int | None = None
+        self.setParentItem(box)
+        self.setZValue(1000)
+        box.sigRangeChanged.connect(self._lay_out)
+        box.sigResized.connect(self._lay_out)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours, unit and text size of `look`."""
+        self._look, self._font = look, text_font(look, 0.8)
+        self.update()
+
+    def draw(self, placed: dict[Class, Placed], sensor: Pixels, chosen: int | None) -> None:
+        """Draw the arrows of these readings."""
+        self._placed, self._sensor, self._chosen = placed, sensor, chosen
+        self._lay_out()
+
+    def reading_at(self, position: QPointF) -> int | None:
+        """Return the reading of the arrow at a point in scene coordinates; None if there is none."""
+        at = self.mapFromScene(position)
+        near = [(abs(at.x() - x) + abs(at.y() - y), arrow.reading) for arrow in self.arrows for x, y in (arrow.at,)]
+        away, reading = min(near, default=(_PICK + 1, None))
+        return reading if away <= _PICK else None
+
+    def text(self, arrow: EdgeArrow) -> str:
+        """Return the text beside an arrow."""
+        unit = self._look.unit
+        distance = f"{unit.of(arrow.distance):.{max(unit.decimals - 2, 0)}f} {unit.label}"  # short: it covers the plan
+        return distance if arrow.count == 1 else f"{distance} ×{arrow.count}"
+
+    def boundingRect(self) -> QRectF:
+        """Return the area of the plot."""
+        return QRectF(0, 0, self._box.width(), self._box.height())
+
+    def paint(self, painter: QPainter, *_: object) -> None:
+        """Draw the arrows and their texts."""
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setFont(self._font)
+        for arrow in self.arrows:
+            self._paint_arrow(painter, arrow)
+            self._paint_text(painter, arrow)
+
+    def _paint_arrow(self, painter: QPainter, arrow: EdgeArrow) -> None:
+        colours, along = self._look.palette, QPointF(*arrow.towards)
+        across, tip = QPointF(-along.y(), along.x()) * _HALF_WIDTH, QPointF(*arrow.at) + along * _ARROW
+        back = tip - along * 2 * _ARROW
+        chosen = arrow.reading == self._chosen
+        painter.setPen(QPen(QColor(colours.chosen if chosen else colours.paper), 2.0 if chosen else 1.0))
+        painter.setBrush(QColor(colours.of(arrow.kind)))
+        painter.drawPolygon(QPolygonF([tip, back + across, back - across]))
+
+    def _paint_text(self, painter: QPainter, arrow: EdgeArrow) -> None:
+        text = self.text(arrow)
+        size = QFontMetricsF(self._font).boundingRect(text).size() + QSizeF(4, 0)
+        x, y = arrow.towards
+        inward = QPointF(x * (_ARROW + _GAP + size.width() / 2), y * (_ARROW + _GAP + size.height() / 2))
+        area = QRectF(QPointF(*arrow.at) - inward - QPointF(size.width(), size.height()) / 2, size)
+        whole = self.boundingRect()
+        area.moveLeft(min(max(area.left(), 1.0), whole.width() - area.width() - 1))
+        area.moveTop(min(max(area.top(), 1.0), whole.height() - area.height() - 1))
+        painter.fillRect(area, QColor(self._look.palette.paper))
+        painter.setPen(QColor(self._look.palette.ink))
+        painter.drawText(area, Qt.AlignmentFlag.AlignCenter, text)
+
+    def _lay_out(self) -> None:
+        (left, right), (low, high) = self._box.viewRange()
+        seen = QRectF(left, low, right - left, high - low)
+        self.arrows = edge_arrows(
+            self._placed, seen, (self._box.width(), self._box.height()), self._sensor, self._chosen
+        )
+        self.setVisible(bool(self.arrows))
+        self.update()

@@ -1,0 +1,125 @@
+"""The frame of the plan: room and sensor stay in view, and arrows at the edge point to readings outside."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, QPointF, QRectF, Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.plan.edge_arrows import edge_arrows
+from sonarhw_gui.plan.plan_drawing import PlanDrawing
+from sonarhw_gui.plots.view_picture import svg_text
+from sonarhw_gui.scene.plan_geometry import decibels_text, wall_lines
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.shown.bounces import bounces_text, chosen_path
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import position_of, predicted, until
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    return window
+
+
+def plan_of(window: MainWindow) -> PlanDrawing:
+    return window.views.plan.drawing
+
+
+def outside(window: MainWindow) -> set[int]:
+    """Return the readings that the plan draws outside its visible part."""
+    plan = plan_of(window)
+    seen = plan.plot.vb.viewRect()
+    drawn = [(k, position_of(plan._marks, k)) for points, _ in plan._marks.placed.values() for k in points.readings]
+    return {k for k, at in drawn if not seen.contains(QPointF(*at))}
+
+
+def test_the_frame_holds_the_room_whatever_is_selected(window: MainWindow) -> None:
+    frame = plan_of(window).plot.vb.viewRect()
+    walls = wall_lines(window.session.shown.scene.room)
+    assert all(frame.contains(QPointF(x, y)) for x, y in walls)
+    assert max(np.ptp(walls, axis=0) / (frame.width(), frame.height())) > 0.7
+    assert outside(window)
+    for chosen in sorted(outside(window)):
+        window.session.showing.choose(chosen)
+        assert plan_of(window).plot.vb.viewRect() == frame
+
+
+def test_every_reading_outside_has_an_arrow_with_its_distance(window: MainWindow) -> None:
+    plan = plan_of(window)
+    arrows = plan.arrows.arrows
+    assert sum(arrow.count for arrow in arrows) == len(outside(window))
+    x, y = window.session.shown.scene.pose.position
+    for arrow in arrows:
+        assert plan.arrows.boundingRect().contains(QPointF(*arrow.at))
+        assert arrow.distance == pytest.approx(math.dist((x, y), position_of(plan._marks, arrow.reading)))
+        assert plan.arrows.text(arrow).startswith(f"{arrow.distance:.1f} m")
+
+
+def test_a_click_on_an_arrow_selects_its_reading(qtbot: QtBot, window: MainWindow) -> None:
+    plan = plan_of(window)
+    window.session.showing.choose(0)
+    arrow = next(arrow for arrow in plan.arrows.arrows if arrow.reading != 0)
+    at = plan.mapFromScene(plan.arrows.mapToScene(QPointF(*arrow.at)))
+    qtbot.mouseMove(plan.viewport(), at)
+    qtbot.mouseClick(plan.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    until(qtbot, lambda: window.session.shown.chosen == arrow.reading)
+
+
+def test_shift_f_shows_every_reading_and_home_the_room(qtbot: QtBot, window: MainWindow) -> None:
+    frame = plan_of(window).plot.vb.viewRect()
+    qtbot.keyClick(window, Qt.Key.Key_F, Qt.KeyboardModifier.ShiftModifier)
+    until(qtbot, lambda: not outside(window))
+    assert not plan_of(window).arrows.arrows
+    qtbot.keyClick(window, Qt.Key.Key_Home)
+    until(qtbot, lambda: bool(outside(window)))
+    assert plan_of(window).plot.vb.viewRect() == frame
+
+
+def test_readings_close_together_share_an_arrow_and_the_selected_one_comes_first(window: MainWindow) -> None:
+    plan = plan_of(window)
+    placed = plan._marks.placed
+    seen = QRectF(-0.01, -0.01, 0.02, 0.02)  # nearly all readings are outside
+    chosen = max(outside(window))
+    arrows = edge_arrows(placed, seen, (200.0, 200.0), (0.0, 0.0), chosen)
+    assert sum(arrow.count for arrow in arrows) > len(arrows)
+    assert arrows[0].reading == chosen
+    for arrow in arrows:
+        assert all(math.dist(arrow.at, other.at) >= 50 for other in arrows if other is not arrow)
+
+
+def test_bounces_have_a_number_in_the_plan_and_wall_and_loss_beside_the_sentence(window: MainWindow) -> None:
+    shown, losses = window.session.shown, []
+    for chosen in range(len(shown.readings)):
+        window.session.showing.choose(chosen)
+        path = chosen_path(window.session.shown)
+        labels = [label for label in plan_of(window).path._labels if label.isVisible()]
+        written = sorted(int(n) for label in labels for n in label.toPlainText().split(", "))
+        assert written == list(range(1, 1 + (len(path.names) if path else 0)))
+        window._update_texts()
+        assert window.bounces.text() == bounces_text(window.session.shown)
+        if path is not None:
+            losses += [loss for loss in path.losses if loss is not None]
+            assert window.bounces.text().startswith(f"1 {path.names[0]}")
+    assert losses
+    assert any(decibels_text(loss) in "−0.4 dB" for loss in losses)
+
+
+def test_an_exported_picture_lists_the_bounces(window: MainWindow) -> None:
+    window.session.showing.choose(27)
+    text = svg_text(plan_of(window), "title", window.session.shown)
+    assert bounces_text(window.session.shown)
+    for word in bounces_text(window.session.shown).split(" · ")[0].split():
+        assert word in text
+
+
+def test_arrows_stay_inside_a_resized_plan(qtbot: QtBot, window: MainWindow) -> None:
+    window.resize(1024, 600)
+    qtbot.wait(50)
+    area = plan_of(window).arrows.boundingRect()
+    assert plan_of(window).arrows.arrows
+    assert all(area.contains(QPoint(*map(round, arrow.at)).toPointF()) for arrow in plan_of(window).arrows.arrows)
