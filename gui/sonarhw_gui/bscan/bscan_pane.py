@@ -26,6 +26,8 @@ _FIGURES = 48  # pixels for tick values and label of an axis at the default text
 _BAR = 16  # pixels, width of the colour bar with its frame
 _BESIDE = 6  # pixels between image and colour bar
 _RING, _HALO = (11, 1.5), (11, 4.5)  # pixels, size and line width of the cursor and of its contrasting border
+_MARGIN = 0.02  # around a polar image, share of its width
+_HEADINGS = -20.0, 380.0  # degrees, limits of the zoom of a flat image
 _ROUND = np.linspace(0.0, math.tau, 181)
 
 
@@ -75,13 +77,19 @@ class BScanPane:
         title = self.kind.value if pane_count > 1 else None
         self.plot.setTitle(title, color=self._look.palette.ink, size=f"{10 * self._look.scale:.1f}pt")
         self.plot.setAspectLocked(polar)
+        low, high = (None, None) if polar else _HEADINGS
+        self.plot.setLimits(xMin=low, xMax=high)
         self._image.clear()
         self._label()
 
-    def fit(self, limit: float | None = None) -> None:
-        """Show the image up to a range, m; None shows all of it."""
+    def fit(self, limit: float | None = None) -> QRectF:
+        """Show the image up to a range, m, and return its area; None shows all of it."""
         cells = self._cells if limit is None else RangeCells(min(limit, self._cells.reach), 1)
-        self.plot.vb.setRange(QRectF(*self._area(cells)), padding=0.02 if self._polar else 0)
+        area = QRectF(*self._area(cells))
+        beside = _MARGIN * area.width() if self._polar else 0.0
+        area.adjust(-beside, -beside, beside, beside)
+        self.plot.vb.setRange(area, padding=0)
+        return area
 
     def draw(self, bscan: BScans, shown: Shown) -> None:
         """Draw the picture, the walls and the blanking line."""

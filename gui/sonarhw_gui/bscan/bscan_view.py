@@ -4,10 +4,11 @@
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QPointF, Slot
+from PySide6.QtCore import QPointF, QRectF, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
@@ -44,6 +45,7 @@ class BScanView(QWidget):
         self._laid_out: BScanSettings | None = None
         self._zoomed = False  # whether the zoom was set for these images
         self._cells: RangeCells | None = None
+        self._frame: QRectF | None = None  # what is visible at least; more where a pane has other proportions
         self.choices = QActionGroup(self)
         for name, key, panes, tip in _CHOICES:
             choice = view_action(self, name, key, tip)
@@ -85,7 +87,11 @@ class BScanView(QWidget):
     def _fit(self, limit: float | None) -> None:
         for kind in self.settings.panes:
             if kind in self.panes:
-                self.panes[kind].fit(limit)
+                self._frame = self.panes[kind].fit(limit)
+
+    def _keep_frame(self, pane: BScanPane, *_: object) -> None:
+        """Remember what the user has zoomed to."""
+        self._frame = pane.plot.vb.viewRect()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Request the images, now that the view is visible."""
@@ -135,17 +141,16 @@ class BScanView(QWidget):
     def _make_panes(self, look: Look) -> None:
         for kind in self.settings.panes:
             if kind not in self.panes:
-                self.panes[kind] = BScanPane(kind)
-                self.panes[kind].set_look(look)
+                self.panes[kind] = pane = BScanPane(kind)
+                pane.set_look(look)
+                pane.plot.vb.sigRangeChangedManually.connect(partial(self._keep_frame, pane))
 
     def _lay_out(self) -> None:
         """Arrange flat images in one column and polar images in two, with common pan and zoom."""
         settings, before = self.settings, self._laid_out
         first = self.panes[settings.panes[0]]
-        if before is not None and before.polar == settings.polar:
-            first.plot.vb.setRange(self.panes[before.panes[0]].plot.vb.viewRect(), padding=0)
-        else:
-            self._zoomed = False
+        if before is None or before.polar != settings.polar:
+            self._zoomed, self._frame = False, None
         self._laid_out = settings
         self.canvas.clear()
         for number, kind in enumerate(settings.panes):
@@ -155,6 +160,9 @@ class BScanView(QWidget):
             pane.set_axes(settings.polar, len(settings.panes), kind is settings.panes[-1])
             pane.plot.setXLink(None if pane is first else first.plot)
             pane.plot.setYLink(None if pane is first else first.plot)
+        if self._frame is not None:
+            self.canvas.ci.layout.activate()  # the new size decides how much is visible around the frame
+            first.plot.vb.setRange(self._frame, padding=0)
 
     def _draw(self, shown: Shown) -> None:
         bscan = shown.bscan

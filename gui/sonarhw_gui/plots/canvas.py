@@ -10,6 +10,8 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.pick import is_plain_click
 from sonarhw_gui.plots.plot_look import style_plot
 
+_WIDEST = 1e5  # m, ° or s; nothing larger is drawn, and ticks beyond are unreadable
+
 
 def new_plot(
     axes: Mapping[str, pg.AxisItem] | None = None, box: pg.ViewBox | None = None, zooms_height: bool = True
@@ -19,8 +21,10 @@ def new_plot(
     `axes`: axes by side, to replace or add to the default two. `zooms_height`: the mouse changes the y range.
     """
     pg.setConfigOptions(antialias=True)  # items read it when they are created
-    plot = pg.PlotItem(axisItems=dict(axes or {}), viewBox=box)
+    # the window has its own menus; pyqtgraph's would offer logarithmic headings and another export
+    plot = pg.PlotItem(axisItems=dict(axes or {}), viewBox=box, enableMenu=False)
     plot.hideButtons()
+    plot.setLimits(maxXRange=_WIDEST, maxYRange=_WIDEST)
     plot.setMouseEnabled(x=True, y=zooms_height)
     for side in axes or ():
         plot.showAxis(side)

@@ -29,6 +29,7 @@ from sonarhw_gui.view import Gestures, ViewEntry
 _MOST_RESIDUAL = 0.25  # m; a larger residual is an arrow at the edge
 _BEYOND = 18  # pixels, size of an arrow; it covers the mark of its reading
 _ARROW = (-0.1, -0.5), (0.1, -0.5), (0.1, -0.25), (0.36, -0.25), (0.0, 0.3), (-0.36, -0.25), (-0.1, -0.25)
+_HEADINGS = -20.0, 380.0  # degrees, limits of the zoom
 _WIDEST = "-000.0"  # tick value on a left axis
 _ANY_DISTANCE = 1e6  # pixels: a click anywhere selects the nearest point
 
@@ -47,6 +48,7 @@ class RangeView(Canvas):
         self.residuals.setXLink(self.ranges)
         for plot in (self.ranges, self.residuals):
             plot.getAxis("bottom").setTickSpacing(90, 30)
+            plot.setLimits(xMin=_HEADINGS[0], xMax=_HEADINGS[1])
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)

@@ -5,6 +5,7 @@ from functools import partial
 
 from PySide6.QtCore import QItemSelectionModel, QModelIndex, Qt, Signal, Slot
 from PySide6.QtGui import (
+    QAction,
     QFontMetrics,
     QGuiApplication,
     QIcon,
@@ -87,8 +88,11 @@ class TableView(QWidget):
         self.words.setToolTip("Show only readings whose path, heading or class contains all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
         self.copy = QToolButton()
-        self.copy.setText("Copy CSV")
-        self.copy.setToolTip("Copy the selected rows; with fewer than two selected, copy all listed rows (Ctrl+C)")
+        copy = QAction("Copy CSV", self)
+        copy.setToolTip("Copy the selected rows; with fewer than two selected, copy all listed rows (Ctrl+C)")
+        copy.triggered.connect(self.copy_rows)
+        self.copy.setDefaultAction(copy)
+        self.addAction(copy)
         bar = QHBoxLayout()
         bar.setContentsMargins(6, 2, 6, 2)
         bar.setSpacing(2)
@@ -121,7 +125,9 @@ class TableView(QWidget):
         self._follow(shown.chosen)
 
     def fit(self) -> None:
-        """Do nothing: a table has no range."""
+        """Show the selected reading, and the columns that fit."""
+        self._follow_again()
+        self._choose_columns()
 
     def picture(self) -> None:
         """Return None: only plots are saved as pictures."""
@@ -163,7 +169,6 @@ class TableView(QWidget):
         self.view.clicked.connect(self._pick)
         self.model.modelReset.connect(self._follow_again)
         self.words.textChanged.connect(self._filter)
-        self.copy.clicked.connect(self.copy_rows)
         self.view.copied.connect(self.copy_rows)
         self.view.resized.connect(self._choose_columns)
         self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)

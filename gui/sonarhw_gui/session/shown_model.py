@@ -129,6 +129,11 @@ class ShownModel(QObject):
         if hidden != self.shown.hidden:
             self._emit(replace(self.shown, hidden=hidden))
 
+    @Slot()
+    def show_all(self) -> None:
+        """Show every class and layer again."""
+        self._emit(replace(self.shown, hidden=frozenset()))
+
     def set_look(self, look: Look) -> None:
         """Draw everything in another palette, unit or size."""
         if look != self.shown.look:

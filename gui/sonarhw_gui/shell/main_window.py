@@ -10,6 +10,7 @@ from sonarhw_gui.bars.banner import Banner
 from sonarhw_gui.bars.menus import fill_menus
 from sonarhw_gui.bars.status_bar import StatusBar
 from sonarhw_gui.bars.toolbar import ToolBar
+from sonarhw_gui.bars.view_menus import ViewMenus
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_commands import ConnectCommands
 from sonarhw_gui.commands.file_commands import FileCommands
@@ -84,6 +85,7 @@ class MainWindow(QMainWindow):
             ("Fit", "F9", self.fit_panel),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
+        self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
         fill_menus(self.menuBar(), self.commands, self.files, self.views.all, self.docks.actions)
         self.resize(*_SIZE)
 
