@@ -14,7 +14,7 @@ from sonarhw_sim.predict.by_heading import arm
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Layer
+from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import new_plot
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length, style_plot
@@ -109,7 +109,7 @@ class BScanPane:
 
     def point(self, shown: Shown) -> None:
         """Draw the selected heading and the linked cursor, and show or hide the blanking line."""
-        self._blanking.setVisible(shown.draws(Layer.BLANKING))
+        self._blanking.setVisible(shown.draws(ViewLayer.BLANKING))
         lines = np.empty((0, 2))
         if shown.chosen is not None:
             heading = shown.heading(shown.chosen)

@@ -13,7 +13,7 @@ from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Layer, Palette
+from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette, ViewLayer
 from sonarhw_gui.parts.eye import EYE_WIDTH, draw_eye
 from sonarhw_gui.parts.flow_layout import FlowLayout
 
@@ -30,12 +30,12 @@ class Legend(QWidget):
 
     switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
 
-    def __init__(self, hidden: frozenset[Class | Layer] = frozenset(), switches: bool = True) -> None:
+    def __init__(self, hidden: frozenset[Class | ViewLayer] = frozenset(), switches: bool = True) -> None:
         """`switches`: whether entries have an eye; a legend of a picture has none, and no entries of hidden layers."""
         super().__init__()
         self._hidden, self._switches = hidden, switches
         self._palette, self._origin = LIGHT, Origin.MEASURED
-        self.entries: dict[Class | Layer, QToolButton] = {}
+        self.entries: dict[Class | ViewLayer, QToolButton] = {}
         row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=4)
         for layer, entry in _ENTRIES.items():
             if switches or layer not in hidden:
@@ -43,7 +43,7 @@ class Legend(QWidget):
                 row.addWidget(button)
         self._draw()
 
-    def show_state(self, origin: Origin, hidden: frozenset[Class | Layer]) -> None:
+    def show_state(self, origin: Origin, hidden: frozenset[Class | ViewLayer]) -> None:
         """Name the readings by their origin, and show which layers are hidden."""
         if (origin, hidden) != (self._origin, self._hidden):
             self._origin, self._hidden = origin, hidden
@@ -54,7 +54,7 @@ class Legend(QWidget):
         self._palette = look.palette
         self._draw()
 
-    def _made(self, layer: Class | Layer, entry: "_Entry") -> QToolButton:
+    def _made(self, layer: Class | ViewLayer, entry: "_Entry") -> QToolButton:
         button = QToolButton(autoRaise=True)
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         button.setToolTip(f"{entry.meaning}. Click to hide or show it in all views")
@@ -141,32 +141,32 @@ class _Entry:
 
 
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
-_ENTRIES: dict[Class | Layer, _Entry] = {
+_ENTRIES: dict[Class | ViewLayer, _Entry] = {
     **{
         kind: _Entry(partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
         for kind in Kind
         if kind in MARKS
     },
-    Layer.TRACE: _Entry(
+    ViewLayer.TRACE: _Entry(
         partial(_line_picture, "measured", _SOLID), f"{ORIGIN} trace", "the received signal that the board recorded"
     ),
-    Layer.PREDICTED: _Entry(
+    ViewLayer.PREDICTED: _Entry(
         partial(_line_picture, "predicted", _SOLID),
         "predicted",
         "the range or trace that the model predicts; dashed in the trace view",
     ),
-    Layer.THRESHOLD: _Entry(
+    ViewLayer.THRESHOLD: _Entry(
         partial(_line_picture, "threshold", _DASHED), "threshold", "detection threshold; weaker echoes are not detected"
     ),
-    Layer.RAYS: _Entry(
+    ViewLayer.RAYS: _Entry(
         partial(_line_picture, "chosen", _SOLID),
         "rays",
         "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
     ),
-    Layer.BEAM: _Entry(
+    ViewLayer.BEAM: _Entry(
         partial(_patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"
     ),
-    Layer.BLANKING: _Entry(
+    ViewLayer.BLANKING: _Entry(
         partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"
     ),
 }

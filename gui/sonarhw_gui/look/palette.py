@@ -18,7 +18,7 @@ class Unclassed(Enum):
     WAITING = auto()  # not compared yet
 
 
-class Layer(Enum):
+class ViewLayer(Enum):
     """What the views draw besides the readings, and the legend can hide."""
 
     TRACE = auto()  # measured

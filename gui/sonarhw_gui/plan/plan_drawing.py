@@ -16,7 +16,7 @@ from sonarhw_compare.pictures.points import points_at
 from sonarhw_sim.predict.by_heading import standpoints
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Layer
+from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.plan.edge_arrows import EdgeArrows
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
@@ -201,7 +201,7 @@ class PlanDrawing(Canvas):
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
         if before is None or before.outline is not shown.outline:
             self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
-        self._outline.setVisible(shown.draws(Layer.PREDICTED))
+        self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
         if _differ(before, shown, "scene", "compared", "readings", "chosen", "look", "hidden"):
             self.path.draw(shown)
 

@@ -12,7 +12,7 @@ from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Layer
+from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
@@ -116,7 +116,7 @@ class SensorLayer:
             if newest != heading:
                 turntable = points_at(scene.pose.position, np.full(2, newest), np.array([0.0, handle]))
         self._beam.setData(*wedge.T)
-        self._beam.setVisible(shown.draws(Layer.BEAM))
+        self._beam.setVisible(shown.draws(ViewLayer.BEAM))
         self._axis.setData(*axis.T)
         self._turntable.setData(*turntable.T)
         self._handle.setData(*axis[1:2].T)
@@ -145,7 +145,7 @@ class PathLayer:
 
     def draw(self, shown: Shown) -> None:
         """Draw the path that explains the reading as a solid line, or else the predicted path as a dotted line."""
-        path = chosen_path(shown) if shown.draws(Layer.RAYS) else None
+        path = chosen_path(shown) if shown.draws(ViewLayer.RAYS) else None
         points = _NOTHING if path is None else path.corners
         style = Qt.PenStyle.SolidLine if path is not None and path.explains else Qt.PenStyle.DotLine
         self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))

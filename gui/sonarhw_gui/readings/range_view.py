@@ -12,7 +12,7 @@ from sonarhw_compare.matching.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Class, Layer
+from sonarhw_gui.look.palette import Class, ViewLayer
 from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import Canvas, new_plot
@@ -79,8 +79,8 @@ class RangeView(Canvas):
             self._draw_outline(shown)
         if before is None or before.chances is not shown.chances or before.look != shown.look:
             self.shading.draw(shown.chances, shown.look.palette.predicted)
-        self._outline.setVisible(shown.draws(Layer.PREDICTED))
-        self.shading.setVisible(shown.draws(Layer.PREDICTED))
+        self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
+        self.shading.setVisible(shown.chances is not None and shown.draws(ViewLayer.PREDICTED))
         if before is None or not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))

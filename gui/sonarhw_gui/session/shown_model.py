@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject, Signal, Slot
 
 from sonarhw.readings import Reading
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Class, Layer
+from sonarhw_gui.look.palette import Class, ViewLayer
 from sonarhw_gui.scene.history import History
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
@@ -123,7 +123,7 @@ class ShownModel(QObject):
         self.traces.request_bscan(settings)
 
     @Slot(object, bool)
-    def switch(self, layer: Class | Layer, visible: bool) -> None:
+    def switch(self, layer: Class | ViewLayer, visible: bool) -> None:
         """Show or hide a class of readings, or another layer, in every view."""
         hidden = self.shown.hidden - {layer} if visible else self.shown.hidden | {layer}
         if hidden != self.shown.hidden:

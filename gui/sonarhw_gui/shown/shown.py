@@ -14,7 +14,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Class, Layer
+from sonarhw_gui.look.palette import Class, ViewLayer
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from sonarhw_gui.work.bscan_picture import BScans
@@ -53,7 +53,7 @@ class Shown:
     trace: ChosenTrace | None = None  # of the selected reading; computed after the selection
     bscan: BScans | None = None  # as last shown
     cursor: Cursor | None = None
-    hidden: frozenset[Class | Layer] = frozenset()  # classes and layers that no view draws
+    hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws
     look: Look = field(default_factory=Look)
     outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
     chances: OutlineChances | None = None  # probabilities of ranges, if the board states spreads
@@ -94,7 +94,7 @@ class Shown:
         mine, others = ((one.readings, one.compared, one.scene, one.hidden) for one in (self, other))
         return all(part is other_part for part, other_part in zip(mine, others, strict=True))
 
-    def draws(self, layer: Layer) -> bool:
+    def draws(self, layer: ViewLayer) -> bool:
         """Return whether a layer is drawn."""
         return layer not in self.hidden
 

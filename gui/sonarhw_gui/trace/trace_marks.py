@@ -7,7 +7,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Layer
+from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.shown.shown import Shown
@@ -65,8 +65,8 @@ class TraceMarks:
     def set_visible(self, shown: Shown) -> None:
         """Show the marks of the layers that `shown` draws; without a trace, none."""
         for item, layer in (
-            *((self._blanking, Layer.BLANKING), (self._threshold, Layer.THRESHOLD)),
-            *((self._gain, None), (self._reported, Layer.TRACE)),
+            *((self._blanking, ViewLayer.BLANKING), (self._threshold, ViewLayer.THRESHOLD)),
+            *((self._gain, None), (self._reported, ViewLayer.TRACE)),
         ):
             item.setVisible(self._drawn and layer not in shown.hidden)
 

@@ -14,7 +14,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_sim.air import Air
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import Layer
+from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.parts.plain_label import PlainLabel
@@ -157,9 +157,9 @@ class TraceView(QWidget):
         self._read_cursors()
 
     def _show_layers(self, shown: Shown) -> None:
-        self._measured.setVisible(shown.draws(Layer.TRACE))
-        self._predicted.setVisible(shown.draws(Layer.PREDICTED))
-        self.names.set_visible(shown.draws(Layer.PREDICTED))
+        self._measured.setVisible(shown.draws(ViewLayer.TRACE))
+        self._predicted.setVisible(shown.draws(ViewLayer.PREDICTED))
+        self.names.set_visible(shown.draws(ViewLayer.PREDICTED))
         self.marks.set_visible(shown)
 
     def _update_title(self) -> None:

@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QGraphicsView
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.matching.match import Kind, compare_readings
-from sonarhw_gui.look.palette import LIGHT, Layer, Unclassed
+from sonarhw_gui.look.palette import LIGHT, Unclassed, ViewLayer
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.reading_cells import Column
@@ -146,24 +146,24 @@ def test_a_click_on_the_legend_hides_a_class_in_plan_ranges_and_table(
     assert entry.accessibleName().endswith("shown")
 
 
-@pytest.mark.parametrize("layer", list(Layer))
+@pytest.mark.parametrize("layer", list(ViewLayer))
 def test_every_entry_of_the_legend_switches_its_layer_with_a_key(
-    qtbot: QtBot, open_with: OpenWith, scene: Scene, recorded: Path, layer: Layer
+    qtbot: QtBot, open_with: OpenWith, scene: Scene, recorded: Path, layer: ViewLayer
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window) and window.session.shown.trace is not None)
     views = window.views
     items = {
-        Layer.TRACE: [views.trace._measured],
-        Layer.PREDICTED: [
+        ViewLayer.TRACE: [views.trace._measured],
+        ViewLayer.PREDICTED: [
             views.trace._predicted,
             views.plan.drawing._outline,
             views.ranges._outline,
         ],
-        Layer.THRESHOLD: [views.trace.marks._threshold],
-        Layer.BEAM: [views.plan.drawing.sensor._beam],
-        Layer.BLANKING: [views.trace.marks._blanking],
-        Layer.RAYS: [],
+        ViewLayer.THRESHOLD: [views.trace.marks._threshold],
+        ViewLayer.BEAM: [views.plan.drawing.sensor._beam],
+        ViewLayer.BLANKING: [views.trace.marks._blanking],
+        ViewLayer.RAYS: [],
     }[layer]
     assert all(item.isVisible() for item in items)
     entry = window.legend.entries[layer]
@@ -171,7 +171,7 @@ def test_every_entry_of_the_legend_switches_its_layer_with_a_key(
     qtbot.keyClick(entry, Qt.Key.Key_Space)
     until(qtbot, lambda: layer in window.session.shown.hidden)
     assert not any(item.isVisible() for item in items)
-    if layer is Layer.RAYS:
+    if layer is ViewLayer.RAYS:
         assert window.views.plan.drawing.path._rays.xData is None or not len(window.views.plan.drawing.path._rays.xData)
     qtbot.keyClick(entry, Qt.Key.Key_Space)
     until(qtbot, lambda: layer not in window.session.shown.hidden)
@@ -184,7 +184,7 @@ def test_marks_of_a_dense_scan_keep_the_colour_of_their_class(
     """Outlines in the colour of the paper would cover the fill of the neighbours."""
     window = open_with(source=dense_log(tmp_path / "dense.mcap", scene, COUNT))
     window.session.showing.set_look(replace(window.session.shown.look, palette=LIGHT))
-    window.session.showing.switch(Layer.PREDICTED, False)
+    window.session.showing.switch(ViewLayer.PREDICTED, False)
     until(qtbot, lambda: predicted(window))
     drawing = window.views.plan.drawing
     middle = (SHORT.start + SHORT.stop) // 2
