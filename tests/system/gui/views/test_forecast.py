@@ -11,7 +11,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.comparing import ComparedScan, CompareRequest
+from sonarhw_gui.work.comparing import ComparedScan, CompareRequest, StretchesCompared
 from sonarhw_gui.work.effort import Effort, EffortChoice
 from sonarhw_gui.work.forecast import LATE, REST, Forecast
 from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
@@ -28,11 +28,12 @@ from tests.system.gui.driving import until
 class Waiting:
     gate: threading.Event
     begun: threading.Event
+    result: object = "waited"
 
-    def answer(self) -> str:
+    def answer(self) -> object:
         self.begun.set()
         self.gate.wait()
-        return "waited"
+        return self.result
 
 
 @dataclass(frozen=True)
@@ -247,7 +248,7 @@ def test_old_values_become_outdated_after_a_delay_until_the_new_ones_arrive(
     forecast.follow(read_log(recorded).readings)
     finished(qtbot, forecast)
     gate, begun = threading.Event(), threading.Event()
-    forecast._comparer._worker.submit(Waiting(gate, begun))  # blocks the comparison
+    forecast._comparer._worker.submit(Waiting(gate, begun, StretchesCompared(-1, ())))  # blocks the comparison
     assert begun.wait(HANG)
     forecast.change_scene(moved(scene, 0.1))
     for now, outdated in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
