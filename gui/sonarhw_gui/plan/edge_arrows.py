@@ -139,7 +139,8 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         size = QFontMetricsF(self._font).boundingRect(text).size() + QSizeF(4, 0)
         x, y = arrow.towards
         inward = QPointF(x * (_ARROW + _GAP + size.width() / 2), y * (_ARROW + _GAP + size.height() / 2))
-        area = QRectF(QPointF(*arrow.at) - inward - QPointF(size.width(), size.height()) / 2, size)
+        area = QRectF(QPointF(0, 0), size)
+        area.moveCenter(QPointF(*arrow.at) - inward)
         whole = self.boundingRect()
         area.moveLeft(min(max(area.left(), 1.0), whole.width() - area.width() - 1))
         area.moveTop(min(max(area.top(), 1.0), whole.height() - area.height() - 1))

@@ -16,8 +16,9 @@ from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
 from sonarhw_gui.shown.reading_order import RowQuery, order_of
-from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, IntArray, ReadingRows
+from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
 from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.work.comparing import IntArray
 
 Index = QModelIndex | QPersistentModelIndex
 _Role = Qt.ItemDataRole

@@ -259,8 +259,7 @@ class TableView(QWidget):
 
     @Slot()
     def _filter(self) -> None:
-        hidden = self._shown.hidden if self._shown else frozenset()
-        hidden = frozenset(kind for kind in CLASSES if kind in hidden)
+        hidden = frozenset(kind for kind in CLASSES if self._shown is not None and kind in self._shown.hidden)
         self._following = True
         self.model.set_query(replace(self.model.query, hidden=hidden, text=self.words.text()))
         self._following = False

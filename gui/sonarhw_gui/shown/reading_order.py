@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.palette import Class
 from sonarhw_gui.shown.reading_cells import Column, class_name
-from sonarhw_gui.shown.reading_rows import CLASSES, CODES, NO_PATH, IntArray, ReadingRows
+from sonarhw_gui.shown.reading_rows import CLASSES, CODES, ReadingRows
+from sonarhw_gui.work.comparing import NO_PATH, IntArray
 
 
 @dataclass(frozen=True)

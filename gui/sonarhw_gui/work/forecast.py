@@ -105,8 +105,9 @@ class Forecast:
 
     def close(self) -> None:
         """End the threads."""
-        for part in (*self._workers, self._comparer):
-            part.close()
+        for worker in self._workers:
+            worker.close()
+        self._comparer.close()
 
     @property
     def _workers(self) -> tuple[Worker, ...]:
