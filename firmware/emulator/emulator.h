@@ -61,6 +61,7 @@ enum wiring_fault { // as in sonarhw/device/wiring_faults.py
     NOISE_ON_INIT = 256,
     THERMISTOR_OPEN = 512,
     THERMISTOR_SHORTED = 1024,
+    BLNK_OPEN = 2048,
 };
 void miswire(avr_t *avr, uint32_t faults);
 bool miswired(enum wiring_fault fault);

@@ -106,8 +106,8 @@ static void init_changed(avr_t *avr, bool high)
 
 static void blnk_changed(avr_t *avr, bool high)
 {
-    board.blanked = high;
-    if (high)
+    board.blanked = high && !miswired(BLNK_OPEN);
+    if (board.blanked)
         set_echo(avr, false);
 }
 
@@ -211,5 +211,5 @@ void ranging_start(avr_t *avr, double temperature)
     make_irq_listener(avr, 'C', 0, init_changed);
     make_irq_listener(avr, 'C', 1, blnk_changed);
     make_irq_listener(avr, 'C', 2, binh_changed);
-    set_pin(avr, 'L', 0, false);
+    ranging_show(avr);
 }

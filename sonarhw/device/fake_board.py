@@ -344,7 +344,8 @@ class FakeBoard(ProtocolDevice):
         """Return the echo times that arrive over the wires."""
         if self._wires.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH):
             return ()
-        return (NOISE_ECHO, *times) if self._wires.faults & WiringFault.NOISE_ON_INIT else times
+        arrived = (NOISE_ECHO, *times) if self._wires.faults & WiringFault.NOISE_ON_INIT else times
+        return arrived[:1] if self._wires.faults & WiringFault.BLNK_OPEN else arrived
 
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
         result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))

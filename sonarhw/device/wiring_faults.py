@@ -25,17 +25,18 @@ class WiringFault(IntFlag):
     NOISE_ON_INIT = 256  # every ping has an echo at NOISE_ECHO
     THERMISTOR_OPEN = 512
     THERMISTOR_SHORTED = 1024
+    BLNK_OPEN = 2048  # the board detects one echo of each ping
 
 
 FAULT_NAMES = {str(fault.name).lower().replace("_", "-"): fault for fault in WiringFault}
 
 
 def read_wiring_faults(text: str) -> WiringFault:
-    """Return the faults in a text such as `cam-inverted+motor-reversed`. Raises InputError for an unknown fault."""
+    """Return the faults in a text such as `cam-inverted/motor-reversed`. Raises InputError for an unknown fault."""
     faults = WiringFault(0)
-    for name in text.split("+"):
+    for name in text.split("/"):
         if name not in FAULT_NAMES:
-            raise InputError(f"unknown wire fault {name!r}; expected one of {', '.join(FAULT_NAMES)}, joined with +")
+            raise InputError(f"unknown wire fault {name!r}; expected one of {', '.join(FAULT_NAMES)}, joined with /")
         faults |= FAULT_NAMES[name]
     return faults
 
@@ -72,7 +73,8 @@ class Wires:
         """Return why a Home fails with these wires; None if it finds a zero."""
         cam = self._wrong(WiringFault.CAM_INVERTED, Wiring.CAM)
         mark = self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
-        if self.faults & WiringFault.MARK_OPEN:
+        # with mark, cam and motor inverted, the edge of the cam is on the other side of the mark
+        if self.faults & WiringFault.MARK_OPEN or (cam and mark and self.sign < 0):
             return "the zero mark never came; check its wire and the motor"
         if self.faults & WiringFault.CAM_OPEN or cam != (self.sign < 0):
             return "the cam never changed; check its wire and polarity, and the direction"

@@ -1,0 +1,229 @@
+"""The diagnoses of `sonarhw doctor`: each function judges what was measured, and states what to do."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from sonarhw.link.link_statistics import LinkStatistics
+from sonarhw.readings import Reading
+from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
+from sonarhw.wire.messages import Input, ResetCause, Statistics
+
+COLDEST, HOTTEST = -20.0, 60.0  # °C; outside, a wire is wrong rather than the air
+SAME_TIME = 3e-6  # s; half a millimetre of range
+MOST_AT_ONE_TIME = 0.65  # of the headings
+QUIET = 0.15  # of full scale; median of the end of a trace without echoes
+PLATE_ERROR, PLATE_SPREAD = 0.05, 0.005  # of the distance; m
+HEADING_ERROR = math.radians(20)
+
+
+class Verdict(StrEnum):
+    """The result of a check."""
+
+    PASS = "pass"
+    FAIL = "FAIL"
+    SKIPPED = "skip"  # not checked
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The result of one check."""
+
+    check: str
+    verdict: Verdict
+    text: str  # what was found
+    advice: str = ""  # what to do; empty if it passed
+
+
+def passed(check: str, text: str) -> Diagnosis:
+    """Return the diagnosis that all is well."""
+    return Diagnosis(check, Verdict.PASS, text)
+
+
+def failed(check: str, text: str, advice: str) -> Diagnosis:
+    """Return the diagnosis that something is wrong."""
+    return Diagnosis(check, Verdict.FAIL, text, advice)
+
+
+def skipped(check: str, text: str, advice: str = "") -> Diagnosis:
+    """Return the diagnosis that something was not checked."""
+    return Diagnosis(check, Verdict.SKIPPED, text, advice)
+
+
+def line(counted: LinkStatistics, device: Statistics, baud: int | None) -> Diagnosis:
+    """Judge the counters of an exchange of commands over the line at `baud`; None: the line has no baud rate."""
+    at = f"{baud} baud, " if baud else ""
+    damaged = counted.rejected_blocks + counted.missing_frames + device.rejected
+    if damaged or counted.repeated_commands:
+        text = f"{at}{damaged} damaged or lost frames, {counted.repeated_commands} repeated commands"
+        return failed("line", text, "use a short USB cable, no hub, and keep it away from the wires of the motor")
+    round_trip = "" if counted.round_trip is None else f", {counted.round_trip * 1e3:.1f} ms"
+    return passed("line", f"{at}{counted.frames_received} frames, none damaged{round_trip}")
+
+
+def firmware(name: str, protocol: tuple[int, int]) -> Diagnosis:
+    """Judge the version of the firmware."""
+    text = f"{name}, protocol {protocol[0]}.{protocol[1]}"
+    if protocol < (PROTOCOL_MAJOR, PROTOCOL_MINOR):
+        newest = f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}"
+        return failed("firmware", f"{text}; {newest} has all checks", "flash the firmware of this version of sonarhw")
+    return passed("firmware", text)
+
+
+def temperature(celsius: float | None) -> Diagnosis:
+    """Judge the temperature of the air at the board; None: no thermometer."""
+    if celsius is None:
+        advice = "if there is a thermistor, check its wires to A1 and to ground"
+        return skipped("thermometer", "none, or its wire is open", advice)
+    if not COLDEST < celsius < HOTTEST:
+        advice = "check the thermistor and its resistor; without a thermistor, leave A1 pulled up to 5 V"
+        return failed("thermometer", f"{celsius:.1f} °C", advice)
+    return passed("thermometer", f"{celsius:.1f} °C")
+
+
+def echo_idle(levels: Input | None) -> Diagnosis:
+    """Judge the level of ECHO while the board does not listen; None: not reported."""
+    if levels is None:
+        return skipped("ECHO at rest", "the device does not report its inputs")
+    if Input.ECHO in levels:
+        advice = "ECHO is stuck: check that INIT reaches the ranging board, and ECHO for a short to 5 V"
+        return failed("ECHO at rest", "high while INIT is low", advice)
+    return passed("ECHO at rest", "low")
+
+
+def echoes(readings: Sequence[Reading]) -> Diagnosis:
+    """Judge whether the board detects echoes at all."""
+    heard = sum(bool(reading.echo_times) for reading in readings)
+    if not heard:
+        advice = (
+            "hold a plate at 1 m; check the 5 V supply of the ranging board, INIT, the pull-up of ECHO (4.7 kΩ), "
+            "and that you hear a click at each ping"
+        )
+        return failed("echoes", f"none in {len(readings)} pings", advice)
+    ranges = [reading.range for reading in readings if reading.range is not None]
+    return passed("echoes", f"in {heard} of {len(readings)} pings, the first at {np.median(ranges):.3f} m")
+
+
+def rearming(readings: Sequence[Reading], can_rearm: bool) -> Diagnosis:
+    """Judge whether the board detects a second echo, which needs BLNK."""
+    if not can_rearm:
+        return skipped("BLNK", "this board detects one echo only")
+    most = max((len(reading.echo_times) for reading in readings), default=0)
+    if most == 0:
+        return skipped("BLNK", "no echo")
+    if most == 1:
+        advice = "check the wire of BLNK; in an empty hall or outdoors one echo may be all there is"
+        return failed("BLNK", f"no second echo in {len(readings)} pings", advice)
+    return passed("BLNK", f"up to {most} echoes of a ping")
+
+
+def noise(readings: Sequence[Reading]) -> Diagnosis:
+    """Judge the end of the traces, where no echo is expected."""
+    traces = [reading.trace for reading in readings if reading.trace is not None]
+    if not traces:
+        return skipped("noise", "the device sends no traces")
+    ends = np.concatenate([trace.samples[-len(trace.samples) // 5 :] for trace in traces])
+    level = float(np.nanmedian(np.abs(ends)))
+    if level > QUIET:
+        advice = "check the ground and the buffer of the tap, and keep A0 away from the wires of the motor"
+        return failed("noise", f"{level:.0%} of full scale at the end of the traces", advice)
+    return passed("noise", f"{level:.1%} of full scale at the end of the traces")
+
+
+def noise_on_init(readings: Sequence[Reading]) -> Diagnosis:
+    """Judge whether the first echo depends on the heading. `readings` are of headings all around."""
+    times = [reading.echo_times[0] for reading in readings if reading.echo_times]
+    if len(times) < len(readings) / 2 or len(times) < 3:
+        return skipped("echo moves", f"{len(times)} of {len(readings)} headings have an echo")
+    same = sum(abs(time - float(np.median(times))) < SAME_TIME for time in times)
+    if same >= MOST_AT_ONE_TIME * len(times):
+        advice = (
+            "this is noise on INIT or on the supply, not a wall: keep INIT away from the wires of the motor, and put "
+            "470 µF at the supply of the ranging board"
+        )
+        return failed(
+            "echo moves", f"first echo at {np.median(times) * 1e3:.3f} ms at {same} of {len(times)} headings", advice
+        )
+    return passed("echo moves", f"first echo from {min(times) * 1e3:.1f} to {max(times) * 1e3:.1f} ms all around")
+
+
+def switches(failure: str | None, levels: Input | None) -> Diagnosis:
+    """Judge a Home; `failure` is the device's reason."""
+    if failure is None:
+        return passed("zero", "found")
+    shown = "" if levels is None else f"; mark {_level(Input.MARK, levels)}, cam {_level(Input.CAM, levels)}"
+    return failed("zero", f"{failure}{shown}", _home_advice(failure))
+
+
+def _level(item: Input, levels: Input) -> str:
+    return "high" if item in levels else "low"
+
+
+def _home_advice(failure: str) -> str:
+    if "mark never came" in failure:
+        return (
+            "if the table did not turn, check the motor, its supply and ENABLE; if it did, check the wire of the mark, "
+            "and that `sonarhw turn URL 5 --jog` turns counter-clockwise, seen from above"
+        )
+    if "cam never changed" in failure:
+        return (
+            "`sonarhw turn URL 5 --jog` must turn counter-clockwise, seen from above, else `sonarhw wiring URL "
+            "--invert motor`; 30° counter-clockwise of zero `sonarhw wiring URL` must show the cam high, else "
+            "--invert cam; if the cable is wound by more than a turn, run this again"
+        )
+    if "wrong way" in failure:
+        return "`sonarhw wiring URL --invert mark`, if the motor turns counter-clockwise for `sonarhw turn URL 5 --jog`"
+    return "check that the table turns freely and that the cable is not wound; see docs/how_to/firmware.md"
+
+
+def steps(failure: str | None) -> Diagnosis:
+    """Judge a turn over two zero marks; `failure` is the device's reason."""
+    if failure is None:
+        return passed("steps", "none lost in a whole turn")
+    return failed("steps", failure, "check the current of the driver, the belt, and what blocks the table")
+
+
+def direction(readings: Sequence[Reading], plate: float) -> Diagnosis:
+    """Judge whether the nearest echo is on the side of the plate. `plate` is its heading, rad."""
+    heard = [reading for reading in readings if reading.range is not None]
+    if not heard:
+        return failed("direction", "no echo around zero", "hold the plate at a right angle to the line to the board")
+    nearest = min(heard, key=lambda reading: reading.range or math.inf)
+    text = f"the nearest echo is at {math.degrees(nearest.angle):+.0f}°, the plate at {math.degrees(plate):+.0f}°"
+    if abs(nearest.angle - plate) <= HEADING_ERROR:
+        return passed("direction", text)
+    if abs(nearest.angle + plate) <= HEADING_ERROR:
+        advice = "the table turns the other way: `sonarhw wiring URL` with mark, cam and motor inverted"
+        return failed("direction", text, advice)
+    return failed("direction", text, "take away what is nearer than the plate, and check zero and gear")
+
+
+def plate(readings: Sequence[Reading], distance: float) -> Diagnosis:
+    """Judge the ranges of a plate. `distance` is from the transducer, m."""
+    ranges = [reading.range for reading in readings if reading.range is not None]
+    if not ranges:
+        return failed("plate", "no echo", "hold the plate at a right angle to the line to the board")
+    median, spread = float(np.median(ranges)), float(np.std(ranges))
+    text = f"{median:.4f} m, standard deviation {spread * 1e3:.1f} mm; {distance:g} m expected"
+    if abs(median - distance) > PLATE_ERROR * distance:
+        return failed("plate", text, "check the distance and the gear; then `sonarhw calibrate` finds the offset")
+    if spread > PLATE_SPREAD:
+        return failed("plate", text, "the plate moves, or the threshold is hardly reached: use a larger plate")
+    return passed("plate", text)
+
+
+def supply(device: Statistics, resets: int) -> Diagnosis:
+    """Judge the cause of the last start, and whether the device restarted during the checks."""
+    cause = ResetCause(device.reset_cause) if device.reset_cause in [*ResetCause] else ResetCause.UNKNOWN
+    advice = (
+        "the 6500 draws 2 A during a ping: give it a supply of 5 V and 3 A of its own with a common ground, and 470 µF "
+        "close to it"
+    )
+    if cause is ResetCause.BROWNOUT:
+        return failed("supply", "the last start followed a drop of the supply", advice)
+    if resets:
+        return failed("supply", f"the device restarted {resets} times during the checks", advice)
+    return passed("supply", "no restart during the checks")

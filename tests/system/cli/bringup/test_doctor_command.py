@@ -1,0 +1,189 @@
+"""`sonarhw doctor`: every wiring fault fails the check that it belongs to, on the fake and on the emulated board."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+
+from sonarhw import Scanner
+from sonarhw.bringup import diagnoses
+from sonarhw.bringup.diagnoses import Diagnosis, Verdict
+from sonarhw.bringup.doctor import Plate, examine
+from sonarhw.device.emulated_board import BUILT, emulated_board
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.fault_schedule import read_faults
+from sonarhw.device.faulty_board import FaultyDevice
+from sonarhw.device.wiring_faults import Wires, WiringFault
+from sonarhw.readings import Trace
+from sonarhw.wire.messages import ResetCause, Statistics
+from tests.fixtures.example_logs import example_reading
+from tests.fixtures.plain_echoes import DISTANCE, PLATE_DEG, HallEchoes
+from tests.system.cli.instrument.test_scan_command import sonarhw
+
+PLATE = Plate(math.radians(PLATE_DEG), DISTANCE)
+MIRRORED = WiringFault.CAM_INVERTED | WiringFault.MARK_INVERTED | WiringFault.MOTOR_REVERSED
+
+# a fault, the checks that fail, and a part of the advice
+FAULTS = [
+    (WiringFault(0), [], ""),
+    (WiringFault.CAM_INVERTED, ["zero"], "--invert cam"),
+    (WiringFault.CAM_OPEN, ["zero"], "--invert cam"),
+    (WiringFault.MOTOR_REVERSED, ["zero"], "--invert motor"),
+    (WiringFault.MARK_OPEN, ["zero"], "check the wire of the mark"),
+    (WiringFault.MARK_INVERTED, ["zero"], "--invert mark"),
+    (MIRRORED, ["zero"], "turns counter-clockwise, seen from above"),
+    (WiringFault.MOTOR_OPEN, ["zero"], "check"),
+    (WiringFault.ECHO_LOW, ["echoes", "direction", "plate"], "the pull-up of ECHO"),
+    (WiringFault.ECHO_HIGH, ["ECHO at rest", "echoes", "direction", "plate"], "ECHO is stuck"),
+    (WiringFault.NOISE_ON_INIT, ["echo moves", "direction", "plate"], "noise on INIT"),
+    (WiringFault.THERMISTOR_SHORTED, ["thermometer", "plate"], "check the thermistor"),
+    (WiringFault.BLNK_OPEN, ["BLNK"], "check the wire of BLNK"),
+]
+IDS = [str(fault.name or "none") for fault, _, _ in FAULTS]
+
+
+@contextmanager
+def fake(faults: WiringFault) -> Iterator[str]:
+    """A fake board with these wiring faults; yields its URL."""
+    with serve(FakeBoard(HallEchoes(), seed=2, wires=Wires(faults)), tcp="127.0.0.1:0", pace="max") as endpoint:
+        yield endpoint.url
+
+
+@contextmanager
+def emulated(faults: WiringFault) -> Iterator[str]:
+    """An emulated board with these wiring faults; yields its URL."""
+    with emulated_board(HallEchoes(), pace=3.0, start_deg=40, miswire=faults) as board:
+        yield board.url
+
+
+def check_diagnoses(url: str, checks: list[str], advice: str) -> list[Diagnosis]:
+    """Assert that exactly these checks fail, and that the first one gives this advice."""
+    with Scanner.open(url) as scanner:
+        made = [*examine(scanner, True, PLATE)]
+    bad = [diagnosis for diagnosis in made if diagnosis.verdict is Verdict.FAIL]
+    assert [diagnosis.check for diagnosis in bad] == checks, made
+    if bad:
+        assert advice in bad[0].advice
+    return made
+
+
+@pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=IDS)
+def test_each_wiring_fault_of_a_fake_board_fails_its_check(fault: WiringFault, checks: list[str], advice: str) -> None:
+    with fake(fault) as url:
+        check_diagnoses(url, checks, advice)
+
+
+@pytest.mark.skipif(not (BUILT / "sonar.elf").exists(), reason="the firmware is not built")
+@pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=IDS)
+def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
+    fault: WiringFault, checks: list[str], advice: str
+) -> None:
+    with emulated(fault) as url:
+        check_diagnoses(url, checks, advice)
+
+
+def test_the_command_prints_each_check_and_its_exit_status_counts_failures() -> None:
+    with fake(WiringFault(0)) as url:
+        good = sonarhw("doctor", url, "--plate", "30", "--distance", "1")
+    assert (good.returncode, good.stderr) == (0, f"{url}: no check failed\n")
+    assert [line.split()[0] for line in good.stdout.splitlines()] == ["pass"] * 13
+    with fake(WiringFault.ECHO_LOW) as url:
+        bad = sonarhw("doctor", url, "--no-turn")
+    assert (bad.returncode, bad.stderr) == (1, f"{url}: 1 check failed\n")
+    assert "FAIL  echoes        none in 20 pings\n                    → hold a plate at 1 m" in bad.stdout
+    assert "skip  turntable" in bad.stdout
+
+
+def test_a_missing_thermometer_is_no_failure() -> None:
+    with fake(WiringFault.THERMISTOR_OPEN) as url:
+        done = sonarhw("doctor", url, "--no-turn")
+    assert done.returncode == 0
+    assert "skip  thermometer   none, or its wire is open\n" in done.stdout
+
+
+def test_a_scanner_that_does_not_answer_fails_the_first_check() -> None:
+    done = sonarhw("doctor", "socket://127.0.0.1:1")
+    assert (done.returncode, done.stderr) == (1, "socket://127.0.0.1:1: 1 check failed\n")
+    assert done.stdout.startswith("FAIL  line ")
+    assert "sonarhw ports" in done.stdout
+
+
+def test_older_firmware_is_checked_as_far_as_it_allows() -> None:
+    board = FakeBoard(HallEchoes(), seed=2, identity=BoardIdentity(minor=1))
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("doctor", endpoint.url)
+    assert done.returncode == 1
+    assert "FAIL  firmware      sonarhw-fake 0.1.0, protocol 1.1; 1.2 has all checks" in done.stdout
+    assert "pass  zero" in done.stdout
+
+
+def test_a_bad_cable_fails_the_line() -> None:
+    device = FaultyDevice(lambda boots: FakeBoard(HallEchoes(), seed=2), read_faults("flip=1/400"), seed=3)
+    with serve(device, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+        first = next(examine(scanner, False, None))
+    assert (first.check, first.verdict) == ("line", Verdict.FAIL)
+    assert "short USB cable" in first.advice
+
+
+def test_a_slipping_table_fails_the_steps() -> None:
+    board = FakeBoard(HallEchoes(), seed=2)
+    made = []
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+        for diagnosis in examine(scanner, True, None):
+            made.append(diagnosis)
+            if diagnosis.check == "zero":
+                board.slip(40)
+    assert [diagnosis.check for diagnosis in made if diagnosis.verdict is Verdict.FAIL] == ["steps"]
+
+
+@pytest.mark.parametrize(
+    ("nearest_deg", "verdict", "advice"),
+    [
+        (25, Verdict.PASS, ""),
+        (-30, Verdict.FAIL, "the table turns the other way"),
+        (-90, Verdict.FAIL, "take away what is nearer"),
+    ],
+)
+def test_the_nearest_echo_must_be_on_the_side_of_the_plate(nearest_deg: float, verdict: Verdict, advice: str) -> None:
+    readings = [
+        replace(example_reading(n), angle=math.radians(deg), echo_times=(0.006 if deg == nearest_deg else 0.02,))
+        for n, deg in enumerate((-90, -30, 0, 25))
+    ]
+    diagnosis = diagnoses.direction(readings, math.radians(30))
+    assert diagnosis.verdict is verdict
+    assert advice in diagnosis.advice
+
+
+def test_a_noisy_trace_fails() -> None:
+    noisy = replace(example_reading(0), trace=Trace([0.5] * 100, 50_000.0, 0.0))  # type: ignore[arg-type]
+    assert diagnoses.noise([noisy]).verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    ("cause", "resets", "verdict"),
+    [
+        (ResetCause.POWER, 0, Verdict.PASS),
+        (ResetCause.BROWNOUT, 0, Verdict.FAIL),
+        (ResetCause.POWER, 2, Verdict.FAIL),
+    ],
+)
+def test_a_weak_supply_is_seen_by_restarts(cause: ResetCause, resets: int, verdict: Verdict) -> None:
+    assert diagnoses.supply(Statistics(0, 0, 0, 0, 0, 0, cause, 0), resets).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--plate", "30"), "--plate, --distance: give both or none"),
+        (("--plate", "5", "--distance", "1"), "--plate 5: expected 10 to 60 degrees"),
+        (("--plate", "30", "--distance", "0"), "--distance 0: expected metres above 0"),
+        (("--plate", "30", "--distance", "1", "--no-turn"), "--plate, --no-turn"),
+    ],
+)
+def test_bad_options_are_refused(options: tuple[str, ...], message: str) -> None:
+    done = sonarhw("doctor", "socket://127.0.0.1:1", *options)
+    assert done.returncode == 2
+    assert message in done.stderr
