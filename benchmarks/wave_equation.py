@@ -1,32 +1,174 @@
-"""Paths compared with the wave equation, arrival by arrival: `python -m benchmarks.wave_equation`.
+"""Levels of the paths compared with exact waves: `python -m benchmarks.wave_equation [--grid]`.
 
-Uses the scenes of the tests, and some that rays cannot describe. Prints the level of each arrival by its path and by
-the wave equation, with the paper's strength of edges, with Keller's and with the uniform theory, and the largest
-differences. Levels are in dB relative to a flat wall at that length.
+Prints, for each scene, the level of all its sound at the carrier by the paths (`uniform` strength of edges) and by a
+wave that is independent of rays, in dB relative to an endless perfect wall. Each table names its wave. Held are cases
+with reflectance 1, and those with less that are straight ahead, wherever the wave is over -40 dB: the paths are at most
+1.5 dB fainter and 0.5 dB louder. Other cases are printed only: also those with reflectance 0, which is silent by
+definition. Takes about 15 s of processor time.
+
+`--grid` also compares every arrival of other scenes with a wave equation solved on a grid, for `paper`, `keller` and
+`uniform` (half a minute), and prints the levels of sound that is bent by two edges of different walls.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
+import numpy as np
 from sonarhw_sim.choices import EdgeStrength
 
-from tests.oracles.wave_equation import Scene
-from tests.oracles.wave_scenes import (
-    DIFFRACTED,
-    REFLECTED,
-    Difference,
-    abreast_of_an_end,
-    differences,
-    outer_corner,
-    strip,
-    unexplained,
+from tests.oracles.exact_levels import (
+    WAVELENGTH,
+    Point,
+    by_cylinder_series,
+    by_integral_equation,
+    by_paths,
+    by_wedge_integral,
 )
+from tests.oracles.wave_equation import Scene
+from tests.oracles.wave_scenes import DIFFRACTED, REFLECTED, TWICE_BENT, Difference, differences, unexplained
 
-ENDS = (-0.1, -0.06, -0.03, -0.012, -0.003, 0.003, 0.012, 0.03, 0.06, 0.1)  # m beyond the foot of the perpendicular
-STRIPS = (0.01, 0.02, 0.04, 0.07, 0.1, 0.2)  # m
-WEDGES = (210, 240, 270, 300, 330)  # degrees of air, seen along the line that halves them
-HELD_ABOVE = -40.0  # dB of the wave; fainter arrivals are printed, not held
-WITHIN, LOUDER = 1.5, 0.5  # dB
+DISTANCES = (0.5, 1.0)  # m
+REFLECTANCES = (1.0, 0.5, 0.1, 0.0)
+ENDS = (-100, -60, -30, -12, -3, 3, 12, 30, 60, 100)  # mm beyond the foot of the perpendicular
+STRIPS = (5, 10, 20, 40, 70, 100, 200)  # mm
+TILTS = (5, 10, 15, 20)  # degrees
+OUTER = (30, 60, 90, 120, 150)  # degrees of the solid
+INNER = (30, 40, 50, 60, 75, 90, 100, 120, 135, 150)  # degrees of air
+SHARES = (0.5, 0.35)  # of the air, from one face to the direction from which a corner is seen
+POSTS = (1, 2, 3, 5, 8, 10, 15, 20, 40)  # mm of diameter
+REACH = 0.6  # m, from the foot to the far end of a wall that ends near the foot
+ENDLESS = 9.0  # m
+HELD_ABOVE = -40.0  # dB of the wave
+FAINTER, LOUDER = 1.5, 0.5  # dB
+
+
+class Case(NamedTuple):
+    """One scene."""
+
+    label: str
+    wave: float  # dB
+    paths: float  # dB
+    holds: bool  # if the wave is loud enough
+
+    @property
+    def held(self) -> bool:
+        """Whether the difference is limited."""
+        return self.holds and self.wave > HELD_ABOVE
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it is held and differs too much."""
+        return self.held and not -FAINTER <= self.paths - self.wave <= LOUDER
+
+
+Tables = Iterator[tuple[str, str, list[Case]]]  # title, wave, and cases
+
+
+def _at(distance: float, off_normal_deg: float = 0.0, aside: float = 0.0) -> Point:
+    """Return a point seen from the middle of a plate on the x axis, moved to the side by `aside` m."""
+    angle = math.radians(off_normal_deg)
+    across = np.array([math.cos(angle), -math.sin(angle)])
+    return distance * np.array([math.sin(angle), math.cos(angle)]) + aside * across
+
+
+def _plate(
+    label: str, low: float, high: float, ends: tuple[Point, Point], holds: bool, reflectance: float = 1.0
+) -> Case:
+    """Return the case of a thin plate on the x axis from `low` to `high` m, for source and receiver."""
+    source, receiver = ends
+    mirrored = math.hypot(*(source - receiver * (1, -1)))
+    wave = by_integral_equation((low, high), mirrored, source, receiver, reflectance)
+    paths = by_paths([(low, 0.0, high, 0.0)], mirrored, source, receiver, reflectance=reflectance)
+    return Case(label, wave, paths, holds)
+
+
+def plates(distance: float) -> Tables:
+    """Yield wall ends, strips, tilted strips and reciprocal pairs."""
+    here, wave = _at(distance), "integral equation"
+    for share in REFLECTANCES:
+        # short of the foot, the wall is not straight ahead
+        yield (
+            f"wall that ends beyond the foot of the perpendicular, mm, reflectance {share:g}",
+            wave,
+            [
+                _plate(f"{end:+d}", -REACH, end / 1000, (here, here), share == 1 or (share > 0 and end > 0), share)
+                for end in ENDS
+            ],
+        )
+    for share in REFLECTANCES:
+        cases = [_plate(f"{width}", -width / 2000, width / 2000, (here, here), share > 0, share) for width in STRIPS]
+        yield f"strip, width in mm, reflectance {share:g}", wave, cases
+    cases = []
+    for width in STRIPS:
+        for tilt in TILTS:
+            there = _at(distance, tilt)
+            cases.append(_plate(f"{width} at {tilt}°", -width / 2000, width / 2000, (there, there), True))
+    yield "tilted strip, width in mm", wave, cases
+    one, other, cases = _at(distance, 10, -0.1), _at(0.8 * distance, 10, 0.15), []
+    for width in STRIPS:
+        there = _plate(f"{width} there", -width / 2000, width / 2000, (one, other), True)
+        back = _plate(f"{width} back", -width / 2000, width / 2000, (other, one), True)
+        cases += [there, back]
+    yield "strip, separate source and receiver, and the reverse, width in mm", wave, cases
+
+
+def corners(distance: float) -> Tables:
+    """Yield outer and inner corners; of inner ones, all sound within a wavelength of that by the vertex."""
+    wave = "integral of a wedge, and image sources"
+    outer = [(360 - solid, share) for solid in OUTER for share in SHARES]
+    cases = [_corner(f"{360 - air} from {air * share:g}°", air, air * share, distance, 0.0) for air, share in outer]
+    yield "outer corner, degrees of the solid", wave, cases
+    inner = [(air, share) for air in INNER for share in SHARES]
+    least = 2 * distance - WAVELENGTH
+    cases = [_corner(f"{air} from {air * share:g}°", air, air * share, distance, least) for air, share in inner]
+    yield "inner corner, degrees of air, sound by the vertex", wave, cases
+
+
+def _corner(label: str, air_deg: float, at_deg: float, distance: float, longer_than: float) -> Case:
+    air, at = math.radians(air_deg), math.radians(at_deg)
+    end = ENDLESS * math.cos(air), ENDLESS * math.sin(air)
+    walls = [(0.0, 0.0, ENDLESS, 0.0), (*end, 0.0, 0.0)]
+    source = distance * np.array([math.cos(at), math.sin(at)])
+    paths = by_paths(walls, 2 * distance, source, longer_than=longer_than)
+    return Case(label, by_wedge_integral(air_deg, at_deg, distance, longer_than), paths, True)
+
+
+def posts(distance: float) -> Tables:
+    """Yield posts straight ahead."""
+    for share in REFLECTANCES:
+        cases = []
+        for diameter in POSTS:
+            radius = diameter / 2000
+            post = [(distance + radius, 0.0, radius)]
+            paths = by_paths([], 2 * distance, np.zeros(2), posts=post, reflectance=share)
+            cases.append(Case(f"{diameter}", by_cylinder_series(radius, distance, share), paths, share > 0))
+        yield f"post, diameter in mm, reflectance {share:g}", "series of a cylinder", cases
+
+
+def show(title: str, wave: str, distance: float, cases: Sequence[Case]) -> None:
+    """Print a table."""
+    print(f"\n{title}, at {distance:g} m; wave: {wave}\n{'':>16}{'wave':>9}{'paths':>9}{'paths - wave':>14}, dB")
+    for case in cases:
+        silent = case.paths < -100
+        difference = "" if silent and case.wave < -100 else f"{case.paths - case.wave:+.2f}"
+        levels = "".join("   silent" if level < -100 else f"{level:9.2f}" for level in (case.wave, case.paths))
+        mark = "WRONG" if case.wrong else "held" if case.held else ""
+        print(f"{case.label:>16}{levels}{difference:>14}  {mark}")
+
+
+def show_exact() -> list[Case]:
+    """Print all tables against exact waves; return all cases."""
+    found = []
+    for distance in DISTANCES:
+        for tables in (plates, corners, posts):
+            for title, wave, cases in tables(distance):
+                show(title, wave, distance, cases)
+                found += cases
+    return found
+
+
 Row = tuple[Difference, Difference, Difference]  # by the paper's factor, Keller's coefficient, the uniform theory
 
 
@@ -68,33 +210,19 @@ def show_largest(rows: Sequence[Row]) -> None:
         print(f"{len(diffracted)} diffracted, by {name}: {min(levels):+.2f} to {max(levels):+.2f} dB")
 
 
-def show_held(name: str, scenes: Iterable[tuple[str, Scene]]) -> int:
-    """Print model and wave for the first arrival of each scene; return how many held cases differ too much."""
-    print(f"\n{name}, 0.24 m (corners: 0.29 m): wave equation, uniform theory, model minus wave, dB")
-    wrong = 0
-    for label, scene in scenes:
-        arrival = differences(scene)[0]
-        held, excess = decibels(arrival.found.strength) > HELD_ABOVE, -arrival.decibels
-        fails = held and not -WITHIN <= excess <= LOUDER
-        mark = "" if not held else "held, differs" if fails else "held"
-        print(f"{label:>10}{decibels(arrival.found.strength):8.2f}", end="")
-        print(f"{decibels(arrival.predicted.strength):8.2f}{excess:+8.2f}  {mark}", flush=True)
-        wrong += fails
-    return wrong
-
-
 def main() -> None:
     """Print the tables."""
-    show_largest(show_arrivals(REFLECTED + DIFFRACTED))
-    wrong = show_held("wall that ends beyond the foot of the perpendicular, mm", _labelled(ENDS, abreast_of_an_end))
-    wrong += show_held("strip, width in mm", _labelled(STRIPS, strip))
-    corners = [(f"{air}", outer_corner(air, air / 2)) for air in WEDGES]
-    wrong += show_held("outer corner, degrees of air", corners)
-    print(f"\nheld cases that differ by more than +{LOUDER:g} or -{WITHIN:g} dB: {wrong}")
-
-
-def _labelled(lengths: Sequence[float], scene: Callable[[float], Scene]) -> list[tuple[str, Scene]]:
-    return [(f"{1000 * length:+.0f}", scene(length)) for length in lengths]
+    if "--grid" in sys.argv[1:]:
+        show_largest(show_arrivals(REFLECTED + DIFFRACTED))
+        print("\nsound bent by two edges of different walls, which has no path; relative to a flat wall, dB")
+        for scene in TWICE_BENT:
+            print(f"{scene.name:70}{decibels(unexplained(scene)):8.1f}", flush=True)
+    cases = show_exact()
+    held = [case for case in cases if case.held]
+    worst = [max(held, key=lambda case: sign * (case.paths - case.wave)) for sign in (1, -1)]
+    print(f"\n{len(cases)} cases, {len(held)} held; largest differences of these:", end=" ")
+    print(", ".join(f"{case.paths - case.wave:+.2f} dB" for case in worst))
+    print(f"held cases that differ by more than +{LOUDER:g} or -{FAINTER:g} dB: {sum(case.wrong for case in cases)}")
 
 
 if __name__ == "__main__":

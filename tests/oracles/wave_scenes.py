@@ -55,6 +55,12 @@ def strip(width: float) -> Scene:
     return Scene(f"strip of {1000 * width:g} mm", ((at, low, at, low + width),))
 
 
+def strip_on_a_stem(width: float, aside: float) -> Scene:
+    """Return `strip` with another plate that joins it from behind, `aside` m beside its middle."""
+    at, joint = FLAT_WALL.walls[0][0], _on_line(aside)
+    return Scene("strip on a stem", (*strip(width).walls, (at, joint, OUT, joint)))
+
+
 def _vertex(distance: float, towards_source_deg: float) -> tuple[float, float]:
     """Return the position of a vertex with the source in this direction, moved to lines between cells."""
     angle = math.radians(towards_source_deg)
@@ -101,6 +107,19 @@ DIFFRACTED = (
     Scene("behind the end of a plate", ((0.1505, -0.1005, 0.1505, OUT),), receiver=(0.3, 0.0), shadowed=True),
     Scene("end of a plate beside a post", ((0.2005, 0.1005, 0.2005, OUT),), posts=((0.0, -0.2, 0.1),)),
     Scene("end of a plate over a wall", (_floor(-0.1005), (0.1505, 0.1205, OUT, 0.1205)), solids=((0,),)),
+)
+TWICE_BENT = (
+    Scene("edges of two plates, 60 mm apart", ((0.2005, 0.0305, 0.2005, OUT), (0.2005, -0.0305, 0.2005, -OUT))),
+    Scene("edges of two plates, 120 mm apart", ((0.2005, 0.0605, 0.2005, OUT), (0.2005, -0.0605, 0.2005, -OUT))),
+    Scene("edges of two plates, one 100 mm behind", ((0.1505, 0.0605, 0.1505, OUT), (0.2505, -0.0305, 0.2505, -OUT))),
+    Scene(
+        "corners of two boxes, 90 mm apart",
+        (
+            *((OUT, 0.0455, 0.2005, 0.0455), (0.2005, 0.0455, 0.2005, OUT)),
+            *((0.2005, -OUT, 0.2005, -0.0455), (0.2005, -0.0455, OUT, -0.0455)),
+        ),
+        solids=((0, 1), (2, 3)),
+    ),
 )
 
 

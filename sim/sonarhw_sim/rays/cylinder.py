@@ -1,4 +1,4 @@
-"""How strongly a thin post reflects: the exact series of a rigid cylinder, where ray optics is wrong."""
+"""How strongly a thin post reflects: the exact series of a cylinder, where ray optics is wrong."""
 
 import math
 
@@ -13,19 +13,22 @@ THIN = 0.005  # m: ray optics is good enough for posts from this radius on
 _TERMS = 24  # more than enough for ka up to 8, or 86 kHz
 
 
-def cylinder_factor(ka: FloatArray, incidence: FloatArray) -> NDArray[np.float64]:
-    """Return the amplitude of an echo from a rigid cylinder relative to ray optics, (n,) float.
+def cylinder_factor(ka: FloatArray, incidence: FloatArray, reflectances: FloatArray) -> NDArray[np.float64]:
+    """Return the amplitude of an echo from a cylinder relative to ray optics, (n,) float.
 
-    `ka` (n,) is the wave number times the radius, `incidence` (n,) rad that of the ray. Far from the cylinder, the
-    scattered wave is √(2 / (π k r)) |f| with f = Σ εₙ Jₙ′(ka) / Hₙ′(ka) cos n(π − 2i) (Morse and Ingard, Theoretical
-    Acoustics, ch. 8), and ray optics gives √(a cos i / (2 r)).
+    `ka` (n,) is the wave number times the radius, `incidence` (n,) rad that of the ray, `reflectances` (n,), over 0,
+    those of the surface. Far from the cylinder, the scattered wave is √(2 / (π k r)) |f| with
+    f = Σ εₙ Jₙ*(ka) / Hₙ*(ka) cos n(π − 2i), where Z* = Z′ + j β Z and β = (1 − ρ)/(1 + ρ) is the admittance relative
+    to that of air (Morse and Ingard, Theoretical Acoustics, ch. 8). Ray optics gives ρ √(a cos i / (2 r)).
     """
-    from scipy.special import h1vp, jvp  # slow to import, and most rooms have no thin posts
+    from scipy.special import h1vp, hankel1, jv, jvp  # slow to import, and most rooms have no thin posts
 
     order = np.arange(_TERMS)[:, None]
     weight = np.where(order == 0, 1.0, 2.0)
-    terms = weight * jvp(order, ka) / h1vp(order, ka) * np.cos(order * (math.pi - 2 * incidence))
-    return np.asarray(2 * np.abs(terms.sum(axis=0)) / np.sqrt(math.pi * ka * np.cos(incidence)))
+    admittance = 1j * (1.0 - reflectances) / (1.0 + reflectances)
+    returned = (jvp(order, ka) + admittance * jv(order, ka)) / (h1vp(order, ka) + admittance * hankel1(order, ka))
+    terms = weight * returned * np.cos(order * (math.pi - 2 * incidence))
+    return np.asarray(2 * np.abs(terms.sum(axis=0)) / (np.sqrt(math.pi * ka * np.cos(incidence)) * reflectances))
 
 
 def thin_post_factors(room: Room, paths: PartialPaths, wavelength: float) -> FloatArray:
@@ -41,7 +44,7 @@ def thin_post_factors(room: Room, paths: PartialPaths, wavelength: float) -> Flo
         back, on = _unit(before - at), _unit(after - at)
         incidence = np.arccos(np.clip((back * on).sum(axis=1), -1.0, 1.0)) / 2
         ka = math.tau / wavelength * radii[row, touch]
-        np.multiply.at(factors, row, cylinder_factor(ka, incidence))
+        np.multiply.at(factors, row, cylinder_factor(ka, incidence, room.reflectances[paths.surfaces[row, touch]]))
     return factors
 
 

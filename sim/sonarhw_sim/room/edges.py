@@ -33,6 +33,9 @@ class Edges:
     openings: FloatArray  # (n,), rad: angle of the air, counter-clockwise from the first face
     faces: IntArray  # (n, 2): walls of the first and of the last face; equal at a free end
     names: tuple[str, ...]  # as in `via`
+    # (n, 2), m: how far both faces are bare, from the edge to where the next wall ends, begins or joins on this side;
+    # None: unknown, and no wall joins another one midway
+    bare: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -73,7 +76,34 @@ def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
         openings[rows],
         beside,
         tuple(_edge_name(first, second, names) for first, second in beside.tolist()),
+        _bare_lengths(faces, following, openings, vertices)[rows],
     )
+
+
+def _bare_lengths(faces: _Faces, following: NDArray[np.intp], openings: FloatArray, vertices: FloatArray) -> FloatArray:
+    """Return the distance along both faces of each wedge to the next wedge on the same side of the wall, (f, 2) m.
+
+    It is 0 where the next wedge is not one that ends the wall there.
+    """
+    # a wall that another one joins on its other side continues here
+    wedge = np.flatnonzero(np.abs(openings - math.pi) > _FLUSH)
+    wedge, face = np.repeat(wedge, 2), np.tile((0, 1), len(wedge))
+    at = np.where(face == 0, wedge, following[wedge])
+    direction, wall = faces.directions[at], faces.walls[at]
+    # seen along the wall in a direction of 0 to 180°: whether it begins here, and whether its air is on the left
+    begins = (direction > MEETING) & (direction < math.pi + MEETING)
+    along = direction - np.where(begins, 0.0, math.pi)
+    left = (face == 0) == begins
+    points = vertices[faces.vertices[wedge]]
+    place = points[:, 0] * np.cos(along) + points[:, 1] * np.sin(along)
+    order = np.lexsort((begins, np.round(place / MEETING), left, wall))
+    one, other = order[:-1], order[1:]
+    bare = np.zeros((len(openings), 2))
+    joined = (wall[one] == wall[other]) & (left[one] == left[other]) & begins[one] & ~begins[other]
+    one, other = one[joined], other[joined]
+    lengths = place[other] - place[one]
+    bare[wedge[one], face[one]], bare[wedge[other], face[other]] = lengths, lengths
+    return bare
 
 
 def _crossings(walls: FloatArray, ends: FloatArray) -> FloatArray:

@@ -1,8 +1,9 @@
 """Sound that runs along a narrow wall from one end to the other, any number of times, before it leaves.
 
 Each end is a wedge and diffracts by the uniform theory. Along a hard face, half of the sound is incident on the next
-wedge and half is its reflection; an absorbing face weakens it by its reflectance. The sum over all passages is a
-geometric series of matrices.
+wedge and half is its reflection. A face with an impedance weakens it as flat ground weakens a wave between two points
+on it (Sommerfeld 1909): by 1 - F(kwβ²/2), with the width w, the admittance β of the face relative to that of air, and
+the transition function F. The sum over all passages is a geometric series of matrices.
 """
 
 import math
@@ -15,7 +16,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.room.edges import Edges
 from sonarhw_sim.room.grid import IntArray
-from sonarhw_sim.wedges.wedge import by_wedge
+from sonarhw_sim.wedges.wedge import by_wedge, transition
 
 WIDEST = 16.0  # wavelengths: the burst is as long, so sound that ran along a wall arrives during the echo of its end
 _FLUSH = 1e-6  # rad and m
@@ -103,11 +104,11 @@ def _at_ends(edge: IntArray, ends: _Ends) -> tuple[NDArray[np.intp], NDArray[np.
 def _other_ends(edges: Edges, widest: float) -> NDArray[np.intp]:
     """Return the edge at the other end of each face, (e, 2); -1 if it is farther than `widest` m, or none.
 
-    Inner corners are no ends.
+    Inner corners are no ends, and a side that another wall joins midway has none.
     """
     partners = np.full((len(edges), 2), -1)
-    outer = np.flatnonzero(edges.openings > math.pi)
-    edge, face = np.repeat(outer, 2), np.tile((0, 1), len(outer))
+    narrow = np.ones((len(edges), 2), np.bool_) if edges.bare is None else edges.bare > 0.0
+    edge, face = np.nonzero(narrow & (edges.openings > math.pi)[:, None])
     direction = np.mod(edges.starts[edge] + face * edges.openings[edge], math.tau)
     # seen along the wall in a direction of 0 to 180°: whether it begins here, and whether its air is on the left
     begins = (direction > _FLUSH) & (direction < math.pi + _FLUSH)
@@ -119,6 +120,8 @@ def _other_ends(edges: Edges, widest: float) -> NDArray[np.intp]:
     first, last = order[:-1], order[1:]
     joined = (wall[first] == wall[last]) & (left[first] == left[last]) & begins[first] & ~begins[last]
     joined &= place[last] - place[first] <= widest
+    if edges.bare is not None:
+        joined &= place[last] - place[first] < edges.bare[edge[first], face[first]] + 2 * _FLUSH
     first, last = first[joined], last[joined]
     partners[edge[first], face[first]] = edge[last]
     partners[edge[last], face[last]] = edge[first]
@@ -147,9 +150,21 @@ def _departing(
     delay = np.exp(-1j * math.tau / wedges.wavelength * (far_length - length))
     visible = far_angle < wedges.openings[other]
     ways = np.zeros((len(some), 4), np.complex128)
-    ways[row, face] = _departs(edge, angle, side, length, width, wedges)
-    ways[row, 2 + face] = visible * delay * _departs(other, far_angle, far_side, far_length, width, wedges)
+    kept = _incident(edge, face, angle - side, wedges)
+    ways[row, face] = kept * _departs(edge, angle, side, length, width, wedges)
+    kept = _incident(other, 1 - face, far_angle - far_side, wedges)
+    ways[row, 2 + face] = visible * delay * kept * _departs(other, far_angle, far_side, far_length, width, wedges)
     return np.asarray(ways[again])
+
+
+def _incident(edge: NDArray[np.intp], face: NDArray[np.intp], above: FloatArray, wedges: _Wedges) -> FloatArray:
+    """Return what a face of edges leaves of sound at an angle `above` it, relative to the perpendicular, (m,).
+
+    The sound at a face of admittance β is sin φ / (sin φ + β) of that at a hard one.
+    """
+    admittance = _admittance(wedges.faces[edge, face])
+    sine = np.abs(np.sin(above))
+    return np.asarray((1.0 + admittance) * sine / np.maximum(sine + admittance, 1e-300))
 
 
 def _departs(
@@ -157,7 +172,8 @@ def _departs(
 ) -> ComplexArray:
     """Return the sound at `width` (m,) m along a `side` of edges (m,), from sources at an angle and distance, (m,)."""
     n = wedges.openings[edge] / math.pi
-    amplitude = by_wedge(angle, side, n, wedges.faces[edge], length, width, wedges.wavelength)
+    # along a face, `_exchange` contains its reflectance
+    amplitude = by_wedge(angle, side, n, np.ones((len(n), 2)), length, width, wedges.wavelength)
     return np.asarray(amplitude / np.sqrt(length + width))
 
 
@@ -173,7 +189,13 @@ def _exchange(ends: _Ends, wedges: _Wedges) -> ComplexArray:
     again[row, 2 * end + other, 2 * (1 - end) + one] = turned
     # half: at grazing incidence the sound at a face is the incident sound and its reflection
     reflectance = np.where(ends.sides[:, 0], wedges.faces[ends.own, 0], wedges.faces[ends.own, 1])
-    phase = -math.tau / wedges.wavelength * ends.widths
-    passage = (0.5 * reflectance * np.sqrt(ends.widths) * np.exp(1j * phase))[:, None, None]
+    radians = math.tau / wedges.wavelength * ends.widths
+    kept = 1.0 - transition(0.5 * radians * _admittance(reflectance) ** 2)
+    passage = (0.5 * kept * np.sqrt(ends.widths) * np.exp(-1j * radians))[:, None, None]
     series = np.linalg.inv(np.eye(4) - again * passage)
     return np.asarray(passage * series.transpose(0, 2, 1) @ _OTHER_END)
+
+
+def _admittance(reflectances: FloatArray) -> FloatArray:
+    """Return the admittances of faces relative to that of air, same shape, for reflectances at perpendicular sound."""
+    return np.asarray((1.0 - reflectances) / (1.0 + reflectances))

@@ -7,8 +7,18 @@ import pytest
 from scipy.special import hankel1
 from sonarhw_sim.choices import EdgeStrength
 
+from benchmarks.wave_equation import show_exact
 from tests.oracles.wave_equation import CELL, FLAT_WALL, STEP, WAVELENGTH, Scene, arrival_near, direct, echoes
-from tests.oracles.wave_scenes import CORNERS, DIFFRACTED, PLATES, REFLECTED, differences, unexplained
+from tests.oracles.wave_scenes import (
+    CORNERS,
+    DIFFRACTED,
+    PLATES,
+    REFLECTED,
+    differences,
+    strip,
+    strip_on_a_stem,
+    unexplained,
+)
 
 
 def decibels(ratio: float) -> float:
@@ -54,6 +64,12 @@ def test_reflected_arrivals_agree_with_their_paths(scene: Scene) -> None:
         assert abs(arrival.decibels) < 0.5
 
 
+def test_no_case_of_the_benchmark_differs_from_its_exact_wave(capsys: pytest.CaptureFixture[str]) -> None:
+    cases = show_exact()
+    assert sum(case.held for case in cases) > 250
+    assert [case for case in cases if case.wrong] == []
+
+
 def test_right_angle_corner_is_one_path_as_strong_as_a_wall() -> None:
     corner = differences(REFLECTED[2])[-1]
     assert corner.via == "w0>w1"
@@ -68,6 +84,15 @@ def test_edge_diffraction_agrees_with_the_wave_equation(scene: Scene, strength: 
     for arrival in arrivals:
         assert abs(arrival.cycles) < 0.2
         assert abs(arrival.decibels) < 1.0
+
+
+@pytest.mark.parametrize("width", [0.012, 0.02, 0.04])
+def test_narrow_wall_that_another_one_joins_midway_is_as_loud_as_the_wave(width: float) -> None:
+    """Behind it, sound cannot run from one end to the other: a strip of half a wavelength is 1.2 dB fainter."""
+    (arrival,) = differences(strip_on_a_stem(width, width / 4))[:1]
+    assert arrival.decibels == pytest.approx(0.0, abs=0.3)
+    alone = differences(strip(width))[0]
+    assert arrival.predicted.strength != pytest.approx(alone.predicted.strength, rel=1e-3)
 
 
 @pytest.mark.parametrize("scene", PLATES, ids=lambda scene: scene.name)

@@ -76,6 +76,22 @@ def test_separate_receiver_and_its_reverse_agree_with_the_exact_wave() -> None:
         assert there == pytest.approx(exactly(width, one, other), abs=0.5)
 
 
+def test_a_side_that_another_wall_joins_midway_is_no_way_from_end_to_end() -> None:
+    """A stem below: no sound of the lower side comes to the other end, so a source there hears two single ends."""
+    strip, stem = (-0.01, 0.0, 0.01, 0.0), (0.002, 0.0, 0.002, -1.0)
+    joined = room_of([strip, stem]).edges
+    (end,) = np.flatnonzero(joined.points[:, 0] == -0.01)
+    assert joined.bare is not None
+    assert sorted(joined.bare[end]) == pytest.approx([0.012, 0.02])
+    below = (0.3, -0.4)
+    # seen from the right, the left end is hidden; the right end is that of a wall from the stem on
+    whole, half = (
+        find_paths(room_of(walls), below, SEARCH) for walls in ([strip, stem], [(0.002, 0.0, 0.01, 0.0), stem])
+    )
+    at_end = [paths.gains[np.isclose(paths.lengths, 2 * math.dist(below, (0.01, 0.0)))] for paths in (whole, half)]
+    assert at_end[0] == pytest.approx(at_end[1], rel=0.2)
+
+
 @pytest.mark.parametrize("width", [0.005, 0.02])
 def test_narrow_plate_of_two_walls_that_overlap_is_as_loud_as_one(width: float) -> None:
     twice = room_of([(-width / 2, 0.0, width / 2, 0.0), (width / 2, 0.0, -width / 2, 0.0)])
