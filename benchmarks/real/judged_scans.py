@@ -41,6 +41,7 @@ class RealScan:
     x: float  # m
     y: float  # m
     readings: tuple[Reading, ...]
+    sensor: str = ""  # that recorded it, with its turntable
 
     @property
     def spot(self) -> str:
@@ -74,6 +75,7 @@ scans.csv has the header scan,x_m,y_m,turn and a line for each scan:
   scan        name; the readings are in NAME.csv
   x_m, y_m    position of the sensor in rooms/arena.toml, m
   turn        direction in which the turntable angles increase: cw or ccw
+  sensor      optional: scans of one sensor on one turntable have the same; default: the name without its number
 
 NAME.csv has the header turret_deg,range_cm and a line for each reading:
   turret_deg  turntable angle, degrees
@@ -122,8 +124,21 @@ def load_scans(folder: Path) -> list[RealScan]:
             status = run(["--quiet", "import", source, "--out", str(log), *columns, "--turn", row["turn"]])
             if status != 0:
                 raise SystemExit(status)
-            scans.append(RealScan(row["scan"], float(row["x_m"]), float(row["y_m"]), read_log(log).readings))
+            # without a column, scans are named after their sensor: A00, A01, ...
+            sensor = row.get("sensor") or row["scan"].rstrip("0123456789")
+            scans.append(RealScan(row["scan"], float(row["x_m"]), float(row["y_m"]), read_log(log).readings, sensor))
     return scans
+
+
+def load_sensors(folder: Path) -> dict[str, list[RealScan]]:
+    """Return the scans of a folder and of its folders with a scans.csv, by sensor. Ends the program as `load_scans`."""
+    inner = sorted(listing.parent for listing in folder.glob("*/scans.csv"))
+    outer = [folder] if (folder / "scans.csv").is_file() or not inner else []
+    by_sensor: dict[str, list[RealScan]] = {}
+    for each in [*outer, *inner]:
+        for scan in load_scans(each):
+            by_sensor.setdefault(scan.sensor, []).append(scan)
+    return by_sensor
 
 
 def judge(
@@ -142,12 +157,13 @@ def judge(
 
 
 def judged_of(comparison: Comparison) -> Judged:
-    """Return the part of a comparison that `figures_of` needs."""
+    """Return the part of a comparison that `figures_of` needs, without readings of the carrier's own body."""
+    rows = [row for row in comparison.rows if row.kind is not Kind.OWN_BODY]
     return Judged(
-        sum(row.kind is Kind.MATCH for row in comparison.rows),
-        np.array([row.measured is not None for row in comparison.rows]),
-        np.array([row.predicted is not None for row in comparison.rows]),
-        comparison.prediction.over_threshold,
+        sum(row.kind is Kind.MATCH for row in rows),
+        np.array([row.measured is not None for row in rows]),
+        np.array([row.predicted is not None for row in rows]),
+        comparison.prediction.over_threshold[[row.index for row in rows]],
     )
 
 

@@ -1,20 +1,24 @@
 """`sonarhw calibrate`: calibrate a board with a flat plate, now or from logs, and write a board profile."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.calibrate_logs import calibrate_logs
+from sonarhw_cli.comparison.calibrate_with_room import calibrate_with_room
 from sonarhw_cli.console.connect import connect_turntable
 from sonarhw_cli.console.interruption import interruption
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
+    ROOM_NAME,
     BoardName,
     Force,
     check_temperature,
@@ -42,19 +46,47 @@ def calibrate(
             help="URL of a scanner, which scans the plate now, or logs of scans of a plate.", metavar="URL|LOG"
         ),
     ],
+    out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
     distances: Annotated[
-        list[float],
+        list[float] | None,
         typer.Option(
             "--distance", help="From the transducer's face to the plate, metres; once for each log.", metavar="M"
         ),
-    ],
-    out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
+    ] = None,
     directions: Annotated[
         list[float] | None,
         typer.Option(
             "--direction",
             help="Turntable angle that should face the plate, degrees; once, or once for each log. Default: 0.",
             metavar="DEG",
+        ),
+    ] = None,
+    room_name: Annotated[
+        str | None,
+        typer.Option(
+            "--room", help="Room that the logs are scans of: name or file, without --distance.", metavar=ROOM_NAME
+        ),
+    ] = None,
+    places: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--place",
+            help="With --room: place, or X,Y in metres; once for each log. Default: those of the logs.",
+            metavar="P",
+        ),
+    ] = None,
+    poses: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pose",
+            help="In place of --place: X,Y in metres and the heading of the turntable's zero in degrees.",
+            metavar="X,Y,DEG",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --room: picture of the scans and their predictions, before and after.", metavar="FILE.png"
         ),
     ] = None,
     board: BoardName = DEFAULT_BOARD,
@@ -66,24 +98,59 @@ def calibrate(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Calibrate a board with a flat plate, and write a profile.
+    """Calibrate a board with a flat plate, or with scans of a known room, and write a profile.
 
     A URL: scan the plate, and measure range offset and home angle. Logs of a plate at several distances: find aperture,
-    gain steps, threshold, swelling, ring-down and blanking, each with an interval.
+    gain steps, threshold, swelling, ring-down and blanking. Logs with --room: find threshold, aperture, their spreads,
+    range offset and slope, turntable, axis, and the carrier's own body. Each value has an interval.
     """
     checked_out(out, (PROFILE,), force, *sources, board)
+    _check_method(room_name, distances, directions, {"--place": places, "--pose": poses, "--plot": plot})
     logs = [Path(source) for source in sources if Path(source).suffix == LOG]
     if len(logs) == len(sources):
         _refuse_scan_options(context)
-        calibrate_logs(logs, distances, directions or [], board, out, force)
+        if room_name is None:
+            calibrate_logs(logs, distances or [], directions or [], board, out, force)
+        else:
+            picture = (
+                None if plot is None else (plot, checked_out(plot, PICTURES, force, *sources, board, option="--plot"))
+            )
+            calibrate_with_room(logs, room_name, places or [], poses or [], board, out, picture, force)
         return
+    if room_name is not None:
+        raise InputError(f"--room {room_name}: expected logs (*{LOG}), not the URL of a scanner; scan first")
     if len(sources) > 1:
         raise InputError(f"{', '.join(sources)}: expected the URL of one scanner, or logs (*{LOG})")
     check_temperature(temperature)
     # of an option that is given twice, the last one counts, as in other commands
     _calibrate_scanner(
-        sources[0], distances[-1], (directions or [0.0])[-1], out, board, (width, step, pings), temperature, force
+        sources[0],
+        (distances or [0.0])[-1],
+        (directions or [0.0])[-1],
+        out,
+        board,
+        (width, step, pings),
+        temperature,
+        force,
     )
+
+
+def _check_method(
+    room_name: str | None,
+    distances: list[float] | None,
+    directions: list[float] | None,
+    of_room: Mapping[str, object],
+) -> None:
+    """Raise InputError unless the options are those of one method, a plate or a room."""
+    if room_name is None:
+        if not distances:
+            raise InputError("expected --distance of a plate, or --room with logs of scans of a known room")
+        given = next((option for option, value in of_room.items() if value), None)
+        if given is not None:
+            raise InputError(f"{given}: needs --room")
+    elif distances or directions:
+        option = "--distance" if distances else "--direction"
+        raise InputError(f"{option} and --room: expected one of them; a plate has a distance, a room has places")
 
 
 def _refuse_scan_options(context: typer.Context) -> None:

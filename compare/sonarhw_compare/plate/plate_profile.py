@@ -25,7 +25,7 @@ def plate_profile(start: Board, found: PlateCalibration, scans: Sequence[PlateRe
         profile: Any = tomlkit.parse(start.text)
         profile["name"] = name
         for finding in found.findings:
-            _set(profile, finding)
+            set_calibrated(profile, finding)
         text = below_header(_header(start, found, scans), tomlkit.dumps(profile), start.name)
     except TOMLKitError as error:
         raise InputError(f"the board profile cannot be changed: {error}; choose another profile") from error
@@ -35,7 +35,7 @@ def plate_profile(start: Board, found: PlateCalibration, scans: Sequence[PlateRe
 def interval_text(finding: PlateFinding) -> str:
     """Return the 95 % interval with the decimals of its width, and the unit."""
     digits = _digits(finding)
-    return f"{finding.low:z.{digits}f} to {finding.high:z.{digits}f} {finding.unit}"
+    return f"{finding.low:z.{digits}f} to {finding.high:z.{digits}f} {finding.unit}".rstrip()
 
 
 def value_text(finding: PlateFinding) -> str:
@@ -48,7 +48,7 @@ def _digits(finding: PlateFinding) -> int:
     return max(0, 1 - math.floor(math.log10((finding.high - finding.low) / 2)))
 
 
-def _set(profile: Any, finding: PlateFinding) -> None:
+def set_calibrated(profile: Any, finding: PlateFinding) -> None:
     """Set a value and mark it as calibrated; the comment of the old value is kept beside the old value."""
     key = finding.key
     said = profile[key].trivia.comment.lstrip("# ") if key in profile else ""

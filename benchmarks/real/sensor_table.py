@@ -1,0 +1,160 @@
+"""Sensors calibrated on their other places, and on other sensors, tested on real scans.
+
+For each place of a sensor, the profile is calibrated with the sensor's scans of all other places, as by
+`sonarhw calibrate --room`, and the scans of this place are compared. Nothing of the compared scan is used but its
+heading, range offset, and, if `free`, its position within 3 cm, which are fitted for every profile in the same way.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.known_room.room_calibration import calibrate_in_room
+from sonarhw_compare.matching.probability_score import score_comparison
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.choices import Model
+from sonarhw_sim.room.model import Place
+
+from benchmarks.real.judged_scans import NEARBY, ON_THE_SPOT, ROOM, Judged, RealScan, figures_of, judge, judged_of
+
+PROCESSES = 2
+GENERIC = "lego-nxt"
+# title of each row of the table, and whether the position is free
+VARIANTS = {
+    "generic, place as written": False,
+    "generic": True,
+    "generic, own body left out": True,
+    "calibrated, place as written": False,
+    "calibrated": True,
+    "calibrated on other sensors": True,
+}
+
+
+@dataclass(frozen=True)
+class Tested:
+    """One scan compared with one profile."""
+
+    judged: Judged
+    log_score: float  # mean of its readings
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What one place of a sensor gives with each profile."""
+
+    sensor: str
+    spot: str
+    profile: Board  # calibrated on the other places
+    tested: Mapping[str, tuple[Tested, ...]]  # by title
+
+
+@dataclass(frozen=True)
+class Job:
+    """One place of a sensor, to be left out."""
+
+    scans: tuple[RealScan, ...]  # of the sensor
+    spot: str
+    others: Board  # the profile from all other sensors
+
+
+def calibrated(scans: Sequence[RealScan]) -> Board:
+    """Return the generic profile calibrated on scans."""
+    placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name, scan.name) for scan in scans]
+    return calibrate_in_room(load_board(GENERIC), placed, ROOM).board
+
+
+def population(boards: Sequence[Board]) -> Board:
+    """Return the generic profile with the mean detection of several sensors, and their spread in its threshold."""
+    thresholds = [board.threshold_db for board in boards]
+    within = [board.threshold_sd_db for board in boards]
+    return replace(
+        load_board(GENERIC),
+        threshold_db=float(np.mean(thresholds)),
+        aperture_radius=float(np.exp(np.mean(np.log([board.aperture_radius for board in boards])))),
+        threshold_sd_db=float(np.hypot(np.std(thresholds, ddof=1), np.sqrt(np.mean(np.square(within))))),
+        range_sd=float(np.sqrt(np.mean([board.range_sd**2 for board in boards]))),
+    )
+
+
+def tested_place(job: Job) -> HeldOut:
+    """Calibrate without a place, and compare its scans."""
+    board = calibrated([scan for scan in job.scans if scan.spot != job.spot])
+    generic = load_board(GENERIC)
+    profiles = {
+        "generic, place as written": generic,
+        "generic": generic,
+        "generic, own body left out": replace(generic, own_body=board.own_body),
+        "calibrated, place as written": board,
+        "calibrated": board,
+        "calibrated on other sensors": replace(job.others, own_body=board.own_body),
+    }
+    held = [scan for scan in job.scans if scan.spot == job.spot]
+    tested = {
+        title: tuple(_tested(scan, profile, NEARBY if VARIANTS[title] else ON_THE_SPOT) for scan in held)
+        for title, profile in profiles.items()
+    }
+    return HeldOut(job.scans[0].sensor, job.spot, board, tested)
+
+
+def _tested(scan: RealScan, board: Board, free: frozenset[str]) -> Tested:
+    comparison = judge(scan, Model.RAY_FOLLOWING, board, free)
+    return Tested(judged_of(comparison), score_comparison(comparison).log_score or 0.0)
+
+
+def held_out_places(sensors: Mapping[str, Sequence[RealScan]]) -> tuple[list[HeldOut], dict[str, Board]]:
+    """Return the results of all places of all sensors, and the profile of each sensor from all its scans."""
+    # processes that are started anew, because threads of compiled kernels do not survive a fork
+    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
+        whole = dict(zip(sensors, pool.map(calibrated, sensors.values()), strict=True))
+        jobs = [
+            Job(tuple(scans), spot, population([board for name, board in whole.items() if name != sensor]))
+            for sensor, scans in sensors.items()
+            for spot in dict.fromkeys(scan.spot for scan in scans)
+        ]
+        found = []
+        for number, one in enumerate(pool.map(tested_place, jobs), 1):
+            found.append(one)
+            print(f"\r{number} of {len(jobs)} places", end="", flush=True)
+        print()
+    return found, whole
+
+
+def print_sensors(sensors: Mapping[str, Sequence[RealScan]]) -> None:
+    """Print the figures of each sensor with each profile, their means, and the profiles."""
+    found, whole = held_out_places(sensors)
+    print("\nshare within 5 cm; ROC area and balanced accuracy of silence; log score")
+    for title in VARIANTS:
+        print(f"\n{title}")
+        rows = []
+        for sensor in sensors:
+            tested = [one for held in found if held.sensor == sensor for one in held.tested[title]]
+            rows.append(_row(tested))
+            print(f"  {sensor:8}" + _shown(rows[-1]))
+        print("  mean    " + _shown(np.nanmean(rows, axis=0)))
+        print("  pooled  " + _shown(_row([one for held in found for one in held.tested[title]])))
+    print("\nprofiles from all scans of a sensor: threshold dB, aperture mm, offset mm, slope, scale, own body")
+    for sensor, board in whole.items():
+        print(
+            f"  {sensor:8}{board.threshold_db:7.1f} ± {board.threshold_sd_db:.1f}{board.aperture_radius * 1000:7.2f}"
+            f"{board.range_offset * 1000:7.1f}{board.clock_error:8.4f}{board.turntable_scale:7.3f}  "
+            + ", ".join(f"{one.from_deg:.0f}° to {one.to_deg:.0f}°, {one.middle:.2f} m" for one in board.own_body)
+        )
+    mean = population(list(whole.values()))
+    print(
+        f"  all     {mean.threshold_db:7.1f} ± {mean.threshold_sd_db:.1f}{mean.aperture_radius * 1000:7.2f}"
+        f"   range_sd {mean.range_sd * 1000:.1f} mm"
+    )
+
+
+def _row(tested: Sequence[Tested]) -> tuple[float, float, float, float]:
+    figures = figures_of([one.judged for one in tested])
+    readings = [len(one.judged.sounding) for one in tested]
+    score = float(np.average([one.log_score for one in tested], weights=readings))
+    return figures.share, figures.roc_area, figures.agreement, score
+
+
+def _shown(row: Sequence[float]) -> str:
+    return f"{row[0]:8.3f}{row[1]:8.3f}{row[2]:8.3f}{row[3]:8.2f}"

@@ -1,0 +1,170 @@
+"""Echoes of the carrier of a sensor, found without a model: the same turntable angle and range at every place.
+
+A run of neighbouring angles counts if nearly all places have the same range there, and if the scans, turned against
+each other at random, hardly ever have a run as long: walls may be as far away by chance, but not over many angles.
+
+Places in one line may be equally far from a wall, so two places are not enough to tell a wall from the carrier: compare
+what is found with a prediction of the room.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sonarhw_sim.board.mount import OwnBodyPart
+
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.matching.regions import angles_and_ranges
+
+SAME_RANGE = 0.025  # m, largest difference of ranges that count as the same
+SAME_PLACE = 0.05  # m, between positions that count as one place
+_AGREEING = 0.7  # share of the places
+_AT_ENDS = 0.5  # the same, at the ends of a run
+_NEXT = 0.03  # m, largest difference of ranges of neighbouring angles
+_TURNS = 300  # random turns of the scans against each other
+_APART = 12  # directions from which turns are drawn, or one for each place if there are more
+_AS_FAR = 0.05  # m, between ranges of runs that are compared
+_SHORTEST = 2  # angles
+_CHANCE = 0.01  # of these, that have a run as long
+_FINEST = math.radians(1.0)
+_MARGIN = 0.01  # m, around the ranges of a part
+
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ScanAtPlace:
+    """The readings of a scan, and where it was made."""
+
+    readings: Sequence[Reading]
+    position: tuple[float, float]  # m
+
+
+def find_own_body(scans: Sequence[ScanAtPlace], seed: int = 0) -> tuple[OwnBodyPart, ...]:
+    """Return the parts of the carrier's body that the scans show, by turntable angle; none from fewer than 2 places."""
+    places = place_numbers([scan.position for scan in scans])
+    if len(set(places.tolist())) < 2:
+        return ()
+    step = max(_FINEST, *(_step(scan.readings) for scan in scans))
+    count = round(math.tau / step)
+    ranges, covered = (np.array(both) for both in zip(*(_on_grid(scan.readings, count) for scan in scans), strict=True))
+    values, enough = _consensus(ranges, covered, places)
+    by_chance = _runs_by_chance(ranges, covered, places, np.random.default_rng(seed))
+    found = [(run, float(np.median(values[run]))) for run in _runs(values, enough)]
+    found = [(run, middle) for run, middle in found if not _is_by_chance(run, middle, by_chance)]
+    values, half = _consensus(ranges, covered, places, _AT_ENDS)
+    runs = [_longer(run, middle, values, half) for run, middle in found]
+    # runs that were made longer may have met
+    return tuple(
+        _part(run, ranges, count) for k, run in enumerate(runs) if not any(run[0] in other for other in runs[:k])
+    )
+
+
+def place_numbers(positions: Sequence[tuple[float, float]]) -> IntArray:
+    """Return the number of the place of each position, (n,); positions within 5 cm are one place."""
+    numbers: list[int] = []
+    for k, position in enumerate(positions):
+        near = (numbers[j] for j in range(k) if math.dist(position, positions[j]) <= SAME_PLACE)
+        numbers.append(next(near, max(numbers, default=-1) + 1))
+    return np.array(numbers, dtype=np.intp)
+
+
+def _step(readings: Sequence[Reading]) -> float:
+    """Return the usual step between the angles of a scan, rad."""
+    angles = np.unique(np.round(np.remainder([one.angle for one in readings], math.tau), 6))
+    return float(np.median(np.diff(angles))) if len(angles) > 1 else math.tau
+
+
+def _on_grid(readings: Sequence[Reading], count: int) -> tuple[FloatArray, BoolArray]:
+    """Return the range at each of `count` turntable angles, m, NaN for silence, and which angles have a reading."""
+    angles, ranges = angles_and_ranges(readings)
+    grid = np.arange(count) * (math.tau / count)
+    away = np.abs(np.remainder(angles - grid[:, None] + math.pi, math.tau) - math.pi)
+    nearest = away.argmin(axis=1)
+    covered = away[np.arange(count), nearest] <= 0.75 * math.tau / count
+    return np.where(covered, ranges[nearest], np.nan), covered
+
+
+def _consensus(
+    ranges: FloatArray, covered: BoolArray, places: IntArray, share: float = _AGREEING
+) -> tuple[FloatArray, BoolArray]:
+    """Return the range that most places have at each angle, (n,) m, and whether enough places have it, (n,)."""
+    numbers = np.unique(places)
+    same = np.abs(ranges[:, None] - ranges) <= SAME_RANGE  # (scan, other scan, angle)
+    agreeing = sum(same[:, places == number].any(axis=1).astype(np.intp) for number in numbers)
+    present = sum(covered[places == number].any(axis=0).astype(np.intp) for number in numbers)
+    agreeing = np.asarray(agreeing)
+    best = agreeing.argmax(axis=0)
+    columns = np.arange(ranges.shape[1])
+    enough = agreeing[best, columns] >= np.maximum(2, np.ceil(share * present))
+    return ranges[best, columns], enough
+
+
+def _runs(values: FloatArray, enough: BoolArray) -> list[IntArray]:
+    """Return the runs of neighbouring angles, also across angle 0, with enough places and nearly equal ranges."""
+    count = len(values)
+    joined = enough & np.roll(enough, 1) & (np.abs(values - np.roll(values, 1)) <= _NEXT)
+    if joined.all():
+        return [np.arange(count)]
+    runs: list[list[int]] = []
+    # begin behind a gap
+    first = int(np.flatnonzero(~joined)[0])
+    for k in (np.arange(count) + first) % count:
+        if enough[k]:
+            if joined[k] and runs and runs[-1][-1] == (k - 1) % count:
+                runs[-1].append(int(k))
+            else:
+                runs.append([int(k)])
+    return [np.array(run, dtype=np.intp) for run in runs]
+
+
+def _runs_by_chance(
+    ranges: FloatArray, covered: BoolArray, places: IntArray, random: np.random.Generator
+) -> list[list[tuple[int, float]]]:
+    """Return the length and the range, m, of each run of the scans, turned against each other at random many times."""
+    count = ranges.shape[1]
+    apart = max(1, count // max(_APART, places.max() + 1))
+    found = []
+    for _ in range(_TURNS):
+        # scans of one place stay together; no two places are turned alike
+        turns = random.permutation(np.arange(0, count, apart))[: places.max() + 1] + random.integers(0, apart)
+        rows = (np.arange(count) - turns[places][:, None]) % count
+        values, enough = _consensus(
+            np.take_along_axis(ranges, rows, axis=1), np.take_along_axis(covered, rows, axis=1), places
+        )
+        found.append([(len(run), float(np.median(values[run]))) for run in _runs(values, enough)])
+    return found
+
+
+def _is_by_chance(run: IntArray, middle: float, by_chance: list[list[tuple[int, float]]]) -> bool:
+    """Return whether a run at a range (m) may be by chance: turned scans have one as long, and as far, too often."""
+    alike = sum(any(length >= len(run) and abs(at - middle) <= _AS_FAR for length, at in runs) for runs in by_chance)
+    return len(run) < _SHORTEST or alike > _CHANCE * len(by_chance)
+
+
+def _longer(run: IntArray, middle: float, values: FloatArray, half: BoolArray) -> IntArray:
+    """Return a run with its neighbours at which half of the places still have its range."""
+    count, alike = len(values), half & (np.abs(values - middle) <= _AS_FAR)
+    begin, end = int(run[0]), int(run[0]) + len(run) - 1
+    while alike[(begin - 1) % count] and end - begin + 1 < count:
+        begin -= 1
+    while alike[(end + 1) % count] and end - begin + 1 < count:
+        end += 1
+    return np.arange(begin, end + 1) % count
+
+
+def _part(run: IntArray, ranges: FloatArray, count: int) -> OwnBodyPart:
+    """Return a run as a part of the body; the outer half steps belong to it."""
+    step, middles = 360.0 / count, np.nanmedian(ranges[:, run], axis=0)
+    same = np.abs(ranges[:, run] - middles) <= SAME_RANGE
+    own = ranges[:, run][same]
+    begin = (float(run[0]) - 0.5) * step
+    return OwnBodyPart(
+        from_deg=round(begin, 2),
+        to_deg=round(begin + len(run) * step, 2),
+        nearest=round(float(own.min()) - _MARGIN, 4),
+        farthest=round(float(own.max()) + _MARGIN, 4),
+    )

@@ -1,0 +1,283 @@
+"""The calibration of a board from scans of a known room: values, intervals, what stays and why.
+
+First the carrier's own body, then geometry, then threshold and aperture by the rule for echoes and silence, then the
+spreads of threshold and range.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sonarhw_sim.board.mount import OwnBodyPart, is_own_body
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.errors import InputError
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.given_twice import check_given_once
+from sonarhw_compare.known_room.detection_rule import Between, choose_detection
+from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
+from sonarhw_compare.known_room.starting_turntable import StartingTurntable, starting_turntable
+from sonarhw_compare.known_room.turntable_fit import (
+    SharedValue,
+    TurntableFit,
+    fit_turntable,
+    readings_per_independent,
+    spreads,
+)
+from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
+from sonarhw_compare.plate.plate_calibration import Z95, PlateFinding
+
+# half of a 95 % interval up to which a value of the geometry counts as determined, by key
+_DETERMINED = {
+    "range_offset": 0.015,  # m
+    "clock_error": 0.015,
+    "turntable_scale": 0.03,
+    "axis_x": 0.008,  # m
+    "axis_y": 0.008,
+}
+_UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
+_SAME_ZERO = math.radians(10.0)  # most difference of the zero between logs, up to which it belongs to the board
+_EXPLAINED = 0.5  # share of the echoes of a part of the body that the room explains, from which on it is a wall
+_FEWEST_SCANS = 3  # for the rule to be sure
+_LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class ScanFigures:
+    """How well a profile explains one scan at its pose: echoes within 5 cm, and silence."""
+
+    comparison: Comparison
+
+    @property
+    def line(self) -> str:
+        """The figures in words."""
+        summary = self.comparison.summary()
+        share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.3f} of the echoes within 5 cm"
+        agreement = summary.no_echo_agreement
+        return share if agreement is None else f"{share}, balanced accuracy of silence {agreement:.3f}"
+
+
+@dataclass(frozen=True)
+class RoomCalibration:
+    """The result: what was found, what stays as it was and why, doubts, and the scans before and after."""
+
+    board: Board  # with the values found
+    findings: tuple[PlateFinding, ...]
+    own_body: tuple[OwnBodyPart, ...]  # found; empty if none, or if it stays
+    own_echoes: int  # readings of the own body
+    kept: dict[str, str]  # reason by key
+    proposals: tuple[str, ...]  # own body that one place cannot prove
+    doubts: tuple[str, ...]
+    before: tuple[ScanFigures, ...]
+    after: tuple[ScanFigures, ...]
+
+
+def calibrate_in_room(
+    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
+) -> RoomCalibration:
+    """Return the calibration of a board from scans of a known room, beginning with the profile `start`.
+
+    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. Raises
+    InputError for a ring of sensors, a scan without an echo, or a scan that is given twice.
+    """
+    _check(start, scans)
+    progress(0.0, "searching headings")
+    first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
+    before = _compared(scans, room, start, replace(first, scale=start.turntable_scale))
+    result = _Result(replace(start, turntable_scale=first.scale))
+    _find_own_body(result, scans, room, first, start)
+    searches = iter(range(1000))
+    fitted = fit_turntable(
+        scans, room, result.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
+    )
+    _find_geometry(result, fitted, start)
+    _find_home(result, scans, fitted, start)
+    redundancy = float(np.mean([readings_per_independent(scan, result.board) for scan in scans]))
+    chosen = choose_detection(
+        scans,
+        room,
+        result.board,
+        fitted.places,
+        redundancy,
+        lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture"),
+    )
+    if chosen.is_determined:
+        result.add("threshold_db", chosen.threshold_db, start.threshold_db, "dB")
+    else:
+        result.kept["threshold_db"] = "the logs have no silence, or no echo"
+    result.add("aperture_radius", chosen.aperture_radius, start.aperture_radius, "m")
+    _find_spreads(result, scans, room, fitted.places, start, lambda: progress(0.87, "finding spreads"))
+    progress(0.93, "comparing")
+    after = _compared(scans, room, result.board, replace(first, scale=result.board.turntable_scale))
+    progress(1.0, "comparing")
+    return RoomCalibration(
+        board=result.board,
+        findings=tuple(result.findings),
+        own_body=result.own_body,
+        own_echoes=sum(row.kind is Kind.OWN_BODY for one in after for row in one.comparison.rows),
+        kept=result.kept,
+        proposals=tuple(result.proposals),
+        doubts=_doubts(scans),
+        before=before,
+        after=after,
+    )
+
+
+def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
+    if start.ring is not None:
+        raise InputError(f"board {start.name!r} is a ring of sensors and has no turntable to calibrate")
+    check_given_once(scans)
+    for scan in scans:
+        if all(reading.range is None for reading in scan.readings):
+            raise InputError(f"{scan.title}: no reading has an echo; it cannot calibrate a board")
+
+
+class _Result:
+    """The result so far."""
+
+    def __init__(self, board: Board) -> None:
+        self.board = board
+        self.findings: list[PlateFinding] = []
+        self.own_body: tuple[OwnBodyPart, ...] = ()
+        self.kept: dict[str, str] = {}
+        self.proposals: list[str] = []
+
+    def add(self, key: str, found: Between, before: float, unit: str) -> None:
+        """Add a value with its 95 % interval."""
+        self.findings.append(PlateFinding(key, found.value, found.low, found.high, before, unit))
+        self.board = replace(self.board, **{key: found.value})  # type: ignore[arg-type]
+
+    def add_measured(self, key: str, found: SharedValue, before: float, unit: str) -> None:
+        """Add a value with its standard deviation."""
+        half = Z95 * found.deviation
+        self.add(key, Between(found.value, found.value - half, found.value + half), before, unit)
+
+
+def _compared(
+    scans: Sequence[PlacedScan], room: Room, board: Board, first: StartingTurntable
+) -> tuple[ScanFigures, ...]:
+    """Return each scan beside its prediction, with heading, offset and position within 3 cm as fit it best."""
+    from sonarhw_compare.fit.plain_fit import fit_scan
+
+    figures = []
+    for scan in scans:
+        fit = fit_scan(scan.readings, room, scan.place, board, frozenset({"heading", "offset", "position"}))
+        figures.append(
+            ScanFigures(compare_readings(scan.readings, room, fit.place, board, heading=fit.heading, offset=fit.offset))
+        )
+    return tuple(figures)
+
+
+def _find_own_body(
+    result: _Result, scans: Sequence[PlacedScan], room: Room, first: StartingTurntable, start: Board
+) -> None:
+    """Find the carrier's body and apply it; a part that the room explains is a wall."""
+    board = replace(start, own_body=(), turntable_scale=first.scale)
+    compared = [
+        compare_readings(scan.readings, room, place, board, heading=heading)
+        for scan, place, heading in zip(scans, first.places, first.headings, strict=True)
+    ]
+    positions = [scan.place.position for scan in scans]
+    if place_numbers(positions).max() == 0:
+        result.kept["own_body"] = "all logs are from one place; scan from another place"
+        result.proposals += _lone_runs(compared)
+        return
+    found = find_own_body([ScanAtPlace(scan.readings, at) for scan, at in zip(scans, positions, strict=True)])
+    result.own_body = tuple(part for part in found if not _is_of_room(part, compared))
+    if result.own_body:
+        result.board = replace(result.board, own_body=result.own_body)
+    elif start.own_body:
+        result.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
+
+
+def _is_of_room(part: OwnBodyPart, compared: Sequence[Comparison]) -> bool:
+    own = [row for one in compared for row in one.rows if is_own_body((part,), row.reading.angle, row.reading.range)]
+    explained = sum(row.path is not None for row in own)
+    return bool(own) and explained >= _EXPLAINED * len(own)
+
+
+def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
+    """Return runs of echoes that are nearer than all that the room can give, of the first scan, in words."""
+    rows = [row for row in compared[0].rows if row.kind in (Kind.SHORT, Kind.EXTRA) and row.path is None]
+    nearest = float(np.nanmin(compared[0].prediction.ranges, initial=math.inf))
+    near = [row for row in rows if row.measured is not None and row.measured < nearest]
+    runs: list[list[int]] = []
+    for row in near:
+        if runs and row.index == runs[-1][-1] + 1:
+            runs[-1].append(row.index)
+        else:
+            runs.append([row.index])
+    lines = []
+    for run in runs:
+        if len(run) >= _LONE_RUN:
+            angles = [math.degrees(compared[0].rows[k].reading.angle) for k in run]
+            ranges = [compared[0].rows[k].reading.range or 0.0 for k in run]
+            lines.append(
+                f"echoes at turntable angles {min(angles):.0f} to {max(angles):.0f} degrees, {min(ranges):.2f} to "
+                f"{max(ranges):.2f} m, are nearer than anything in the room: perhaps own body; scan from another place"
+            )
+    return lines
+
+
+def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:
+    """Add what the scans determine; the rest stays."""
+    for key, most in _DETERMINED.items():
+        found, before = fitted.shared[key], float(getattr(start, key))
+        if Z95 * found.deviation <= most:
+            result.add_measured(key, found, before, _UNITS[key])
+        else:
+            unit = f" {_UNITS[key]}" if _UNITS[key] else ""
+            half = f"±{Z95 * found.deviation:.2g}{unit}"
+            result.kept[key] = f"the scans determine it only to {half}, and not to ±{most:g}{unit}"
+            result.board = replace(result.board, **{key: before})  # type: ignore[arg-type]
+    result.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
+
+
+def _find_home(result: _Result, scans: Sequence[PlacedScan], fitted: TurntableFit, start: Board) -> None:
+    """Add the direction of the zero, if it is the same in all logs."""
+    turns = np.array(
+        [
+            math.remainder(place.heading - scan.place.heading, math.tau)
+            for scan, place in zip(scans, fitted.places, strict=True)
+        ]
+    )
+    middle = float(np.angle(np.exp(1j * turns).mean()))
+    away = np.angle(np.exp(1j * (turns - middle)))
+    if np.abs(away).max() > _SAME_ZERO:
+        result.kept["home_angle_deg"] = (
+            f"the zero differs by up to {math.degrees(float(np.ptp(away))):.0f} degrees between the logs; "
+            "give headings with --pose"
+        )
+        return
+    # at least the uncertainty of one heading
+    spread = max(float(np.std(away, ddof=1)) if len(away) > 1 else 0.0, math.radians(1.0)) / math.sqrt(len(away))
+    degrees = SharedValue(math.degrees(middle), math.degrees(spread))
+    result.add_measured("home_angle_deg", degrees, start.home_angle_deg, "degrees")
+
+
+def _find_spreads(
+    result: _Result,
+    scans: Sequence[PlacedScan],
+    room: Room,
+    places: Sequence[Place],
+    start: Board,
+    tick: Callable[[], None],
+) -> None:
+    of_range, of_threshold = spreads(scans, room, result.board, places, tick)
+    for key, found, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
+        low = max(found.value - Z95 * found.deviation, 0.0)
+        between = Between(found.value, low, found.value + Z95 * found.deviation)
+        result.add(key, between, float(getattr(start, key)), unit)
+
+
+def _doubts(scans: Sequence[PlacedScan]) -> tuple[str, ...]:
+    if len(scans) >= _FEWEST_SCANS:
+        return ()
+    return (
+        f"{len(scans)} scan{'s' if len(scans) > 1 else ''}: values may be those of this place alone; "
+        f"expected at least {_FEWEST_SCANS} places",
+    )

@@ -1,0 +1,45 @@
+"""The rule that chooses threshold and aperture: the pair with which a scan was predicted, and ties."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.known_room.detection_rule import choose_detection
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, load_room
+
+from sonarhw.readings import Reading
+
+ROOM, NXT = load_room("rooms/arena.toml"), load_board("lego-nxt")
+SPEED = ROOM.air.speed_of_sound
+PLACES = [Place("", at) for at in ((0.84, 0.30), (1.80, 0.54), (1.38, 1.68))]
+
+
+def scans_of(board: Board, places: list[Place] = PLACES) -> list[PlacedScan]:
+    headings = np.radians(np.arange(0.0, 360.0, 4.0))
+    scans = []
+    for place in places:
+        ranges = predict_scan(ROOM, place, board, headings).ranges.tolist()
+        times = [() if math.isnan(one) else (2 * one / SPEED,) for one in ranges]
+        readings = [Reading(k, 0, 0, float(headings[k]), 0.1 * k, times[k], SPEED) for k in range(len(headings))]
+        scans.append(PlacedScan(readings, place))
+    return scans
+
+
+@pytest.mark.parametrize(("louder", "wider"), [(4.0, 1.0), (-2.0, 1.1**2), (7.0, 1.1**-2)])
+def test_the_rule_finds_the_pair_with_which_scans_were_predicted(louder: float, wider: float) -> None:
+    true = replace(NXT, threshold_db=NXT.threshold_db + louder, aperture_radius=NXT.aperture_radius * wider)
+    chosen = choose_detection(scans_of(true), ROOM, NXT, PLACES, 3.0)
+    assert chosen.is_determined
+    assert chosen.threshold_db.value == pytest.approx(true.threshold_db, abs=1.1)
+    assert chosen.aperture_radius.value == pytest.approx(true.aperture_radius, rel=0.11)
+    assert chosen.threshold_db.low <= true.threshold_db <= chosen.threshold_db.high
+
+
+def test_scans_without_silence_do_not_determine_a_threshold() -> None:
+    loud = replace(NXT, threshold_db=-40.0)
+    chosen = choose_detection(scans_of(loud), ROOM, replace(NXT, threshold_db=-30.0), PLACES, 3.0)
+    assert not chosen.is_determined
