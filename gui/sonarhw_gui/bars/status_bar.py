@@ -81,7 +81,7 @@ def activity_text(status: Status) -> str:
     if status.source is Source.LIVE and status.recording is not None:
         parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
     if status.source is Source.REPLAY:
-        parts.append(f"replaying {status.log_name}")
+        parts.append(f"{'following' if status.following else 'replaying'} {status.log_name}")
     if status.outdated:
         parts.append("predicting … grey values belong to the previous prediction")
     elif status.predicting:

@@ -41,6 +41,7 @@ class Status:
     temperature_c: float | None = None
     recording: Path | None = None
     log_name: str = ""  # of the replayed log
+    following: bool = False  # whether the replayed log is being written
     predicting: bool = False
     uncompared: int = 0  # readings that are not compared with the newest prediction yet
     outdated: bool = False  # whether the values shown are of the previous prediction

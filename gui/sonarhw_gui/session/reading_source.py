@@ -1,7 +1,7 @@
 """The source of the readings, the live scanner or a replayed log, and its status."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -101,6 +101,12 @@ class ReadingSource:
         self.begin()
         self._opened = ReplayedLog(log, name, path)
         self.replay.load(log)
+
+    def extend(self, log: Log) -> None:
+        """Show the readings that the loaded log has now."""
+        if self.replayed is not None:
+            self._opened = replace(self.replayed, log=log)
+            self.replay.extend(log)
 
     def stop(self) -> None:
         """Stop the job of the scanner, and pause the replay."""

@@ -79,6 +79,23 @@ class ReplayControl(QObject):
         self._readings, self._scans = self._playback.readings, self._playback.scan_starts
         self._emit()
 
+    def extend(self, log: Log) -> None:
+        """Replay the same log with the readings that it has now. A replay at the end stays at the end."""
+        before, known = self._playback, self._readings
+        if before is None:
+            return
+        self._playback = now = Playback(log)
+        now.speed, now.loop, now.skip_gaps = before.speed, before.loop, before.skip_gaps
+        if before.position < before.duration:
+            now.seek(before.position)
+        if before.playing:
+            now.play()
+        # the same objects as before, so that views draw only what is new
+        is_longer = len(now.readings) >= len(known) and not (known and _differ(now.readings[len(known) - 1], known[-1]))
+        self._readings = (*known, *now.readings[len(known) :]) if is_longer else now.readings
+        self._scans = now.scan_starts
+        self._emit()
+
     def unload(self) -> None:
         """Close the log."""
         self._playback = None
@@ -181,3 +198,8 @@ class ReplayControl(QObject):
 
     def _emit(self) -> None:
         self.changed.emit(self.state)
+
+
+def _differ(one: Reading, other: Reading) -> bool:
+    """Return whether two readings are different pings. Stored traces are never equal."""
+    return (one.time, one.angle, one.echo_times) != (other.time, other.angle, other.echo_times)

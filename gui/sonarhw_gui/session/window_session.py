@@ -5,7 +5,7 @@ timer it fetches the results of all threads from their queues.
 """
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
@@ -24,13 +24,30 @@ from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerFinder, ScannerTarget
 from sonarhw_gui.session.shown_model import ShownModel
 from sonarhw_gui.session.unsaved_rooms import DiscardRoom, RestoreRoom, UnsavedRooms
+from sonarhw_gui.shown.notices import Notice
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.open_requests import Opened, OpenRequest, RoomOpened
+from sonarhw_gui.store.file_watch import FileWatch, WatchedFile, is_being_written
+from sonarhw_gui.store.open_requests import (
+    FollowLogRequest,
+    LogGrown,
+    Opened,
+    OpenRequest,
+    OpenRoomRequest,
+    RoomOpened,
+)
 from sonarhw_gui.work.fit_request import FitSettings
 
 TICK = 30  # ms
+TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
+
+
+@dataclass(frozen=True)
+class ReloadBoard:
+    """An accepted offer to read the board profile again."""
+
+    path: Path
 
 
 class WindowSession(QObject):
@@ -39,6 +56,7 @@ class WindowSession(QObject):
     status_changed = Signal(object)  # Status
     warned = Signal(str)  # for the banner; empty removes all messages
     offered = Signal(object)  # Notice, for the banner
+    room_opened = Signal()  # a room file was opened or reloaded
     recent_changed = Signal(object)  # tuple of paths, newest first
 
     def __init__(
@@ -57,11 +75,13 @@ class WindowSession(QObject):
         self._source = ReadingSource(opener, scan_settings, self)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
+        self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
         self._scanner_scene = scene  # contains the last confirmed position of the scanner
         self.showing = ShownModel(scene, look or Look(), self._source, self)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
         self.documents = Documents(scan_settings.folder)
+        self.files = FileWatch()
         self.scanners = ScannerChoice(find_scanner, self)
         self.fitting = FitControl(self)
         self.saver = FileSaver(self)
@@ -104,8 +124,12 @@ class WindowSession(QObject):
         self._begin()
         self.showing.follow(log.readings)
         self._source.load(log, name, path)
+        self.files.watch(WatchedFile.LOG, path if log.torn else None)
         if log.torn:
-            self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
+            message = f"{name}: {log.torn}; {len(log.readings)} whole readings are shown"
+            wait = TORN_AFTER if path is not None and is_being_written(path) else 0.0
+            self._torn = time.monotonic() + wait, message
+            self._report_torn(time.monotonic())
         for doubt in filter(None, (scan.angle_warning for scan in log.scans)):
             self.warned.emit(f"{name}: {doubt}")
 
@@ -144,6 +168,7 @@ class WindowSession(QObject):
         """Predict with the board profile in a file. An invalid profile is reported and changes nothing."""
         try:
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
+            self.files.watch(WatchedFile.BOARD, Path(path))
         except InputError as error:
             self.warned.emit(str(error))
 
@@ -153,7 +178,7 @@ class WindowSession(QObject):
         self.documents.submit(request)
 
     @Slot(object)
-    def answer_offer(self, answer: RestoreRoom | DiscardRoom | OpenRequest) -> None:
+    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | OpenRequest) -> None:
         """Carry out the answer to a notice."""
         try:
             match answer:
@@ -161,6 +186,8 @@ class WindowSession(QObject):
                     self.set_scene(self.unsaved.restored(answer, self.shown.scene), answer.path)
                 case DiscardRoom():
                     self.unsaved.discard(answer)
+                case ReloadBoard():
+                    self.open_board(str(answer.path))
                 case _:
                     self.reopen(answer)
         except SonarError as error:
@@ -172,6 +199,7 @@ class WindowSession(QObject):
         if self.documents.save_room(self.shown.scene.written_room, Path(path)):
             self.showing.name_room(Path(path).name)
             self.unsaved.saved(self.shown.scene)
+            self.files.watch(WatchedFile.ROOM, Path(path))
 
     @Slot(object)
     def _use(self, target: ScannerTarget) -> None:
@@ -226,6 +254,7 @@ class WindowSession(QObject):
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
         for part in (self.scanners, self.fitting, self.saver):
             part.tick()
+        self._look_at_files(now)
         for opened in self.documents.take():
             self._take_opened(opened)
         self._ticking = True
@@ -253,11 +282,17 @@ class WindowSession(QObject):
         self.recent_changed.emit(self.documents.recent)
         if self.live.running:
             return  # requested before the scan began; it would change the room of the scan
+        if isinstance(opened, LogGrown):
+            self._take_grown(opened)
+            return
         if isinstance(opened, RoomOpened):
             self._warn_if_other_room(opened.scene)
-            self.set_scene(opened.scene)
-            self._scanner_scene = opened.scene
+            self.set_scene(self._at_same_place(opened))
+            self._scanner_scene = self.shown.scene
+            self.files.watch(WatchedFile.ROOM, opened.path)
+            self.room_opened.emit()
             return
+        self.files.watch(WatchedFile.ROOM, None)
         here, metadata = self.shown.scene, opened.log.metadata
         if not self.replay.loaded:
             self._before_replay = here
@@ -266,6 +301,41 @@ class WindowSession(QObject):
         self.show_log(opened.log, opened.path.name, opened.path)
         if opened.question is not None:
             self.offered.emit(opened.question)
+
+    def _at_same_place(self, opened: RoomOpened) -> Scene:
+        """Return the opened scene; with the place shown now if the same room was reloaded."""
+        room, here = opened.scene.room, self.shown.scene
+        reloaded = here.room is not None and room is not None and here.room_file == opened.scene.room_file
+        if reloaded and room is not None and here.pose.name in room.places:
+            return replace(opened.scene, place=room.place(here.pose.name))
+        return opened.scene
+
+    def _take_grown(self, grown: LogGrown) -> None:
+        now, replayed = time.monotonic(), self._source.replayed
+        self.files.rest(WatchedFile.LOG, grown.took, now)
+        if replayed is None or replayed.path != grown.path:
+            return
+        self._source.extend(grown.log)
+        self.showing.follow(self._source.all_readings)
+        if not grown.log.torn:
+            self.files.watch(WatchedFile.LOG, None)
+
+    def _report_torn(self, now: float) -> None:
+        if self._torn is not None and now >= self._torn[0]:
+            self.warned.emit(self._torn[1])
+            self._torn = None
+
+    def _look_at_files(self, now: float) -> None:
+        """Follow a log that grows, and offer to reload a changed room or board."""
+        self._report_torn(now)
+        for what, path in self.files.changed(now):
+            if what is WatchedFile.LOG:
+                self._torn = None
+                self.documents.submit(FollowLogRequest(path))
+                continue
+            board = self.shown.scene.board
+            again = OpenRoomRequest(path, board) if what is WatchedFile.ROOM else ReloadBoard(path)
+            self.offered.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
 
     def _warn_if_other_room(self, opened: Scene) -> None:
         replayed, scan_scene = self._source.replayed, self._source.scan_scene
@@ -296,6 +366,8 @@ class WindowSession(QObject):
 
     def _begin(self) -> None:
         self.warned.emit("")
+        self.files.watch(WatchedFile.LOG, None)
+        self._torn = None
         self._source.begin()
         self.fitting.forget()
         self.showing.begin()
@@ -316,7 +388,12 @@ class WindowSession(QObject):
     def _update_status(self) -> None:
         searching = self.showing.forecast.searching
         status = self._source.status(time.monotonic(), searching, room_name(self.shown.scene))
-        status = replace(status, outdated=self.shown.outdated, uncompared=self.showing.forecast.uncompared)
+        status = replace(
+            status,
+            outdated=self.shown.outdated,
+            uncompared=self.showing.forecast.uncompared,
+            following=self.files.grows(WatchedFile.LOG, time.monotonic()),
+        )
         if status != self.status:
             self.status = status
             self.status_changed.emit(status)

@@ -28,6 +28,7 @@ from sonarhw_gui.shell.display import check_display
 from sonarhw_gui.shell.garbage import collected_between_events
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shell.window_memory import MemoryWriter, restore_window
+from sonarhw_gui.store.file_watch import WatchedFile
 from sonarhw_gui.store.new_recording import recordings_folder
 from sonarhw_gui.store.open_requests import OpenLogRequest
 from sonarhw_gui.store.recent_names import with_newest
@@ -91,6 +92,9 @@ def open_window(start: WindowStart) -> MainWindow:
     restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
     window.session.remember_used(recent, memory.urls)
+    for path in start.used:
+        if path.name == restored.scene.room_file:
+            window.session.files.watch(WatchedFile.ROOM, path)
     if start.memory is not None:
         MemoryWriter(window, start.memory)
     if isinstance(restored.source, Log):

@@ -111,6 +111,7 @@ class MainWindow(QMainWindow):
         self.closing.connect(self.files.close_recordings)
         session.showing.changed.connect(self._show)
         session.status_changed.connect(self._show_status)
+        session.room_opened.connect(views.plan.fit)
         session.saver.saved.connect(self.status_bar.show_briefly)
 
     @Slot(QAction)

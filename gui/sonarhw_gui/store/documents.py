@@ -8,7 +8,7 @@ from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
-from sonarhw_gui.store.open_requests import LogOpened, Opened, OpenRequest, request_for
+from sonarhw_gui.store.open_requests import LogGrown, LogOpened, Opened, OpenRequest, request_for
 from sonarhw_gui.store.recent_names import with_newest
 from sonarhw_gui.work.worker import Failure, Worker
 
@@ -59,6 +59,8 @@ class Documents:
                 self.messages.append(answer.message)
             else:
                 opened.append(answer)
+                if isinstance(answer, LogGrown):
+                    continue
                 self.recent = with_newest(self.recent, str(answer.path.absolute()))
                 if isinstance(answer, LogOpened) and answer.notice:
                     self.messages.append(answer.notice)

@@ -44,6 +44,28 @@ class OpenLogRequest:
 
 
 @dataclass(frozen=True)
+class LogGrown:
+    """A log that was read again, because its file has grown."""
+
+    path: Path
+    log: Log
+    took: float  # s
+
+
+@dataclass(frozen=True)
+class FollowLogRequest:
+    """Read a log that is being written once more."""
+
+    path: Path
+
+    def answer(self) -> LogGrown:
+        """Read the log. Raises InputError."""
+        began = time.perf_counter()
+        log = read_log(self.path)
+        return LogGrown(self.path, log, time.perf_counter() - began)
+
+
+@dataclass(frozen=True)
 class OpenCsvRequest:
     """Open a CSV scan, which is imported as a log."""
 
@@ -111,8 +133,8 @@ class OpenRoomRequest:
         return RoomOpened(self.path, scene_with(self.board, room, first_place(room), self.path.name))
 
 
-Opened = LogOpened | RoomOpened
-OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest
+Opened = LogOpened | RoomOpened | LogGrown
+OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest | FollowLogRequest
 
 
 def _unit_name(metres: float) -> str:
