@@ -4,7 +4,8 @@ from .explain.sentences import describe_path, explain_reading
 from .fit import Estimate, FitOptions, FitResult, Parameter, PlacedScan, fit_scan, fit_scans, free_parameters
 from .fit.findings import found_board, found_room
 from .fit.values.quantities import QUANTITIES, Quantity
-from .imports.foreign_csv import CsvColumns, Meaning, guess_columns, read_foreign_scan
+from .imports.foreign_csv import CsvColumns, guess_columns, read_foreign_scan
+from .imports.foreign_rows import Meaning
 from .locate.locate_picture import draw_located
 from .locate.poses import Located, Pose, locate_scan
 from .map.map_picture import draw_map

@@ -1,7 +1,8 @@
-"""`sonarhw import`: convert CSV scans of other programs to logs."""
+"""`sonarhw import`: convert scans of other programs to logs."""
 
 import math
 import time
+import warnings
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -9,6 +10,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_compare.imports.import_formats import formats_text, import_format
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.completions import complete_board
@@ -19,6 +21,9 @@ from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
+    from sonarhw_compare.imports.foreign_csv import CsvColumns
+    from sonarhw_compare.imports.foreign_rows import Meaning
+
     from sonarhw.log import LogMetadata
     from sonarhw.readings import Reading
 
@@ -33,26 +38,27 @@ class TurnDirection(StrEnum):
 
 
 def import_csv(
-    file: Annotated[Path, typer.Argument(help="CSV file with a header line.", metavar="CSV")],
+    file: Annotated[Path, typer.Argument(help=f"CSV file with a header line; or {formats_text()}.", metavar="FILE")],
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
-    heading: Annotated[str, typer.Option("--heading", help="Column of the turntable angle, degrees.", metavar="COL")],
+    heading: Annotated[
+        str | None, typer.Option("--heading", help="CSV: column of the turntable angle, degrees.", metavar="COL")
+    ] = None,
     distance: Annotated[
-        str, typer.Option("--range", help="Column of the range; an empty field means no echo.", metavar="COL")
-    ],
-    scale: Annotated[float, typer.Option(help="Metres per unit of the range column.")] = 1.0,
+        str | None,
+        typer.Option("--range", help="CSV: column of the range; an empty field means no echo.", metavar="COL"),
+    ] = None,
+    scale: Annotated[float, typer.Option(help="CSV: metres per unit of the range column.")] = 1.0,
     turn: Annotated[TurnDirection, typer.Option(help="Direction in which these angles increase.")] = TurnDirection.CCW,
     heading_zero: Annotated[
-        float, typer.Option("--heading-zero", help="Turntable angle for the value 0 in the column, degrees.")
+        float, typer.Option("--heading-zero", help="Turntable angle for the angle 0 in the file, degrees.")
     ] = 0.0,
-    no_echo: Annotated[
-        float | None, typer.Option("--no-echo", help="Value in the range column that means no echo.")
-    ] = None,
+    no_echo: Annotated[float | None, typer.Option("--no-echo", help="Range in the file that means no echo.")] = None,
     time_column: Annotated[
-        str | None, typer.Option("--time", help="Column of the time, s; default: readings 0.1 s apart.")
+        str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.")
     ] = None,
     decimal_comma: Annotated[
         bool,
-        typer.Option("--decimal-comma", help="Numbers have decimal commas; semicolons or tabs separate the columns."),
+        typer.Option("--decimal-comma", help="CSV: decimal commas in numbers; semicolons or tabs between columns."),
     ] = False,
     room: RoomToStore = None,
     place: PlaceName = None,
@@ -66,11 +72,12 @@ def import_csv(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Convert a CSV scan of another program to a log.
+    """Convert a scan of another program to a log. The suffix of the file selects its format, by default CSV.
 
     With --room, --place and --board, compare, report and fit need no options for them.
     """
-    from sonarhw_compare.imports.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
+    from sonarhw_compare.imports.foreign_csv import likely_no_echo, read_foreign_scan
+    from sonarhw_compare.imports.foreign_rows import Meaning
 
     from sonarhw.export.encoded_log import write_scan
 
@@ -78,14 +85,46 @@ def import_csv(
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
     sign = -1.0 if turn is TurnDirection.CW else 1.0
-    columns = CsvColumns(heading, distance, time_column, decimal_comma)
-    readings = read_foreign_scan(file, columns, Meaning(scale, sign, heading_zero, no_echo))
+    columns = _columns(file, heading, distance, time_column, decimal_comma, scale)
+    meaning = Meaning(scale, sign, heading_zero, no_echo)
+    readings = _read(file, meaning) if columns is None else read_foreign_scan(file, columns, meaning)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
     _warn_of_far_ranges(readings, scale)
-    if no_echo is None and (likely := likely_no_echo(file, columns)):
+    if columns is not None and no_echo is None and (likely := likely_no_echo(file, columns)):
         warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
+
+
+def _columns(
+    file: Path, heading: str | None, distance: str | None, time_column: str | None, decimal_comma: bool, scale: float
+) -> "CsvColumns | None":
+    """Return the columns of a CSV file; None for another format. Raises InputError for options of the other kind."""
+    from sonarhw_compare.imports.foreign_csv import CsvColumns
+
+    known = import_format(file)
+    if known is None:
+        if heading is None or distance is None:
+            missing = "--heading" if heading is None else "--range"
+            raise InputError(f"{missing}: a CSV file needs it: the name of a column; other formats: {formats_text()}")
+        return CsvColumns(heading, distance, time_column, decimal_comma)
+    given = {"--heading": heading, "--range": distance, "--time": time_column, "--decimal-comma": decimal_comma}
+    for option, value in (given | {"--scale": scale != 1.0}).items():
+        if value:
+            raise InputError(f"{option}: only for CSV files; {file.name} has the format {known.title}")
+    return None
+
+
+def _read(file: Path, meaning: "Meaning") -> "list[Reading]":
+    """Return the readings of a file that is not CSV, and print its warnings."""
+    known = import_format(file)
+    assert known is not None
+    with warnings.catch_warnings(record=True) as doubts:
+        warnings.simplefilter("always")
+        readings = known.read(file, meaning)
+    for doubt in doubts:
+        warn(str(doubt.message))
+    return readings
 
 
 def _metadata(room_name: str | None, place: str | None, board: str | None) -> "LogMetadata":

@@ -16,23 +16,14 @@ from typing import TextIO
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw_compare.imports.foreign_rows import MOST_READINGS, ForeignRow, Meaning, readings_of
 
-SPACING = 0.1  # s between readings of a file without times
-# limits of the frames of a log
-MOST_DEGREES = 2147.0
-MOST_RANGE = 700.0  # m
-LONGEST = 86_400.0  # s, between readings
-LONGEST_SCAN = 1e8  # s
-# limits of a file, so that nothing needs more than 1 GB
-MOST_READINGS = 200_000
 MOST_CHARACTERS = 65_536  # of a line
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _AT_DECIMAL_COMMAS = (
     "if its numbers have decimal commas, write points, or separate the columns by semicolons and choose decimal commas"
 )
-_PINGS = 256
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _HEADING_NAMES = ("heading", "angle", "bearing", "azimuth", "theta", "turret", "deg", "degrees")
 _RANGE_NAMES = ("range", "distance", "dist", "echo", "m", "cm", "mm", "metres", "meters")
@@ -51,29 +42,12 @@ class CsvColumns:
     decimal_comma: bool = False  # numbers such as 1,5 between semicolons or tabs
 
 
-@dataclass(frozen=True)
-class Meaning:
-    """Units and conventions of the numbers in a file."""
-
-    scale: float = 1.0  # m per unit of range
-    sign: float = 1.0  # 1: headings grow counter-clockwise, -1: clockwise
-    zero: float = 0.0  # degrees, turntable angle at heading 0
-    no_echo: float | None = None  # the range that stands for no echo
-
-
-@dataclass(frozen=True)
-class _Row:
-    """The numbers of one line, in the units of the file."""
-
-    line: int
-    heading: float
-    distance: float | None  # None: no echo
-    time: float | None
-
-
 def read_foreign_scan(file: Path, columns: CsvColumns, meaning: Meaning) -> list[Reading]:
     """Return the readings of a CSV file, at least one. Raises InputError."""
-    return _readings(file, _rows(file, columns, meaning.no_echo), meaning)
+    readings = readings_of(str(file), _rows(file, columns, meaning.no_echo), meaning)
+    if not readings:
+        raise InputError(f"{file}: no readings; expected a header line and one reading per line")
+    return readings
 
 
 def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
@@ -81,8 +55,8 @@ def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
 
     Raises InputError if no column, or more than one, has a name for a heading or for a range.
     """
-    with _opened(file) as text:
-        header = _header(file, next(csv.reader([next(_lines(file, text), "")]), []))
+    with opened(file) as text:
+        header = _header(file, next(csv.reader([next(short_lines(file, text), "")]), []))
     heading, distance = _column_named(header, _HEADING_NAMES), _column_named(header, _RANGE_NAMES)
     if heading is None or distance is None:
         wanted = "a heading" if heading is None else "a range"
@@ -122,36 +96,38 @@ def _words(column: str) -> list[str]:
 
 
 @contextmanager
-def _opened(file: Path) -> Iterator[TextIO]:
+def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
+    """Open a text file. Raises InputError for what is not text in UTF-8, or not `expected`."""
+    kind = expected.removeprefix("a ").removesuffix(" file")
     try:
         if file.exists() and not file.is_file():
-            raise InputError(f"{file}: is not a file; give the name of a CSV file")
+            raise InputError(f"{file}: is not a file; give the name of {expected}")
         with file.open(encoding="utf-8-sig", newline="") as text:
             yield text
     except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}; expected a CSV file") from error
+        raise InputError(f"{file}: cannot be read: {error.strerror}; expected {expected}") from error
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{file}: is not UTF-8 text: byte {error.object[error.start]:#04x}; save it as CSV in UTF-8"
+            f"{file}: is not UTF-8 text: byte {error.object[error.start]:#04x}; save it as {kind} in UTF-8"
         ) from error
     except (ValueError, csv.Error) as error:  # ValueError: a NUL in the name
-        raise InputError(f"{file}: is not a CSV file: {error}") from error
+        raise InputError(f"{file}: is not {expected}: {error}") from error
 
 
-def _lines(file: Path, text: TextIO) -> Iterator[str]:
-    """Yield the lines. Raises InputError before a line, or the number of lines, needs much memory."""
+def short_lines(file: Path, text: TextIO, expected: str = "a CSV file") -> Iterator[str]:
+    """Yield the lines. Raises InputError before a line needs much memory."""
     for number in count(1):
         line = text.readline(MOST_CHARACTERS + 1)
         if not line:
             return
         if len(line) > MOST_CHARACTERS:
-            raise InputError(f"{file}, line {number}: has more than {MOST_CHARACTERS} characters; expected a CSV file")
+            raise InputError(f"{file}, line {number}: has more than {MOST_CHARACTERS} characters; expected {expected}")
         yield line
 
 
-def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[_Row]:
-    with _opened(file) as text:
-        lines = _lines(file, text)
+def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[ForeignRow]:
+    with opened(file) as text:
+        lines = short_lines(file, text)
         first = next(lines, "")
         separator = _separator(first) if columns.decimal_comma else ","
         header = _header(file, next(csv.reader([first], delimiter=separator), []), separator)
@@ -242,7 +218,7 @@ class _Line:
         raise self.error(f"{name} is {text!r}; expected a number{advice}")
 
 
-def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: float | None) -> _Row:
+def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: float | None) -> ForeignRow:
     heading = line.number_in(columns.heading, indices[columns.heading])
     if not math.isfinite(heading):
         raise line.error(f"{columns.heading} is {heading:g}; expected degrees")
@@ -253,56 +229,12 @@ def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: flo
             raise line.error(f"{columns.time} is {seconds:g}; expected seconds")
     name = columns.distance
     if not line.text(name, indices[name]):
-        return _Row(line.number, heading, None, seconds)
+        return ForeignRow(f"line {line.number}", heading, None, seconds)
     distance = line.number_in(name, indices[name])
     if no_echo is not None and (distance == no_echo or (math.isnan(distance) and math.isnan(no_echo))):
-        return _Row(line.number, heading, None, seconds)
+        return ForeignRow(f"line {line.number}", heading, None, seconds)
     if not 0 <= distance < math.inf:
         raise line.error(
             f"{name} is {distance:g}; expected a range of 0 or more, or {distance:g} as the value for no echo"
         )
-    return _Row(line.number, heading, distance, seconds)
-
-
-def _readings(file: Path, rows: Iterator[_Row], meaning: Meaning) -> list[Reading]:
-    speed = speed_of_sound()
-    readings: list[Reading] = []
-    for number, row in enumerate(rows):
-        angle = math.radians(meaning.zero + meaning.sign * row.heading)
-        before = readings[-1] if readings else None
-        reading = Reading(
-            number=number,
-            sweep=0,
-            ping=(before.ping + 1) % _PINGS if before and before.angle == angle else 0,
-            angle=angle,
-            time=number * SPACING if row.time is None else row.time,
-            echo_times=() if row.distance is None else (2 * row.distance * meaning.scale / speed,),
-            speed_of_sound=speed,
-        )
-        _check(reading, before, readings[0].time if readings else reading.time, f"{file}, line {row.line}")
-        readings.append(reading)
-    if not readings:
-        raise InputError(f"{file}: no readings; expected a header line and one reading per line")
-    return readings
-
-
-def _check(reading: Reading, before: Reading | None, began: float, where: str) -> None:
-    degrees = math.degrees(reading.angle)
-    if abs(degrees) > MOST_DEGREES:
-        raise InputError(f"{where}: turntable angle {degrees:g} degrees; expected at most {MOST_DEGREES:g}")
-    if reading.range is not None and reading.range > MOST_RANGE:
-        raise InputError(f"{where}: range {reading.range:g} m; expected at most {MOST_RANGE:g} m; check the scale")
-    if before and reading.time < before.time:
-        raise InputError(
-            f"{where}: time {reading.time:g} s is before the reading above it at {before.time:g} s; "
-            "sort the lines by time"
-        )
-    if before and reading.time - before.time > LONGEST:
-        raise InputError(
-            f"{where}: time {reading.time:g} s; expected seconds, at most {LONGEST:g} s after the reading above; "
-            "convert other units to seconds"
-        )
-    if reading.time - began > LONGEST_SCAN:
-        raise InputError(
-            f"{where}: time {reading.time:g} s; expected at most {LONGEST_SCAN:g} s after the first reading"
-        )
+    return ForeignRow(f"line {line.number}", heading, distance, seconds)

@@ -1,0 +1,43 @@
+"""The file formats that `sonarhw import` reads besides CSV, each with its file suffixes.
+
+To add a format, write a function `read_x(file, meaning)` in a new module and add an entry to FORMATS. The command and
+its help follow.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sonarhw.readings import Reading
+    from sonarhw_compare.imports.foreign_rows import Meaning
+
+
+@dataclass(frozen=True)
+class ImportFormat:
+    """One file format."""
+
+    suffixes: tuple[str, ...]  # of the file name, in lower case
+    title: str
+    has_traces: bool  # of received signals, in place of ranges
+    read: "Callable[[Path, Meaning], list[Reading]]"
+
+
+def _read_carmen(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports.carmen_log import read_carmen_log  # loads NumPy, which the help does not need
+
+    return read_carmen_log(file, meaning)
+
+
+FORMATS = (ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, _read_carmen),)
+
+
+def import_format(file: Path) -> ImportFormat | None:
+    """Return the format of a file by its suffix; None: CSV."""
+    return next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
+
+
+def formats_text() -> str:
+    """Return the formats and their suffixes as a list in one sentence."""
+    return "; ".join(f"{known.title} ({', '.join(known.suffixes)})" for known in FORMATS)
