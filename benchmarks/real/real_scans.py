@@ -1,16 +1,20 @@
-"""Comparison of models on real scans: `python -m benchmarks.real.real_scans [FOLDER]`.
+"""Predictions of real scans, by sensor: `python -m benchmarks.real.real_scans [FOLDER]`, some ten minutes on two cores.
 
-Imports each scan of the folder (scans.csv and one CSV file for each scan) as a user would. Fits heading, range offset
-and a position within 3 cm for every model in the same way. Prints the share of echoes within 5 cm of the prediction,
-the ROC area of silence, and the agreement of two recordings at one place. `--cross-validation` also tunes the board
-without a place or a recording, tests it there, and prints the results of every candidate (minutes;
-`benchmarks.real.tune_lego_nxt`). `--besides` prints other variants that were tried (minutes).
+Imports each scan of the folder, and of its folders with a scans.csv, as a user would. Prints share of echoes within
+5 cm, detection of silence and log score of each sensor, with the generic profile, calibrated on the sensor's other
+places, and calibrated on other sensors (`benchmarks.real.sensor_table`). `--figure` draws them.
+
+`--models` compares models on the scans of FOLDER/scans.csv alone (minutes): heading, range offset and a position within
+3 cm are fitted for every model in the same way. `--cross-validation` tunes the generic profile without a place or a
+recording, tests it there, and prints the results of every candidate (`benchmarks.real.tune_lego_nxt`). `--besides`
+prints other variants that were tried.
 """
 
 import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Comparison, Kind
@@ -33,21 +37,41 @@ from benchmarks.real.judged_scans import (
     judge,
     judged_of,
     load_scans,
+    load_sensors,
     program_options,
     repeated,
 )
+from benchmarks.real.sensor_table import print_sensors
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
+
+FIGURE = Path("docs/figures/real_scans.png")
 
 
 def main() -> None:
-    """Print a row for each scan, the figures of all scans, those without the robot's own echoes, and held-out ones."""
+    """Print the tables that the options select; by default those of each sensor."""
     chosen = program_options(
-        "Compare models on real scans.",
-        cross_validation="also tune the board without a place or a recording, and test it there (minutes)",
-        besides="also print other variants that were tried (minutes)",
+        "Compare predictions with real scans.",
+        figure=f"also draw {FIGURE}",
+        models="compare models on the scans of FOLDER/scans.csv alone (minutes)",
+        cross_validation="tune the board without a place or a recording, and test it there (minutes)",
+        besides="print other variants that were tried (minutes)",
     )
-    scans = load_scans(chosen.folder)
-    board = load_board("lego-nxt")
+    if not (chosen.models or chosen.cross_validation or chosen.besides):
+        print_sensors(load_sensors(chosen.folder), FIGURE if chosen.figure else None)
+        return
+    scans, board = load_scans(chosen.folder), load_board("lego-nxt")
+    if chosen.models:
+        _print_all_models(scans, board)
+    if chosen.cross_validation:
+        trial = try_all(scans)
+        print_cross_validation(trial)
+        print_candidates(trial)
+    if chosen.besides:
+        _print_besides(scans, board)
+
+
+def _print_all_models(scans: Sequence[RealScan], board: Board) -> None:
+    """Print a row for each scan, the figures of all scans, and those without the robot's own echoes."""
     for title, free in (("heading and offset found", ON_THE_SPOT), ("heading, offset, position found", NEARBY)):
         _print_models(f"{title} for each scan and model", scans, board, free)
     untuned = [judged_of(judge(scan, Model.RAY_FOLLOWING, replace(board, **UNTUNED))) for scan in scans]
@@ -64,12 +88,6 @@ def main() -> None:
     print(", ".join(f"{angle}°: {count}" for angle, count in sorted(counts.items())))
     centimetres = Counter(round(100 * (one.range or math.nan)) for one in own)
     print("and by range, cm:", ", ".join(f"{range_}: {count}" for range_, count in sorted(centimetres.items())))
-    if chosen.cross_validation:
-        trial = try_all(scans)
-        print_cross_validation(trial)
-        print_candidates(trial)
-    if chosen.besides:
-        _print_besides(scans, board)
 
 
 def _print_besides(scans: Sequence[RealScan], board: Board) -> None:

@@ -9,11 +9,16 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.known_room.room_calibration import calibrate_in_room
-from sonarhw_compare.matching.probability_score import score_comparison
+from sonarhw_compare.matching.probability_score import CalibrationBin, calibration_text, score_comparison
+from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
+from sonarhw_compare.pictures.picture_file import write_picture
+from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.room.model import Place
@@ -39,6 +44,7 @@ class Tested:
 
     judged: Judged
     log_score: float  # mean of its readings
+    bins: tuple[CalibrationBin, ...]  # stated and observed probabilities
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,8 @@ def tested_place(job: Job) -> HeldOut:
 
 def _tested(scan: RealScan, board: Board, free: frozenset[str]) -> Tested:
     comparison = judge(scan, Model.RAY_FOLLOWING, board, free)
-    return Tested(judged_of(comparison), score_comparison(comparison).log_score or 0.0)
+    score = score_comparison(comparison)
+    return Tested(judged_of(comparison), score.log_score or 0.0, score.calibration)
 
 
 def held_out_places(sensors: Mapping[str, Sequence[RealScan]]) -> tuple[list[HeldOut], dict[str, Board]]:
@@ -122,19 +129,19 @@ def held_out_places(sensors: Mapping[str, Sequence[RealScan]]) -> tuple[list[Hel
     return found, whole
 
 
-def print_sensors(sensors: Mapping[str, Sequence[RealScan]]) -> None:
-    """Print the figures of each sensor with each profile, their means, and the profiles."""
+def print_sensors(sensors: Mapping[str, Sequence[RealScan]], picture: Path | None = None) -> None:
+    """Print the figures of each sensor with each profile, their means, and the profiles; draw them in `picture`."""
     found, whole = held_out_places(sensors)
     print("\nshare within 5 cm; ROC area and balanced accuracy of silence; log score")
     for title in VARIANTS:
         print(f"\n{title}")
         rows = []
         for sensor in sensors:
-            tested = [one for held in found if held.sensor == sensor for one in held.tested[title]]
-            rows.append(_row(tested))
+            rows.append(_row(of_title(found, title, sensor)))
             print(f"  {sensor:8}" + _shown(rows[-1]))
         print("  mean    " + _shown(np.nanmean(rows, axis=0)))
-        print("  pooled  " + _shown(_row([one for held in found for one in held.tested[title]])))
+        print("  pooled  " + _shown(_row(of_title(found, title, None))))
+        print("  stated and observed: " + calibration_text(reliability(of_title(found, title, None))))
     print("\nprofiles from all scans of a sensor: threshold dB, aperture mm, offset mm, slope, scale, own body")
     for sensor, board in whole.items():
         print(
@@ -142,11 +149,59 @@ def print_sensors(sensors: Mapping[str, Sequence[RealScan]]) -> None:
             f"{board.range_offset * 1000:7.1f}{board.clock_error:8.4f}{board.turntable_scale:7.3f}  "
             + ", ".join(f"{one.from_deg:.0f}° to {one.to_deg:.0f}°, {one.middle:.2f} m" for one in board.own_body)
         )
+    if picture is not None:
+        with picture.open("wb") as file:
+            write_picture(draw_sensors(found, list(sensors)), file, picture.suffix)
     mean = population(list(whole.values()))
     print(
         f"  all     {mean.threshold_db:7.1f} ± {mean.threshold_sd_db:.1f}{mean.aperture_radius * 1000:7.2f}"
         f"   range_sd {mean.range_sd * 1000:.1f} mm"
     )
+
+
+def reliability(tested: Sequence[Tested]) -> list[CalibrationBin]:
+    """Return stated and observed probabilities of several scans together, in tenths of the stated one."""
+    pooled: dict[int, list[CalibrationBin]] = {}
+    for one in (found for scan in tested for found in scan.bins):
+        pooled.setdefault(min(int(one.stated * 10), 9), []).append(one)
+    bins = []
+    for _, several in sorted(pooled.items()):
+        counts = [one.n for one in several]
+        stated, observed = (
+            float(np.average([getattr(one, name) for one in several], weights=counts))
+            for name in ("stated", "observed")
+        )
+        bins.append(CalibrationBin(sum(counts), stated, observed))
+    return bins
+
+
+def draw_sensors(found: Sequence[HeldOut], sensors: Sequence[str]) -> Figure:
+    """Return a figure: shares and silence of each sensor, and stated against observed probabilities."""
+    figure = new_figure(12, 4.4, 120)
+    shares, silence, curve = figure.subplots(1, 3)
+    names = [*sensors, "mean"]
+    at = np.arange(len(names))
+    for shift, title, colour in ((-0.2, "generic, own body left out", PREDICTED), (0.2, "calibrated", MEASURED)):
+        rows = [_row(of_title(found, title, sensor)) for sensor in sensors]
+        rows.append(tuple(np.nanmean(rows, axis=0).tolist()))
+        shares.bar(at + shift, [row[0] for row in rows], 0.4, color=colour, label=title)
+        silence.bar(at + shift, [row[2] for row in rows], 0.4, color=colour, label=title)
+        bins = reliability(of_title(found, title, None))
+        curve.plot([one.stated for one in bins], [one.observed for one in bins], "o-", color=colour, label=title)
+    for axes, title, low in ((shares, "echoes within 5 cm", 0.6), (silence, "balanced accuracy of silence", 0.4)):
+        axes.set(title=title, ylim=(low, 1.0), xticks=at, xticklabels=names)
+        axes.grid(axis="y", alpha=0.25)
+    curve.plot([0, 1], [0, 1], ":", color="black")
+    curve.set(title="most probable reading", xlabel="stated probability", ylabel="share that was measured")
+    curve.grid(alpha=0.25)
+    handles, labels = shares.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)
+    return laid_out(figure)
+
+
+def of_title(found: Sequence[HeldOut], title: str, sensor: str | None) -> list[Tested]:
+    """Return the scans of one sensor (None: of all) compared with one profile."""
+    return [one for held in found if sensor in (None, held.sensor) for one in held.tested[title]]
 
 
 def _row(tested: Sequence[Tested]) -> tuple[float, float, float, float]:
