@@ -15,6 +15,7 @@ from sonarhw_sim.compilation import watch_compilation
 
 from sonarhw.errors import ExitStatus, SonarError
 from sonarhw_cli.bringup import doctor_command as doctor
+from sonarhw_cli.bringup import flash_command as flash
 from sonarhw_cli.bringup import wiring_command as wiring
 from sonarhw_cli.comparison import compare_command as compare
 from sonarhw_cli.comparison import fit_command as fit
@@ -70,6 +71,7 @@ app.command("turn", context_settings={"ignore_unknown_options": True})(bench.tur
 app.command("stop")(bench.stop)
 app.command("monitor")(bench.monitor)
 app.command("ping")(ping.ping)
+app.command("flash")(flash.flash)
 app.command("doctor")(doctor.doctor)
 app.command("wiring")(wiring.wiring)
 app.command("calibrate")(calibrate.calibrate)

@@ -69,7 +69,9 @@ def firmware(name: str, protocol: tuple[int, int]) -> Diagnosis:
     text = f"{name}, protocol {protocol[0]}.{protocol[1]}"
     if protocol < (PROTOCOL_MAJOR, PROTOCOL_MINOR):
         newest = f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}"
-        return failed("firmware", f"{text}; {newest} has all checks", "flash the firmware of this version of sonarhw")
+        return failed(
+            "firmware", f"{text}; {newest} has all checks", "write the firmware of this version: `sonarhw flash PORT`"
+        )
     return passed("firmware", text)
 
 

@@ -49,7 +49,9 @@ def built_wheel(folder: Path) -> Path:
     build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(CHECKOUT)]
     subprocess.run(build, check=True, capture_output=True)
     wheel = next(folder.glob("*.whl"))
-    assert {name[: len("sonarhw")] for name in ZipFile(wheel).namelist()} == {"sonarhw"}
+    names = ZipFile(wheel).namelist()
+    assert {name[: len("sonarhw")] for name in names} == {"sonarhw"}
+    assert "sonarhw/bringup/images/mega.hex" in names  # sonarhw flash
     return wheel
 
 

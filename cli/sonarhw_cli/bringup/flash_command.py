@@ -1,0 +1,47 @@
+"""`sonarhw flash`: write the prebuilt firmware to a board."""
+
+from typing import Annotated
+
+import typer
+
+from sonarhw.bringup.controllers import Controller
+from sonarhw.errors import InputError
+from sonarhw_cli.console.lines import print_line, print_note
+
+
+def flash(
+    port: Annotated[str, typer.Argument(help="Serial port of the board, such as /dev/ttyACM0.", metavar="PORT")],
+    controller: Annotated[
+        Controller | None, typer.Option(help="Controller of the board; default: the one that is recognised.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
+    ] = False,
+) -> None:
+    """Write the firmware that comes with sonarhw to a board with avrdude, verify it, and print who answers.
+
+    A board is recognised by its USB identity, or by a scanner firmware that runs on it. No compiler is needed.
+    """
+    from sonarhw.bringup import flashing
+
+    if "://" in port or ":" in port.removeprefix("COM"):
+        raise InputError(f"{port}: expected a serial port such as /dev/ttyACM0")
+    if force and controller is None:
+        raise InputError("--force: also give --controller")
+    flashing.find_avrdude()
+    wanted = controller if controller and force else _recognised(port, controller)
+    print_note(f"{port}: writing the firmware for {wanted}; this takes about 20 s")
+    flashing.write_firmware(port, wanted)
+    info = flashing.ask_identity(port, wanted)
+    print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
+
+
+def _recognised(port: str, wanted: Controller | None) -> Controller:
+    """Return the controller at a port. Raises InputError if it is not recognised, or not the `wanted` one."""
+    from sonarhw.bringup.flashing import recognised
+
+    found = recognised(port)
+    if found is None or wanted not in (None, found):
+        what = "is not recognised" if found is None else f"has the controller {found}, not {wanted}"
+        raise InputError(f"{port}: the board {what}; if you are sure, add --force and --controller")
+    return found

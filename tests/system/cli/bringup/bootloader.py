@@ -1,0 +1,130 @@
+"""A board with an emulated bootloader on a pseudo-terminal: STK500 version 2, as on an Arduino Mega 2560.
+
+The bootloader starts at its first message, as after a reset. It ends as the real one does, and the board then runs the
+firmware that was written.
+"""
+
+import os
+import pty
+import select
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from tests.fixtures.plain_echoes import PlainEchoes
+
+SIGNATURES = {"atmega2560": b"\x1e\x98\x01", "atmega328p": b"\x1e\x95\x0f"}
+_START, _TOKEN = 0x1B, 0x0E
+_LEAVE = 0x11
+
+
+class BootloaderBoard:
+    """The board. `firmware` runs before it is flashed; empty: nothing that answers."""
+
+    def __init__(self, firmware: str, chip: str = "atmega2560", writes: bool = True) -> None:
+        """A board that does not keep what is written has `writes` False."""
+        self.flash = bytearray(b"\xff" * 0x40000)
+        self.flashed = False
+        self._signature, self._writes = SIGNATURES[chip], writes
+        self._device = _running(firmware) if firmware else None
+        self._address = 0
+        self._waiting = bytearray()
+        self._booting = False
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Serve the port until `end`."""
+        while not self._ended.is_set():
+            if select.select([self._master], [], [], 0.01)[0]:
+                self._receive(os.read(self._master, 4096))
+            if self._device and not self._booting and (sent := self._device.advance(time.monotonic())):
+                os.write(self._master, sent)
+
+    def end(self) -> None:
+        """End `run`."""
+        self._ended.set()
+
+    def close(self) -> None:
+        """Close the port."""
+        os.close(self._master)
+        os.close(self._slave)
+
+    def _receive(self, data: bytes) -> None:
+        self._booting = self._booting or data[:1] == bytes([_START])
+        if self._booting:
+            self._waiting += data
+            while self._booting and (message := self._message()):
+                self._answer(*message)
+        elif self._device:
+            self._device.receive(data, time.monotonic())
+
+    def _message(self) -> tuple[int, bytes] | None:
+        size = int.from_bytes(self._waiting[2:4], "big") + 6
+        if len(self._waiting) < size or size < 7:
+            return None
+        message, self._waiting = bytes(self._waiting[:size]), self._waiting[size:]
+        assert message[4] == _TOKEN
+        assert _checksum(message[:-1]) == message[-1]
+        return message[1], message[5:-1]
+
+    def _answer(self, sequence: int, body: bytes) -> None:
+        answer = bytes([body[0], 0]) + self._carry_out(body)
+        head = bytes([_START, sequence]) + len(answer).to_bytes(2, "big") + bytes([_TOKEN])
+        os.write(self._master, head + answer + bytes([_checksum(head + answer)]))
+        if body[0] == _LEAVE:
+            self._booting = False
+            self._device = _running("sonarhw-mega 0.1.0") if self.flashed else None
+
+    def _carry_out(self, body: bytes) -> bytes:
+        size = int.from_bytes(body[1:3], "big")
+        match body[0]:
+            case 0x01:  # sign on
+                return b"\x08AVRISP_2"
+            case 0x03:  # a parameter of the programmer
+                return b"\x02"
+            case 0x06:  # load address, in words
+                self._address = 2 * (int.from_bytes(body[1:5], "big") & 0x7FFFFFFF)
+            case 0x13:  # program flash
+                if self._writes:
+                    self.flash[self._address : self._address + size] = body[10 : 10 + size]
+                    self.flashed = True
+                self._address += size
+            case 0x14:  # read flash
+                self._address += size
+                return bytes(self.flash[self._address - size : self._address]) + b"\0"
+            case 0x1B:  # read a byte of the signature
+                return bytes([self._signature[body[4]], 0])
+            case 0x1D:  # one instruction of the chip
+                return bytes(5)
+        return b""
+
+
+def _running(firmware: str) -> FakeBoard:
+    return FakeBoard(PlainEchoes(), seed=5, identity=BoardIdentity(firmware=firmware, serial="SONAR-000005"))
+
+
+def _checksum(data: bytes) -> int:
+    total = 0
+    for byte in data:
+        total ^= byte
+    return total
+
+
+@contextmanager
+def bootloader_board(firmware: str, **options: object) -> Iterator[BootloaderBoard]:
+    """A board that serves its port until the block ends."""
+    board = BootloaderBoard(firmware, **options)  # type: ignore[arg-type]
+    thread = threading.Thread(target=board.run, daemon=True)
+    thread.start()
+    try:
+        yield board
+    finally:
+        board.end()
+        thread.join()
+        board.close()

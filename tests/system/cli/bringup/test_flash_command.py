@@ -1,0 +1,124 @@
+"""`sonarhw flash`: avrdude writes the prebuilt image to an emulated bootloader, and never to an unknown board."""
+
+import shutil
+import stat
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.checkout import CHECKOUT
+from tests.system.cli.bringup.bootloader import bootloader_board
+from tests.system.cli.instrument.test_scan_command import sonarhw
+
+IMAGE = CHECKOUT / "sonarhw" / "bringup" / "images" / "mega.hex"
+OLD = "sonarhw-mega 0.0.9"
+needs_avrdude = pytest.mark.skipif(shutil.which("avrdude") is None, reason="avrdude is not installed")
+
+
+def bytes_of(image: Path) -> bytes:
+    """Return the bytes of an Intel HEX file that starts at address 0."""
+    memory, base = bytearray(), 0
+    for line in image.read_text().split():
+        record = bytes.fromhex(line[1:])
+        size, address, kind = record[0], int.from_bytes(record[1:3], "big"), record[3]
+        if kind == 2:
+            base = int.from_bytes(record[4:6], "big") * 16
+        elif kind == 0:
+            assert base + address == len(memory)
+            memory += record[4 : 4 + size]
+    return bytes(memory)
+
+
+@pytest.fixture
+def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A program named avrdude, first on the path, that writes its arguments to a file and fails."""
+    program = tmp_path / "bin" / "avrdude"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/arguments\necho "chip does not answer" >&2\nexit 1\n')
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
+    return tmp_path / "arguments"
+
+
+def test_the_prebuilt_image_is_a_fresh_build() -> None:
+    make = ["make", "-C", CHECKOUT / "firmware", "WERROR=-Werror", "all"]
+    subprocess.run(make, check=True, capture_output=True)
+    fresh = CHECKOUT / "firmware" / "build" / "sonar.hex"
+    assert bytes_of(IMAGE) == bytes_of(fresh), "run: make -C firmware image"
+
+
+@needs_avrdude
+def test_a_recognised_board_is_written_verified_and_greeted() -> None:
+    with bootloader_board(OLD) as board:
+        done = sonarhw("flash", board.port)
+        assert (done.returncode, done.stdout) == (0, f"{board.port}: sonarhw-mega 0.1.0, protocol 1.2, SONAR-000005\n")
+        image = bytes_of(IMAGE)
+        assert bytes(board.flash[: len(image)]) == image
+
+
+@needs_avrdude
+def test_force_flashes_a_board_that_does_not_answer() -> None:
+    with bootloader_board("") as board:
+        done = sonarhw("flash", board.port, "--force", "--controller", "mega")
+        assert done.returncode == 0, done.stderr
+        assert board.flashed
+
+
+@needs_avrdude
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"chip": "atmega328p"}, "signature"), ({"writes": False}, "verification mismatch")],
+    ids=["other chip", "nothing is kept"],
+)
+def test_avrdude_refuses_another_chip_and_a_failed_verification(options: dict[str, object], message: str) -> None:
+    with bootloader_board(OLD, **options) as board:
+        done = sonarhw("flash", board.port)
+    assert done.returncode == 1
+    assert "avrdude ends with exit status 1" in done.stderr
+    assert message in done.stderr.lower()
+    if "chip" in options:
+        assert not any(byte != 0xFF for byte in board.flash)
+
+
+@pytest.mark.parametrize("firmware", ["", "other-board 1.0"])
+def test_an_unknown_board_is_not_flashed(firmware: str, stand_in: Path) -> None:
+    with bootloader_board(firmware) as board:
+        done = sonarhw("flash", board.port)
+    assert done.returncode == 2
+    assert done.stderr.endswith(
+        f"{board.port}: the board is not recognised; if you are sure, add --force and --controller\n"
+    )
+    assert not stand_in.exists()
+
+
+def test_avrdude_gets_port_chip_and_image_and_its_last_line_is_shown(stand_in: Path) -> None:
+    with bootloader_board(OLD) as board:
+        done = sonarhw("flash", board.port)
+    assert done.returncode == 1
+    assert done.stderr.endswith("avrdude ends with exit status 1: chip does not answer\n")
+    arguments = stand_in.read_text().strip()
+    assert arguments == f"-q -p atmega2560 -c wiring -P {board.port} -b 115200 -D -U flash:w:{IMAGE}:i"
+
+
+@pytest.mark.usefixtures("stand_in")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("socket://127.0.0.1:1",), "expected a serial port such as /dev/ttyACM0"),
+        (("/dev/ttyACM0", "--force"), "--force: also give --controller"),
+        (("/dev/ttyACM0", "--controller", "nano"), "nano"),
+    ],
+)
+def test_bad_options_are_refused(arguments: tuple[str, ...], message: str) -> None:
+    done = sonarhw("flash", *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_a_missing_avrdude_is_named_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = sonarhw("flash", "/dev/ttyACM0")
+    assert done.returncode == 2
+    assert "avrdude: not found; install it: apt install avrdude" in done.stderr
+    assert done.stderr.count("\n") == 1
