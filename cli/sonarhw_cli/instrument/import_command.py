@@ -60,6 +60,17 @@ def import_csv(
         bool,
         typer.Option("--decimal-comma", help="CSV: decimal commas in numbers; semicolons or tabs between columns."),
     ] = False,
+    threshold: Annotated[
+        float | None,
+        typer.Option(help="Traces: share of full scale, 0 to 1, of an echo; default: readings have no echo."),
+    ] = None,
+    blanking: Annotated[
+        float | None, typer.Option(help="Traces: earlier samples are no echo, s. Needs --threshold.")
+    ] = None,
+    speed_of_sound: Annotated[
+        float | None,
+        typer.Option(help="Traces: speed of sound, m/s; default: that of air at 20 °C. In water about 1500."),
+    ] = None,
     room: RoomToStore = None,
     place: PlaceName = None,
     board: Annotated[
@@ -86,7 +97,8 @@ def import_csv(
     metadata = _metadata(room, place, board)
     sign = -1.0 if turn is TurnDirection.CW else 1.0
     columns = _columns(file, heading, distance, time_column, decimal_comma, scale)
-    meaning = Meaning(scale, sign, heading_zero, no_echo)
+    _check_traces(file, threshold, blanking, speed_of_sound, no_echo)
+    meaning = Meaning(scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0)
     readings = _read(file, meaning) if columns is None else read_foreign_scan(file, columns, meaning)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
@@ -113,6 +125,26 @@ def _columns(
         if value:
             raise InputError(f"{option}: only for CSV files; {file.name} has the format {known.title}")
     return None
+
+
+def _check_traces(
+    file: Path, threshold: float | None, blanking: float | None, speed: float | None, no_echo: float | None
+) -> None:
+    """Raise InputError for options about traces that are wrong, or do not fit the format."""
+    known = import_format(file)
+    if known is None or not known.has_traces:
+        for option, value in (("--threshold", threshold), ("--blanking", blanking), ("--speed-of-sound", speed)):
+            if value is not None:
+                raise InputError(f"{option} {value:g}: only for formats with traces; {file.name} has ranges")
+        return
+    if no_echo is not None:
+        raise InputError(f"--no-echo {no_echo:g}: only for formats with ranges; {file.name} has traces")
+    if threshold is not None and not 0 < threshold <= 1:
+        raise InputError(f"--threshold {threshold:g}: expected a share of full scale, above 0 and up to 1")
+    if blanking is not None and (threshold is None or not 0 <= blanking <= 1):
+        raise InputError(f"--blanking {blanking:g}: expected 0 to 1 s, and --threshold")
+    if speed is not None and not 100 <= speed <= 10_000:
+        raise InputError(f"--speed-of-sound {speed:g}: expected 100 to 10000 m/s")
 
 
 def _read(file: Path, meaning: "Meaning") -> "list[Reading]":

@@ -18,6 +18,7 @@ LONGEST = 86_400.0  # s, between readings
 LONGEST_SCAN = 1e8  # s
 # limits of a file, so that nothing needs more than 1 GB
 MOST_READINGS = 200_000
+MOST_SAMPLES = 50_000_000  # of all traces
 _PINGS = 256
 
 
@@ -50,11 +51,15 @@ def readings_of(where: str, rows: Iterable[ForeignRow], meaning: Meaning) -> lis
     """Return the readings of rows, numbered in their order. Raises InputError with the file `where` and the row."""
     speed = meaning.speed_of_sound or speed_of_sound()
     readings: list[Reading] = []
+    samples = 0
     for number, row in enumerate(rows):
         angle = math.radians(meaning.zero + meaning.sign * row.heading)
         before = readings[-1] if readings else None
         if number >= MOST_READINGS:
             raise InputError(f"{where}: has more than {MOST_READINGS} readings; split it into several files")
+        samples += 0 if row.trace is None else len(row.trace.samples)
+        if samples > MOST_SAMPLES:
+            raise InputError(f"{where}: traces of more than {MOST_SAMPLES} samples; split it into several files")
         reading = Reading(
             number=number,
             sweep=row.sweep,

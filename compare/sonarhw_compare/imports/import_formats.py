@@ -30,7 +30,16 @@ def _read_carmen(file: Path, meaning: "Meaning") -> "list[Reading]":
     return read_carmen_log(file, meaning)
 
 
-FORMATS = (ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, _read_carmen),)
+def _read_ping360(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports.ping360_log import read_ping360_log
+
+    return read_ping360_log(file, meaning)
+
+
+FORMATS = (
+    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, _read_carmen),
+    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, _read_ping360),
+)
 
 
 def import_format(file: Path) -> ImportFormat | None:
