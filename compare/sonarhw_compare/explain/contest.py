@@ -109,24 +109,34 @@ def _into(threshold: float, above: float, upto: float) -> float:
 def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
     """Return the smallest shift of one wall, with its corners, after which another echo wins at heading `index`.
 
+    None without such a wall. See `wall_changes` for the limits.
+    """
+    return min(wall_changes(prediction, index), key=lambda change: abs(change.nearer), default=None)
+
+
+def wall_changes(prediction: PredictedScan, index: int) -> tuple[WallChange, ...]:
+    """Return the smallest shift of one wall after which each later echo overtakes the winner at heading `index`.
+
     The result is correct to first order in the shift. Levels are assumed not to change, and sums of arrivals are
-    ignored, so it may be wrong by half a wavelength. Diffracted echoes and those
-    with the same length as the winner are ignored. None without such a wall, without a winner, or if the winner is
-    diffracted.
+    ignored, so it may be wrong by half a wavelength. Diffracted echoes, those
+    with the same length as the winner, and those that no shift within range helps are left out. Empty without a winner,
+    or if the winner is diffracted.
     """
     winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths
     if winner < 0 or paths.edges[winner] >= 0:
-        return None
+        return ()
     straight = [echo for echo in prediction.echoes(index) if paths.edges[echo.path] < 0]
     later = [echo for echo in straight if lengths[echo.path] - lengths[winner] > _SAME_LENGTH]
     rows = np.array([winner, *(echo.path for echo in later)], dtype=np.intp)
     growth = _growth(prediction, rows)
     with np.errstate(divide="ignore"):
         moves = (lengths[rows[1:]] - lengths[winner])[:, None] / (growth[:1] - growth[1:])
-    if not (np.abs(moves) < prediction.board.max_range).any():
-        return None
-    row, wall = np.unravel_index(np.abs(moves).argmin(), moves.shape)
-    return WallChange(prediction.room.names[wall], float(moves[row, wall]), later[row])
+    walls = np.abs(moves).argmin(axis=1) if moves.size else np.empty(0, dtype=np.intp)
+    return tuple(
+        WallChange(prediction.room.names[wall], float(move[wall]), echo)
+        for echo, move, wall in zip(later, moves, walls.tolist(), strict=True)
+        if abs(move[wall]) < prediction.board.max_range
+    )
 
 
 def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:

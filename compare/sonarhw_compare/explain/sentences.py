@@ -12,6 +12,7 @@ from sonarhw_compare.matching.match import Comparison, Kind, Matched
 
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
+_NO_PATH = "no path: noise, or the board's own burst"
 _SLIGHT_DB = 6.0  # largest change of the threshold that is mentioned: twice or half the amplitude
 _BARELY_DB = 1.0  # largest margin that is mentioned
 _BARELY = 0.01  # m, largest shift of a wall that is mentioned
@@ -31,25 +32,45 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
     `text` formats the lengths.
     """
     row, prediction = comparison.rows[index], comparison.prediction
-    room = prediction.room
     at = f"at {heading_text(row.heading)}"
     measured = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
     if row.kind is Kind.OWN_BODY:
         return f"{measured}: own body, an echo of the carrier of the sensor and not of the room"
     change = _slight_change(row, prediction)
     parts = [f"{measured}: {_account(row, prediction, text, nearly=change is not None)}"]
-    blanked = prediction.blanked_echoes(row.index)
-    if blanked and blanked[0].path != row.path:
-        nearest = blanked[0]
-        single = prediction.paths.bounces[nearest.path] == 1 and prediction.paths.edges[nearest.path] < 0
-        what = "the near wall" if single else f"a nearer echo, {', '.join(prediction.paths.via(nearest.path, room))},"
-        parts.append(f"{what} ({text(nearest.range)}) lies within blanking".replace(", (", " ("))
+    parts += _within_blanking(prediction, row.index, row.path, text)
     if change is not None:
         direction = "higher" if change > 0 else "lower"
         parts.append(f"a threshold {max(abs(change), 0.1):.1f} dB {direction} would make the model agree")
     elif row.kind in (Kind.MATCH, Kind.BOTH_SILENT) and _is_exact(prediction):
-        parts += _barely(row, prediction, text)
+        parts += _barely(row.index, prediction, text)
     return "; ".join(parts)
+
+
+def explain_heading(prediction: PredictedScan, index: int, text: LengthText = in_metres) -> str:
+    """Return one sentence on the prediction at heading `index`, without a reading. `text` formats the lengths."""
+    at, winner = heading_text(float(prediction.headings[index])), int(prediction.winners[index])
+    range_ = float(prediction.ranges[index])
+    if math.isnan(range_):
+        parts = [f"no echo is predicted at {at}"]
+    else:
+        by = describe_path(prediction, winner) if winner >= 0 else _NO_PATH
+        parts = [f"{text(range_)} predicted at {at}: {by}"]
+    parts += _within_blanking(prediction, index, winner, text)
+    if _is_exact(prediction):
+        parts += _barely(index, prediction, text)
+    return "; ".join(parts)
+
+
+def _within_blanking(prediction: PredictedScan, index: int, path: int | None, text: LengthText) -> list[str]:
+    """Return that the nearest echo lies within blanking, if it does and is not that of `path`."""
+    blanked, paths = prediction.blanked_echoes(index), prediction.paths
+    if not blanked or blanked[0].path == path:
+        return []
+    nearest = blanked[0]
+    single = paths.bounces[nearest.path] == 1 and paths.edges[nearest.path] < 0
+    what = "the near wall" if single else f"a nearer echo, {', '.join(paths.via(nearest.path, prediction.room))},"
+    return [f"{what} ({text(nearest.range)}) lies within blanking".replace(", (", " (")]
 
 
 def _is_exact(prediction: PredictedScan) -> bool:
@@ -65,9 +86,9 @@ def _slight_change(row: Matched, prediction: PredictedScan) -> float | None:
     return change if change is not None and 0 < abs(change) <= _SLIGHT_DB else None
 
 
-def _barely(row: Matched, prediction: PredictedScan, text: LengthText) -> list[str]:
+def _barely(index: int, prediction: PredictedScan, text: LengthText) -> list[str]:
     """Return the small changes after which another echo wins: of the threshold, or of a wall if that is smaller."""
-    margins, moved, said = contest(prediction, row.index), wall_change(prediction, row.index), []
+    margins, moved, said = contest(prediction, index), wall_change(prediction, index), []
     least = math.inf if moved is None else abs(moved.nearer) / _BARELY
     winner, margin, lacking = margins.winner, margins.margin_db, margins.lacking_db
     if margin is not None and margin <= _BARELY_DB:
@@ -134,6 +155,6 @@ def _account(row: Matched, prediction: PredictedScan, text: LengthText, *, nearl
 def _winner(row: Matched, prediction: PredictedScan) -> str:
     first = int(prediction.winners[row.index])
     if first < 0:
-        return "no path: noise, or the board's own burst"
+        return _NO_PATH
     parts = describe_path(prediction, first)
     return parts if prediction.paths.bounces[first] else f"sound {parts}"

@@ -1,0 +1,169 @@
+"""All echoes that might be reported at one heading, ranked by how little would have to change for each to win.
+
+The first echo after blanking and over the detection threshold wins. The others are within blanking, too weak, behind
+the winner, or both too weak and behind. Levels include the steps of the gain of the board's own receiver.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
+from sonarhw_sim.board.traces import is_stepped
+from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
+
+from sonarhw_compare.explain.contest import WallChange, steps, wall_changes
+from sonarhw_compare.explain.sentences import LengthText, in_metres
+
+FAINTEST_DB = 20.0  # below the threshold; the prediction contains no fainter paths
+_SAME_LENGTH = 1e-6  # m
+_CENTIMETRES_PER_DB = 1.0  # of the ranking: sentences mention margins below 1 dB and below 1 cm
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One echo: one path, or several that arrive within one wavelength."""
+
+    path: int  # row in the prediction's paths, of the loudest
+    range: float  # m, as the board would report it
+    level_db: float  # at the detector
+    time: float  # s, by the board's clock
+    wins: bool
+    blanked: bool
+    lacking_db: float  # threshold minus level; 0 or less: loud enough
+    behind: float | None  # m, its range minus that of the winner; None: it wins, is nearer, or there is no winner
+
+    @property
+    def too_weak(self) -> bool:
+        """Whether it is below the threshold."""
+        return self.lacking_db > 0
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """The changes that would each let one candidate win; None: there is none of this kind."""
+
+    threshold_db: float | None = None  # change of the threshold
+    blanking: float | None = None  # s by which blanking would have to end earlier
+    wall: WallChange | None = None  # smallest shift of one wall
+
+
+def candidates(prediction: PredictedScan, index: int) -> tuple[Candidate, ...]:
+    """Return every echo up to 20 dB below the threshold at heading `index`: the winner, then by rank.
+
+    The rank is the change that an echo lacks: 1 dB of level counts as much as 1 cm of range. Echoes within blanking
+    come last, that with the latest time first.
+    """
+    found = [*_merged(prediction, index, _arrivals(prediction, index))]
+    winner = next((candidate for candidate in found if candidate.wins), None)
+    if winner is not None:
+        found = [_behind(candidate, winner) for candidate in found]
+    return tuple(sorted(found, key=_rank))
+
+
+def runner_up(found: Iterable[Candidate]) -> Candidate | None:
+    """Return the first of ranked candidates that does not win; None without one."""
+    return next((candidate for candidate in found if not candidate.wins), None)
+
+
+def remedy(prediction: PredictedScan, index: int, candidate: Candidate) -> Remedy:
+    """Return the changes that would each let a candidate win at heading `index`.
+
+    A shift of a wall is correct to first order. A change of the threshold is exact for the paper's receiver. The
+    board's own also detects the edges of a burst, so it differs slightly there.
+    """
+    if candidate.wins:
+        return Remedy()
+    if candidate.blanked:
+        return Remedy(blanking=prediction.board.blanking_end - candidate.time)
+    if candidate.behind is None:
+        return Remedy(threshold_db=-candidate.lacking_db if candidate.too_weak else None)
+    step = next((step for step in steps(prediction, index) if step.path == candidate.path), None)
+    threshold = None if step is None else max(0.0, step.above_db - prediction.board.threshold_db)
+    moved = next((move for move in wall_changes(prediction, index) if move.echo.path == candidate.path), None)
+    return Remedy(threshold_db=threshold, wall=moved)
+
+
+def outcome_text(candidate: Candidate, text: LengthText = in_metres) -> str:
+    """Return what becomes of a candidate: `wins`, `blanked`, `0.7 dB too weak`, `0.030 m behind the winner`."""
+    if candidate.wins:
+        return "wins"
+    if candidate.blanked:
+        return "blanked"
+    parts = [f"{candidate.lacking_db:.1f} dB too weak"] if candidate.too_weak else []
+    if candidate.behind is not None:
+        parts.append(f"{text(candidate.behind)} behind the winner")
+    return ", ".join(parts) or "too short for the board's receiver"
+
+
+def remedy_text(found: Remedy, text: LengthText = in_metres) -> str:
+    """Return what would let a candidate win: `a threshold 0.7 dB lower`; empty if nothing is known."""
+    parts = []
+    if found.threshold_db is not None:
+        direction = "higher" if found.threshold_db > 0 else "lower"
+        parts.append(f"a threshold {max(abs(found.threshold_db), 0.1):.1f} dB {direction}")
+    if found.wall is not None:
+        direction = "nearer" if found.wall.nearer > 0 else "farther"
+        parts.append(f"{found.wall.wall} {text(abs(found.wall.nearer))} {direction}")
+    if found.blanking is not None:
+        parts.append(f"blanking {max(found.blanking * 1e3, 0.01):.2f} ms shorter")
+    return " or ".join(parts)
+
+
+def _arrivals(prediction: PredictedScan, index: int) -> list[Echo]:
+    """Return the arrivals over the threshold and those at most `FAINTEST_DB` below it."""
+    board, winner = prediction.board, int(prediction.winners[index])
+    lower = replace(prediction, board=replace(board, threshold_db=board.threshold_db - FAINTEST_DB))
+    loud = [*prediction.echoes(index), *prediction.blanked_echoes(index)]
+    faint = [*lower.echoes(index), *lower.blanked_echoes(index)]
+    found: dict[tuple[int, frozenset[tuple[str, ...]]], Echo] = {}
+    for echo in (*loud, *(echo for echo in faint if echo.level_db < board.threshold_db)):
+        via = prediction.paths.via(echo.path, prediction.room)
+        # a path and its reverse are one candidate
+        same = round(echo.length / _SAME_LENGTH), frozenset((via, via[::-1]))
+        if same not in found or echo.path == winner:
+            found[same] = echo
+    return [*found.values()]
+
+
+def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iterable[Candidate]:
+    """Yield a candidate for each arrival; that of the winner has the range that the board reports."""
+    winner, one_arrival = int(prediction.winners[index]), prediction.board.wavelength(prediction.room.air)
+    lengths = prediction.apparent_lengths
+    won = next((echo for echo in arrivals if echo.path == winner), None)
+    if won is None and winner >= 0:
+        # the board reports a path of an arrival of which another path is the loudest
+        near = [echo for echo in arrivals if abs(echo.length - lengths[winner]) <= one_arrival]
+        won = min(near, key=lambda echo: abs(echo.length - lengths[winner]), default=None)
+    for echo in arrivals:
+        if echo is not won:
+            yield _candidate(prediction, echo)
+    if winner >= 0:
+        level = won.level_db if won is not None else prediction.level_of_reading(index)
+        reported = float(prediction.ranges[index])
+        yield replace(_candidate(prediction, Echo(winner, reported, level, float(lengths[winner]))), wins=True)
+
+
+def _candidate(prediction: PredictedScan, echo: Echo) -> Candidate:
+    board, time = prediction.board, echo.length / prediction.room.air.speed_of_sound
+    level = echo.level_db
+    if is_stepped(board, prediction.receiver) and time > 0:
+        # the prediction's levels include the ideal gain
+        ideal = path_loss_db(np.array([echo.length]), board)
+        level += float((stepped_gain_db(np.array([time]), board) - ideal)[0])
+    lacking = board.threshold_db - level
+    return Candidate(echo.path, echo.range, level, time, False, time < board.blanking_end, lacking, None)
+
+
+def _behind(candidate: Candidate, winner: Candidate) -> Candidate:
+    if candidate.wins or candidate.blanked or candidate.time < winner.time:
+        return candidate
+    return replace(candidate, behind=max(0.0, candidate.range - winner.range))
+
+
+def _rank(candidate: Candidate) -> tuple[bool, bool, float]:
+    if candidate.blanked:
+        return not candidate.wins, True, -candidate.time
+    lacking = max(candidate.lacking_db, 0.0) + 100 * (candidate.behind or 0.0) / _CENTIMETRES_PER_DB
+    return not candidate.wins, False, lacking if math.isfinite(lacking) else math.inf

@@ -1,0 +1,141 @@
+"""Ranked candidates, against closed forms of a rectangular room and against predictions with the changes made."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import j1
+from sonarhw_compare.explain.candidates import Candidate, candidates, outcome_text, remedy, remedy_text, runner_up
+from sonarhw_compare.explain.sentences import explain_heading
+from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
+from sonarhw_sim.room.model import Place, load_room
+
+ROOM = load_room("rooms/simple.toml")
+PLACE = ROOM.place("figure9")  # 0.774 m from the left wall, 0.085 m from the bottom, 0.657 m from the top
+BOARD = load_board("paper")
+REFLECTANCE = 0.95
+_A_LITTLE = 1e-6
+
+
+def scan_at(degrees: float) -> PredictedScan:
+    return predict_scan(ROOM, PLACE, BOARD, np.radians([degrees]))
+
+
+def via(scan: PredictedScan, candidate: Candidate) -> str:
+    return ">".join(scan.paths.via(candidate.path, scan.room))
+
+
+def off_axis_db(degrees: float) -> float:
+    """Return the level of a piston, twice 2 J1(x)/x cos(angle), relative to its axis (CIM-92-9 eq. 1)."""
+    angle = math.radians(degrees)
+    x = BOARD.wavenumber(ROOM.air) * BOARD.aperture_radius * math.sin(angle)
+    return 2 * 20 * math.log10(abs(2 * j1(x) / x) * math.cos(angle))
+
+
+def test_the_winner_is_first_and_the_blanked_wall_last() -> None:
+    scan = scan_at(270.0)
+    found = candidates(scan, 0)
+    assert (via(scan, found[0]), outcome_text(found[0])) == ("bottom>top>bottom", "wins")
+    assert found[0].range == pytest.approx(2 * 0.085 + 0.657, abs=5e-4)
+    assert (via(scan, found[-1]), outcome_text(found[-1])) == ("bottom", "blanked")
+    assert found[-1].range == pytest.approx(0.085, abs=5e-4)
+    needed = BOARD.blanking - 2 * 0.085 / ROOM.air.speed_of_sound
+    assert remedy(scan, 0, found[-1]).blanking == pytest.approx(needed, abs=1e-6)
+    assert [candidate.wins for candidate in found] == [True] + [False] * (len(found) - 1)
+    assert runner_up(found) is found[1]
+
+
+def test_levels_are_those_of_a_piston_off_its_axis() -> None:
+    scan = scan_at(200.0)
+    left = next(candidate for candidate in candidates(scan, 0) if via(scan, candidate) == "left")
+    level = 20 * math.log10(REFLECTANCE) + off_axis_db(20.0)
+    assert left.level_db == pytest.approx(level, abs=0.02)
+    assert left.lacking_db == pytest.approx(BOARD.threshold_db - level, abs=0.02)
+    assert outcome_text(left) == f"{BOARD.threshold_db - level:.1f} dB too weak"
+    assert remedy_text(remedy(scan, 0, left)) == f"a threshold {BOARD.threshold_db - level:.1f} dB lower"
+
+
+def test_the_distance_behind_the_winner_is_that_of_image_sources() -> None:
+    scan = scan_at(0.0)  # the right wall is 0.154 m away, within blanking; then right, left, right
+    found = candidates(scan, 0)
+    again = next(candidate for candidate in found if via(scan, candidate) == "right>left>right>left>right")
+    assert found[0].range == pytest.approx(0.928 + 0.154, abs=5e-4)
+    assert again.behind == pytest.approx(0.928, abs=1e-3)
+    assert outcome_text(again, lambda metres: f"{100 * metres:.0f} cm") == "93 cm behind the winner"
+
+
+def test_a_path_and_its_reverse_are_one_candidate() -> None:
+    scan = scan_at(45.0)
+    ways = [
+        (round(c.range, 6), frozenset((via(scan, c), ">".join(via(scan, c).split(">")[::-1]))))
+        for c in candidates(scan, 0)
+    ]
+    assert len(ways) == len(set(ways))
+
+
+@pytest.mark.parametrize("degrees", [45.0, 200.0, 215.0, 310.0])
+def test_each_change_of_the_threshold_makes_its_candidate_win(degrees: float) -> None:
+    scan = scan_at(degrees)
+    helped = 0
+    for candidate in candidates(scan, 0):
+        change = remedy(scan, 0, candidate).threshold_db
+        if change is None or change < -15:  # fainter paths may be left out of the prediction
+            continue
+        board = replace(BOARD, threshold_db=BOARD.threshold_db + change + math.copysign(_A_LITTLE, change))
+        after = weigh_paths(ROOM, PLACE, board, scan.headings, scan.paths)
+        # a nearer candidate wins only if the threshold stays above those still nearer, which have their own remedy
+        assert after.ranges[0] <= candidate.range + 1e-6
+        helped += bool(abs(after.ranges[0] - candidate.range) < 1e-6)
+    assert helped > 0
+
+
+def test_a_shorter_blanking_makes_a_blanked_echo_win() -> None:
+    scan = scan_at(270.0)
+    nearest = candidates(scan, 0)[-1]
+    earlier = remedy(scan, 0, nearest).blanking
+    assert earlier is not None
+    for share, range_ in ((1.001, 0.085), (0.999, 0.827)):
+        after = predict_scan(ROOM, PLACE, replace(BOARD, blanking=BOARD.blanking - share * earlier), scan.headings)
+        assert after.ranges[0] == pytest.approx(range_, abs=5e-4)
+
+
+def test_a_shifted_wall_lets_the_runner_up_win() -> None:
+    board, options = replace(load_board("lego-nxt"), sum_arrivals=False), PredictionOptions(diffraction=False)
+    room, place, heading = load_room("rooms/arena.toml"), Place("", (1.805, 0.3)), np.radians([320.0])
+    scan = predict_scan(room, place, board, heading, options)
+    second = runner_up(candidates(scan, 0))
+    assert second is not None
+    moved = remedy(scan, 0, second).wall
+    assert moved is not None
+    assert remedy_text(remedy(scan, 0, second)).endswith(
+        f"{moved.wall} 0.005 m {'nearer' if moved.nearer > 0 else 'farther'}"
+    )
+    side = np.sign((left_normals(room.walls) * (np.array(place.position) - room.walls[:, :2])).sum(axis=1))
+    for share, first in ((0.95, int(scan.winners[0])), (1.05, second.path)):
+        by = share * moved.nearer * float(side[room.names.index(moved.wall)])
+        shifted = with_shifted_walls(room, {moved.wall: by})
+        after = predict_scan(shifted, place, board, heading, options)
+        assert after.paths.via(int(after.winners[0]), shifted) == scan.paths.via(first, room)
+
+
+def test_silence_has_candidates_without_a_winner() -> None:
+    board = replace(BOARD, threshold_db=3.0)
+    scan = weigh_paths(ROOM, PLACE, board, np.radians([90.0]), scan_at(90.0).paths)
+    found = candidates(scan, 0)
+    assert explain_heading(scan, 0).startswith("no echo is predicted at 90.0°")
+    assert not any(candidate.wins for candidate in found)
+    best = runner_up(found)
+    assert best is not None
+    assert best.behind is None
+    assert best.lacking_db == pytest.approx(3.0 - 20 * math.log10(REFLECTANCE), abs=1e-3)
+
+
+def test_the_sentence_about_a_heading() -> None:
+    assert explain_heading(scan_at(270.0), 0) == (
+        "0.827 m predicted at 270.0°: three reflections, bottom, top, bottom; "
+        "the near wall (0.085 m) lies within blanking"
+    )
