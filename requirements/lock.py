@@ -30,7 +30,8 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"
 EXTRAS = {
     "gui": ("base",),
     "study": ("base",),
-    "dev": ("base", "gui", "study"),
+    "video": ("base",),
+    "dev": ("base", "gui", "study", "video"),
     "docs": ("base", "gui"),
     "audit": ("base",),
     "benchmarks": ("base",),

@@ -35,6 +35,9 @@ class Gestures(QObject):
     cancelled = Signal(object)  # the gesture whose edits are undone
     surface_chosen = Signal(object)  # name of a wall or post, or None
     switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
+    asked = Signal(float)  # a heading to explain without a reading, rad in the room
+    turned_question = Signal(float)  # angle by which to turn the asked heading, rad
+    path_pointed = Signal(object)  # row of a path of `Shown.question`, or None
     bscan_requested = Signal(object)  # BScanSettings, or None while no B-scan is visible
 
 

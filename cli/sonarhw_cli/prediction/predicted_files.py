@@ -172,6 +172,16 @@ def write_predicted_picture(scan: "PredictedScan", out: Path, suffix: str, force
         write_picture(figure, file, suffix)
 
 
+def write_film_of_sound(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:
+    """Write a film of the sound at the first heading."""
+    from sonarhw_compare.sound.film import FilmTiming
+    from sonarhw_compare.sound.film_file import write_film
+    from sonarhw_compare.sound.moments import PlayedPing
+
+    with written_file(out, overwrite=force) as file:
+        write_film(PlayedPing(scan, 0), FilmTiming(), file, suffix)
+
+
 def write_predicted_log(
     scan: "PredictedScan", traces: TraceSettings | None, room_file: str, out: Path, force: bool
 ) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.sound.film_file import FILMS
 from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
@@ -42,6 +43,7 @@ from sonarhw_cli.prediction.predicted_files import (
     prediction_rows,
     probability_rows,
     trace_settings,
+    write_film_of_sound,
     write_predicted_log,
     write_predicted_npz,
     write_predicted_picture,
@@ -57,7 +59,7 @@ if TYPE_CHECKING:
 
 WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
 _CSV = (".csv", STDOUT)
-_FORMATS = (".csv", ".npz", *PICTURES, LOG, STDOUT)
+_FORMATS = (".csv", ".npz", *PICTURES, LOG, *FILMS, STDOUT)
 
 
 def simulate(
@@ -108,7 +110,11 @@ def simulate(
         bool, typer.Option("--own-body", help="Also predict the echoes of the carrier's own body in the profile.")
     ] = False,
     out: Annotated[
-        str, typer.Option(help="FILE.csv, .npz, .png, .pdf, .svg, .mcap, or - for CSV on standard output.")
+        str,
+        typer.Option(
+            help="FILE.csv, .npz, .png, .pdf, .svg, .mcap; .gif, .mp4, .webm: a film of the sound at one heading; "
+            "- for CSV on standard output."
+        ),
     ] = "-",
     force: Force = False,
 ) -> None:
@@ -144,6 +150,8 @@ def simulate(
     if own_body and not chosen.own_body:
         raise InputError(f"--own-body: board {chosen.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
     headings = _headings(order, chosen, here)
+    if kind in FILMS:
+        _check_film(kind, model, headings)
     if settings is not None:
         check_trace_size(settings, kind, listening_time(chosen, room.air), len(headings))
     if probability:
@@ -162,11 +170,27 @@ def simulate(
             write_predicted_npz(scan, settings, Path(out), force)
         case suffix if suffix in PICTURES:
             write_predicted_picture(scan, Path(out), suffix, force)
+        case suffix if suffix in FILMS:
+            write_film_of_sound(scan, Path(out), suffix, force)
         case ".mcap":
             write_predicted_log(scan, settings, file_name(room_name), Path(out), force)
         case _:
             with text_output(out, force) as file:
                 write_rows(file, HEADER, prediction_rows(scan))
+
+
+def _check_film(suffix: str, model: Model, headings: "FloatArray") -> None:
+    """Raise InputError if a film is not possible, MissingExtra if it needs PyAV."""
+    from sonarhw_compare.sound.film_file import check_film
+
+    if not model.follows_sound:
+        raise InputError(f"--model {model}: a film needs a model that follows sound")
+    if len(headings) != 1:
+        raise InputError(
+            f"--out *{suffix}: a film shows one heading, not {len(headings)}; "
+            "give for example --from 270 --to 271 --step 1"
+        )
+    check_film(suffix)
 
 
 def _options(

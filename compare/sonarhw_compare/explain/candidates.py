@@ -22,7 +22,7 @@ _CENTIMETRES_PER_DB = 1.0  # of the ranking: sentences mention margins below 1 d
 
 
 @dataclass(frozen=True)
-class Candidate:
+class RankedEcho:
     """One echo: one path, or several that arrive within one wavelength."""
 
     path: int  # row in the prediction's paths, of the loudest
@@ -49,7 +49,7 @@ class Remedy:
     wall: WallChange | None = None  # smallest shift of one wall
 
 
-def candidates(prediction: PredictedScan, index: int) -> tuple[Candidate, ...]:
+def candidates(prediction: PredictedScan, index: int) -> tuple[RankedEcho, ...]:
     """Return every echo up to 20 dB below the threshold at heading `index`: the winner, then by rank.
 
     The rank is the change that an echo lacks: 1 dB of level counts as much as 1 cm of range. Echoes within blanking
@@ -62,12 +62,12 @@ def candidates(prediction: PredictedScan, index: int) -> tuple[Candidate, ...]:
     return tuple(sorted(found, key=_rank))
 
 
-def runner_up(found: Iterable[Candidate]) -> Candidate | None:
+def runner_up(found: Iterable[RankedEcho]) -> RankedEcho | None:
     """Return the first of ranked candidates that does not win; None without one."""
     return next((candidate for candidate in found if not candidate.wins), None)
 
 
-def remedy(prediction: PredictedScan, index: int, candidate: Candidate) -> Remedy:
+def remedy(prediction: PredictedScan, index: int, candidate: RankedEcho) -> Remedy:
     """Return the changes that would each let a candidate win at heading `index`.
 
     A shift of a wall is correct to first order. A change of the threshold is exact for the paper's receiver. The
@@ -85,7 +85,7 @@ def remedy(prediction: PredictedScan, index: int, candidate: Candidate) -> Remed
     return Remedy(threshold_db=threshold, wall=moved)
 
 
-def outcome_text(candidate: Candidate, text: LengthText = in_metres) -> str:
+def outcome_text(candidate: RankedEcho, text: LengthText = in_metres) -> str:
     """Return what becomes of a candidate: `wins`, `blanked`, `0.7 dB too weak`, `0.030 m behind the winner`."""
     if candidate.wins:
         return "wins"
@@ -93,7 +93,7 @@ def outcome_text(candidate: Candidate, text: LengthText = in_metres) -> str:
         return "blanked"
     parts = [f"{candidate.lacking_db:.1f} dB too weak"] if candidate.too_weak else []
     if candidate.behind is not None:
-        parts.append(f"{text(candidate.behind)} behind the winner")
+        parts.append(f"{text(candidate.behind)} behind{'' if candidate.too_weak else ' the winner'}")
     return ", ".join(parts) or "too short for the board's receiver"
 
 
@@ -127,7 +127,7 @@ def _arrivals(prediction: PredictedScan, index: int) -> list[Echo]:
     return [*found.values()]
 
 
-def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iterable[Candidate]:
+def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iterable[RankedEcho]:
     """Yield a candidate for each arrival; that of the winner has the range that the board reports."""
     winner, one_arrival = int(prediction.winners[index]), prediction.board.wavelength(prediction.room.air)
     lengths = prediction.apparent_lengths
@@ -145,7 +145,7 @@ def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iter
         yield replace(_candidate(prediction, Echo(winner, reported, level, float(lengths[winner]))), wins=True)
 
 
-def _candidate(prediction: PredictedScan, echo: Echo) -> Candidate:
+def _candidate(prediction: PredictedScan, echo: Echo) -> RankedEcho:
     board, time = prediction.board, echo.length / prediction.room.air.speed_of_sound
     level = echo.level_db
     if is_stepped(board, prediction.receiver) and time > 0:
@@ -153,16 +153,16 @@ def _candidate(prediction: PredictedScan, echo: Echo) -> Candidate:
         ideal = path_loss_db(np.array([echo.length]), board)
         level += float((stepped_gain_db(np.array([time]), board) - ideal)[0])
     lacking = board.threshold_db - level
-    return Candidate(echo.path, echo.range, level, time, False, time < board.blanking_end, lacking, None)
+    return RankedEcho(echo.path, echo.range, level, time, False, time < board.blanking_end, lacking, None)
 
 
-def _behind(candidate: Candidate, winner: Candidate) -> Candidate:
+def _behind(candidate: RankedEcho, winner: RankedEcho) -> RankedEcho:
     if candidate.wins or candidate.blanked or candidate.time < winner.time:
         return candidate
     return replace(candidate, behind=max(0.0, candidate.range - winner.range))
 
 
-def _rank(candidate: Candidate) -> tuple[bool, bool, float]:
+def _rank(candidate: RankedEcho) -> tuple[bool, bool, float]:
     if candidate.blanked:
         return not candidate.wins, True, -candidate.time
     lacking = max(candidate.lacking_db, 0.0) + 100 * (candidate.behind or 0.0) / _CENTIMETRES_PER_DB

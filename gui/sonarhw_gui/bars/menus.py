@@ -27,7 +27,7 @@ def fill_menus(bar: QMenuBar, commands: Commands, recent: QMenu, views: Sequence
 
 def _menus_of_scans(commands: Commands, recent: QMenu) -> Iterator[tuple[str, list[_Group]]]:
     opened = [commands.open_room, commands.open_log, commands.recordings, recent.menuAction(), commands.save_room]
-    pictures = [commands.save_view, *commands.save_beside.values(), commands.save_window]
+    pictures = [commands.save_view, *commands.save_beside.values(), commands.save_window, commands.save_film]
     yield "File", [opened, [*pictures, commands.export_data, commands.report], [commands.close]]
     run = [commands.scan, commands.stop, commands.home]
     yield "Scan", [[commands.connect_scanner], run, [commands.find]]
@@ -46,5 +46,5 @@ def _menus_of_the_window(commands: Commands, docks: _Group) -> Iterator[tuple[st
     steps = [commands.play, commands.back, commands.forward, commands.previous_scan, commands.next_scan]
     yield "Replay", [[*steps, commands.loop, commands.skip_gaps], [commands.leave_replay]]
     look = [commands.dark, *commands.units.actions(), commands.larger, commands.smaller, commands.default_size]
-    yield "View", [[*commands.views.actions(), commands.fit], docks, look]
+    yield "View", [[*commands.views.actions(), commands.fit, commands.sound], docks, look]
     yield "Help", [[commands.help]]

@@ -26,6 +26,7 @@ class Commands:
         self.save_view = self._add("Picture of the large view…", "Ctrl+P", "Save the large view as PNG or SVG")
         self.save_beside = {view.name: self._save_picture(view) for view in views if view.picture_key}
         self.save_window = self._add("Picture of the window…", "Ctrl+Shift+P", "Save the whole window as PNG")
+        self.save_film = self._add("Film of the sound…", "Ctrl+Alt+F", "Save the sound of this heading as a film")
         self.export_data = self._add(
             "Export data…", "Ctrl+E", f"Save the readings as {_FORMATS}, or the summary as JSON"
         )
@@ -55,6 +56,7 @@ class Commands:
         self.leave_replay = self._add("Leave replay", "Ctrl+W", "Close the log, and return to the live scan")
         self.views = self._choice(*[self._add(view.name, view.key, view.tip) for view in views if view.key])
         self.fit = self._add("Fit view", "F", "Show the whole room, all headings and the whole trace")
+        self.sound = self._add("Play sound", "S", "Show the sound of this heading on its way, in slow motion")
         self.dark = self._add("Dark", "Ctrl+D", "Switch between dark and light")
         self.dark.setCheckable(True)
         self.units = self._choice(

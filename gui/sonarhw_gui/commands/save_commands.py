@@ -7,13 +7,15 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QFileDialog, QWidget
+from sonarhw_compare.sound.film_file import FILMS
+from sonarhw_compare.sound.moments import PlayedPing
 
 from sonarhw.export.export_formats import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_texts import link_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.session.window_session import WindowSession
-from sonarhw_gui.store.save_requests import HTML, JSON, PNG, SVG, Content, Data, Picture, ReportPage
+from sonarhw_gui.store.save_requests import HTML, JSON, PNG, SVG, Content, Data, FilmOfSound, Picture, ReportPage
 from sonarhw_gui.view import View
 
 _FILTERS = {
@@ -22,6 +24,9 @@ _FILTERS = {
     **{known.suffix: f"{known.title} (*{known.suffix})" for known in FORMATS},
     JSON: "Summary of the comparison (*.json)",
     HTML: "Report (*.html)",
+    ".gif": "Animation (*.gif)",
+    ".mp4": "Video (*.mp4)",
+    ".webm": "Video (*.webm)",
 }
 PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (*export_suffixes(), JSON), (HTML,), (PNG,)
 
@@ -33,6 +38,7 @@ class Subject:
     name: str
     endings: tuple[str, ...]
     view: QWidget | None = None  # for a picture
+    ping: PlayedPing | None = None  # for a film
 
 
 class SaveCommands(QObject):
@@ -57,6 +63,7 @@ class SaveCommands(QObject):
                 commands.save_beside[view.entry.name].triggered.connect(partial(self._save_picture, view))
         commands.save_window.triggered.connect(self._save_window)
         commands.export_data.triggered.connect(self._export_data)
+        commands.save_film.triggered.connect(self._save_film)
         commands.report.triggered.connect(self._save_report)
 
     @Slot()
@@ -69,6 +76,15 @@ class SaveCommands(QObject):
     @Slot()
     def _save_window(self) -> None:
         self._ask(Subject("Window", WINDOW, self._window))
+
+    @Slot()
+    def _save_film(self) -> None:
+        state, question = self._session.sound.state, self._session.shown.question
+        ping = state.ping if state is not None else None if question is None else PlayedPing(*question)
+        if ping is None:
+            self._session.warned.emit("there is no sound to film; select a reading, or click the predicted outline")
+        else:
+            self._ask(Subject("Sound", FILMS, ping=ping))
 
     @Slot()
     def _export_data(self) -> None:
@@ -131,6 +147,8 @@ class SaveCommands(QObject):
         scene, recorded = session.shown.scene, session.recorded
         if subject.view is not None:
             return self._picture(subject.view, ending)
+        if subject.ping is not None:
+            return FilmOfSound(subject.ping)
         if recorded is None:
             return None
         if subject.endings == DATA:

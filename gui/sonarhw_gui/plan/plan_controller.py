@@ -62,8 +62,11 @@ class DrawingContext(Protocol):
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
 
-    def pick(self, event: MouseClickEvent) -> None:
-        """Select the reading under a click."""
+    def pick(self, event: MouseClickEvent) -> bool:
+        """Select the reading under a click; return whether there is one."""
+
+    def on_outline(self, at: Point) -> bool:
+        """Return whether a point lies on the predicted outline."""
 
 
 class PlanController:
@@ -127,6 +130,10 @@ class PlanController:
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
         self._drawing.draw_ruler(start, end, text)
+
+    def ask(self, at: Point) -> None:
+        """Explain the heading from the sensor to a point."""
+        self._gestures.asked.emit(bearing(self.scene.pose.position, at))
 
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
@@ -205,14 +212,14 @@ class PlanController:
         return True
 
     def click(self, event: MouseClickEvent) -> None:
-        """Select a surface with a tool that edits; otherwise select a reading."""
+        """Select a surface with a tool that edits; otherwise select a reading, or ask the heading of the outline."""
         if self._drawing.shown is None:
             return
-        room = self.scene.room
+        room, at = self.scene.room, self._drawing.point_at(event.scenePos())
         if room is None or not self.tool.edits:
-            self._drawing.pick(event)
+            if self.tool.asks or (not self._drawing.pick(event) and self._drawing.on_outline(at)):
+                self.ask(at)
             return
-        at = self._drawing.point_at(event.scenePos())
         surface = surface_at(room, at, self.pixel)
         if event.double() and surface is not None and surface < len(room.walls):
             self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)

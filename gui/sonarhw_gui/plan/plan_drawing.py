@@ -13,13 +13,16 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.sound.moments import counted_position
 from sonarhw_sim.predict.by_heading import standpoints
 
+from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.plan.edge_arrows import EdgeArrows
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
+from sonarhw_gui.plan.sound_layer import SoundLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import NO_POSITIONS, Outline, ReadingMarks
 from sonarhw_gui.plots.pick import nearest_reading
@@ -32,6 +35,8 @@ from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures
 
+_PATH_PARTS = "scene", "compared", "readings", "chosen", "asked", "answer", "pointed_path", "look", "hidden"
+_OUTLINE_REACH = 8.0  # pixels
 _BEYOND = 0.08  # margin, share of the room's longer side
 _AROUND_READINGS = 0.04  # likewise, share of the extent of all readings
 
@@ -55,6 +60,7 @@ class PlanDrawing(Canvas):
         self._marks = ReadingMarks(self.plot, self._tip)
         self.arrows = EdgeArrows(self._box)
         self.ruler = RulerLayer(self.plot)
+        self.sound = SoundLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -73,10 +79,14 @@ class PlanDrawing(Canvas):
             self._draw_predicted(before, shown)
         if self._measured:
             self._draw_measured(before, shown)
-        if _differ(before, shown, "scene", "readings", "chosen", "look", "hidden"):
+        if _differ(before, shown, "scene", "readings", "chosen", "asked", "look", "hidden"):
             self.sensor.draw(shown)
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
+        if _differ(before, shown, "sound", "look"):
+            self.sound.draw(shown)
+            if shown.sound is not None and (before is None or before.sound is None):
+                self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
         if before is None or _is_another_room(before, shown) or (not before.readings and not shown.scene.room):
             self.fit()
         if before is None or _differ(before, shown, "readings", "compared", "scene", "chosen", "hidden", "look"):
@@ -107,6 +117,14 @@ class PlanDrawing(Canvas):
         (left, bottom), (right, top) = plan_bounds(scene.room, np.array([scene.pose.position]))
         beyond = _BEYOND * max(right - left, top - bottom)
         return QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
+
+    def _show_also(self, point: FloatArray) -> None:
+        """Extend the visible range to a point."""
+        seen = self._box.viewRect()
+        if not seen.contains(QPointF(*point)):
+            margin = _BEYOND * max(seen.width(), seen.height())
+            around = QRectF(point[0] - margin, point[1] - margin, 2 * margin, 2 * margin)
+            self._box.setRange(seen.united(around), padding=0)
 
     def zoom(self, scale: float) -> None:
         """Scale the visible range by `scale` about its middle."""
@@ -160,7 +178,7 @@ class PlanDrawing(Canvas):
         if self.shown is not None:
             self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.edits)
 
-    def pick(self, event: MouseClickEvent) -> None:
+    def pick(self, event: MouseClickEvent) -> bool:
         """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""
         if self._measured:
             index = self.arrows.reading_at(event.scenePos())
@@ -171,6 +189,14 @@ class PlanDrawing(Canvas):
         if index is not None:
             event.accept()
             self.gestures.picked.emit(index)
+        return index is not None
+
+    def on_outline(self, at: Point) -> bool:
+        """Return whether a point lies on the predicted outline."""
+        if not self._predicted or self.shown is None or self.shown.outline is None:
+            return False
+        away = np.hypot(*(outline_points(self.shown.outline) - at).T)
+        return bool((away <= _OUTLINE_REACH * self.pixel).any())
 
     def _towards(self, event: MouseClickEvent) -> int | None:
         if self.shown is None or not self.shown.readings:
@@ -192,7 +218,7 @@ class PlanDrawing(Canvas):
         self.set_look(look)
         for side, what in (("bottom", "x"), ("left", "y")):
             label_length(self.plot.getAxis(side), what, look)
-        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler):
+        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound):
             layer.set_look(look)
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)
@@ -202,7 +228,7 @@ class PlanDrawing(Canvas):
         if before is None or before.outline is not shown.outline:
             self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
-        if _differ(before, shown, "scene", "compared", "readings", "chosen", "look", "hidden"):
+        if _differ(before, shown, *_PATH_PARTS):
             self.path.draw(shown)
 
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:

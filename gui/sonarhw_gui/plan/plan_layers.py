@@ -107,7 +107,7 @@ class SensorLayer:
         wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
         if room is not None:
             newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.pose.heading
-            heading = newest if shown.chosen is None else shown.heading(shown.chosen)
+            heading = newest if shown.due_heading is None else shown.due_heading
             size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
             length, handle = _BEAM_LENGTH * size, _HANDLE * size
             wedge = beam_wedge(scene.pose, heading, half_power_angle(scene.board, room), length)
@@ -123,21 +123,23 @@ class SensorLayer:
 
 
 class PathLayer:
-    """The path that explains the selected reading, with the number of each bounce."""
+    """The path that explains the selected reading, numbered by bounce, and the path pointed at in a list."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._rays = pg.PlotCurveItem()
+        self._rays, self._pointed = pg.PlotCurveItem(), pg.PlotCurveItem()
+        self._pointed.setZValue(28)
         self._labels = [_label() for _ in range(_MOST_LABELLED)]
         self._texts: list[tuple[str, FloatArray]] = []
         self._sensor: Point = (0.0, 0.0)
         self._colour = "k"
-        for item in (self._rays, *self._labels):
+        for item in (self._rays, self._pointed, *self._labels):
             plot.addItem(item)
         plot.vb.sigRangeChanged.connect(self._lay_out)
 
     def set_look(self, look: Look) -> None:
         """Use the colours and sizes of `look`."""
         self._colour = look.palette.chosen
+        self._pointed.setPen(cosmetic_pen(look.palette.predicted, width=3))
         for label in self._labels:
             label.setColor(look.palette.paper)
             label.fill = pg.mkBrush(look.palette.chosen)
@@ -155,6 +157,9 @@ class PathLayer:
             label.setVisible(k < len(self._texts))
             if k < len(self._texts):
                 label.setText(self._texts[k][0])
+        question, pointed = shown.question, shown.pointed_path
+        drawn = _NOTHING if question is None or pointed is None else question[0].paths.outline(pointed)
+        self._pointed.setData(*drawn.T)
         self._lay_out()
 
     def _lay_out(self) -> None:

@@ -21,6 +21,8 @@ def text_under_pointer(shown: Shown, grip: Grip | None, at: Point, pixel: float)
     if grip is not None and grip.part is GripPart.SENSOR:
         return f"sensor, {pose_text(scene, unit)}; drag to move it"
     if grip is not None and grip.part is GripPart.BEAM:
+        if shown.asked is not None:
+            return f"beam of the question at {heading_text(shown.asked)}; drag to ask another heading"
         return f"beam, {pose_text(scene, unit)}; drag to turn it"
     if grip is not None and grip.part is GripPart.CORNER:
         return f"corner, {place}; drag to move it"

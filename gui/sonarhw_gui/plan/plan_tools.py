@@ -47,6 +47,9 @@ class ToolContext(Protocol):
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
 
+    def ask(self, at: Point) -> None:
+        """Explain the heading from the sensor to a point."""
+
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
 
@@ -57,6 +60,7 @@ class Tool:
     name, key, tip = "", "", ""
     shape = Qt.CursorShape.ArrowCursor
     edits = False  # whether it drags or adds walls and posts
+    asks = False  # whether a click explains a heading
 
     def __init__(self, context: ToolContext) -> None:
         self._context = context
@@ -108,6 +112,9 @@ class Hand(Tool):
         """Move the part with the mouse."""
         if self._held is not None:
             grip, before = self._held
+            if grip.part is GripPart.BEAM and self._context.shown.asked is not None:
+                self._context.ask(to)  # the beam of a question turns without the turntable
+                return
             if grip.part is GripPart.CORNER:
                 to = snapped(self._context, to, ignored=grip.at, scene=before)
             if self._context.change(lambda scene: dragged(scene, grip, to), before, self._held):
@@ -118,6 +125,24 @@ class Hand(Tool):
         if grip.part in (GripPart.SENSOR, GripPart.BEAM):
             return pose_text(self._context.scene, unit)
         return point_text(to, unit)
+
+
+class Asker(Tool):
+    """Turns the beam to any heading and explains it; the turntable stays."""
+
+    name, key = "Ask", "Q"
+    tip = "Click or drag to explain any heading without a scan; [ and ] turn by 1°. Esc returns to the readings"
+    shape = Qt.CursorShape.CrossCursor
+    asks = True
+
+    def press(self, at: Point) -> bool:
+        """Ask the heading of this point."""
+        self._context.ask(at)
+        return True
+
+    def drag(self, to: Point) -> None:
+        """Turn the beam with the mouse."""
+        self._context.ask(to)
 
 
 class Pencil(Hand):
@@ -223,7 +248,7 @@ class PostPencil(_Drawing):
         return f"radius {self._context.shown.look.unit.text(math.dist(self._start, end))}"
 
 
-TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
+TOOLS = (Hand, Asker, Ruler, Pencil, WallPencil, PostPencil)
 
 
 def snapped(context: ToolContext, at: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:

@@ -1,5 +1,6 @@
 """The view "Plan": the plan, its tools, and a line that describes the object under the mouse."""
 
+import math
 from functools import partial
 
 from PySide6.QtCore import Qt, Slot
@@ -18,6 +19,7 @@ _FITS = (
     ("Fit room", "Home", "Show the room and the sensor; readings outside are arrows at the edge", PlanDrawing.fit),
     ("Fit everything", "Shift+F", "Show the room, the sensor and every reading", PlanDrawing.fit_everything),
 )
+_QUESTIONS = (("Ask left", "[", 1.0), ("Ask right", "]", -1.0))  # °, counter-clockwise
 _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
@@ -82,6 +84,9 @@ class PlanView(QWidget):
             action.triggered.connect(partial(controller.turn, steps))
         for name, key, tip, fit in _FITS:
             self._action(name, key, tip).triggered.connect(partial(fit, self.drawing))
+        for name, key, degrees in _QUESTIONS:
+            action = self._action(name, key, "Explain the next heading on this side, without a scan")
+            action.triggered.connect(partial(self._turn_question, math.radians(degrees)))
         for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
             action = self._action(name, key, "About the middle; the mouse wheel zooms about the pointer")
             action.triggered.connect(partial(self.drawing.zoom, scale))
@@ -93,6 +98,9 @@ class PlanView(QWidget):
         action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
         self.addAction(action)
         return action
+
+    def _turn_question(self, by: float) -> None:
+        self.gestures.turned_question.emit(by)
 
     @Slot(QAction)
     def _set_tool(self, action: QAction) -> None:

@@ -3,6 +3,7 @@
 Every change emits `Shown`, at once or with the next tick.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.choice import Choice
-from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment
 from sonarhw_gui.work.bscan_picture import BScanSettings
 from sonarhw_gui.work.forecast import Forecast
 
@@ -87,12 +88,14 @@ class ShownModel(QObject):
     @Slot(int)
     def choose(self, index: int) -> None:
         """Select a reading."""
+        self._forget_question()
         self._choice.pick(index)
         self.refresh()
 
     @Slot()
     def follow_newest(self) -> None:
-        """Select the newest reading, and follow it."""
+        """Select the newest reading, and follow it; without readings, end the question about a heading."""
+        self._forget_question()
         self._choice.follow_newest()
         self.refresh()
 
@@ -107,8 +110,38 @@ class ShownModel(QObject):
         self._choose_step(-1)
 
     def _choose_step(self, by: int) -> None:
+        self._forget_question()
         self._choice.step(by, self.shown.chosen, len(self.shown.readings))
         self.refresh()
+
+    @Slot(float)
+    def ask(self, heading: float) -> None:
+        """Explain a heading (rad in the room) without a reading, until a reading is selected."""
+        if self.shown.scene.room is not None:
+            self.shown = replace(self.shown, asked=heading % math.tau, pointed_path=None)
+            self._update_due = True  # the mouse moves more often than the views are updated
+
+    @Slot(float)
+    def turn_question(self, by: float) -> None:
+        """Ask the heading that is `by` (rad) counter-clockwise of the present beam, on a grid of `by`."""
+        before = self.shown.due_heading
+        before = self.shown.scene.pose.heading if before is None else before
+        self.ask((round(before / abs(by)) + math.copysign(1, by)) * abs(by))
+
+    @Slot(object)
+    def point_at_path(self, path: int | None) -> None:
+        """Draw one path of the list of echoes; None: none."""
+        if path != self.shown.pointed_path:
+            self.shown = replace(self.shown, pointed_path=path)
+            self._update_due = True
+
+    def set_sound(self, sound: SoundMoment | None) -> None:
+        """Draw the sound at a moment; None: none."""
+        self.shown = replace(self.shown, sound=sound)
+        self._update_due = True
+
+    def _forget_question(self) -> None:
+        self.shown = replace(self.shown, asked=None, answer=None, pointed_path=None)
 
     @Slot(object)
     def point_at(self, cursor: Cursor | None) -> None:
@@ -143,6 +176,7 @@ class ShownModel(QObject):
 
     def begin(self) -> None:
         """Start with no readings."""
+        self._forget_question()
         self._choice.follow_newest()
         self.forecast.begin_scan()
         self.traces.begin_scan()
@@ -199,6 +233,14 @@ class ShownModel(QObject):
 
     def _emit(self, shown: Shown) -> None:
         self.traces.follow(shown)
-        self.shown = replace(shown, trace=self.traces.trace, bscan=self.traces.bscan)
+        before = self.shown
+        after = replace(shown, trace=self.traces.trace, answer=self.traces.answer, bscan=self.traces.bscan)
+        # rows of paths differ between predictions
+        self.shown = replace(after, pointed_path=None) if _asks_another(before, after) else after
         self._update_due = False
         self.changed.emit(self.shown)
+
+
+def _asks_another(before: Shown, shown: Shown) -> bool:
+    one, other = before.question, shown.question
+    return one is None or other is None or one[0] is not other[0] or one[1] != other[1]

@@ -26,6 +26,7 @@ from sonarhw_gui.session.shown_model import ShownModel
 from sonarhw_gui.session.unsaved_rooms import DiscardRoom, RestoreRoom, UnsavedRooms
 from sonarhw_gui.shown.notices import Notice
 from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.sound.sound_control import SoundControl
 from sonarhw_gui.store.documents import Documents
 from sonarhw_gui.store.file_watch import FileWatch, WatchedFile, is_being_written
 from sonarhw_gui.store.open_requests import (
@@ -85,6 +86,7 @@ class WindowSession(QObject):
         self.scanners = ScannerChoice(find_scanner, self)
         self.fitting = FitControl(self)
         self.saver = FileSaver(self)
+        self.sound = SoundControl(self)
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._connect()
@@ -94,6 +96,8 @@ class WindowSession(QObject):
         self.replay.changed.connect(self._follow_replay)
         self.replay.broken.connect(self.warned)
         self.showing.edited.connect(self._follow_edit)
+        self.showing.changed.connect(self.sound.follow)
+        self.sound.changed.connect(self._follow_sound)
         self.scanners.chosen.connect(self._use)
         for part in (self.scanners, self.fitting, self.saver):
             part.failed.connect(self.warned)
@@ -260,6 +264,7 @@ class WindowSession(QObject):
         self._ticking = True
         self.replay.advance(elapsed)
         self._ticking = False
+        self.sound.advance(elapsed)
         self.showing.tick(self._take_readings())
         self.unsaved.tick(now)
         self._report_messages()
@@ -378,6 +383,18 @@ class WindowSession(QObject):
             self.showing.update_soon()  # together with the other changes of this tick
         else:
             self.showing.refresh()
+
+    @Slot()
+    def play_sound(self) -> None:
+        """Play the sound of the asked heading or the selected reading, or end that."""
+        if self.sound.state is None:
+            self.sound.open(self.shown)
+        else:
+            self.sound.close()
+
+    @Slot()
+    def _follow_sound(self) -> None:
+        self.showing.set_sound(self.sound.moment)
 
     @Slot()
     def _follow_edit(self) -> None:

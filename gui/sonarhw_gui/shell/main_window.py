@@ -31,8 +31,16 @@ from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.command_states import show_history, show_scanner
 from sonarhw_gui.shell.docks import Docks
 from sonarhw_gui.shell.view_area import ViewArea
-from sonarhw_gui.shell.wiring import connect_banner, connect_commands, connect_device, connect_fit, connect_replay
+from sonarhw_gui.shell.wiring import (
+    connect_banner,
+    connect_commands,
+    connect_device,
+    connect_fit,
+    connect_replay,
+    connect_sound,
+)
 from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.sound.sound_bar import SoundBar
 
 _SIZE = 1280, 800
 _TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
@@ -52,6 +60,7 @@ class MainWindow(QMainWindow):
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.bounces = BounceLine()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
+        self.sound_bar = SoundBar()
         self.toolbar = ToolBar(self.commands)
         self.docks = Docks(self)
         self.look_commands = LookCommands(self.commands, session, self)
@@ -75,7 +84,7 @@ class MainWindow(QMainWindow):
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
-        for part in (self.banner, self.legend, self.views, sentence, bounces, self.replay_bar):
+        for part in (self.banner, self.legend, self.views, sentence, bounces, self.sound_bar, self.replay_bar):
             column.addWidget(part, stretch=1 if part is self.views else 0)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
@@ -86,7 +95,9 @@ class MainWindow(QMainWindow):
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
-        fill_menus(self.menuBar(), self.commands, self.files, self.views.all, self.docks.actions)
+        fill_menus(
+            self.menuBar(), self.commands, self.files, self.views.all, [*self.views.openers, *self.docks.actions]
+        )
         self.resize(*_SIZE)
 
     def _connect(self) -> None:
@@ -95,10 +106,12 @@ class MainWindow(QMainWindow):
         connect_device(self.device, session)
         connect_fit(self.fit_panel, session)
         connect_replay(self.replay_bar, session)
+        connect_sound(self.sound_bar, session)
+        self.sound_bar.film_requested.connect(commands.save_film.trigger)
         connect_banner(self.banner, session)
         views.connect_gestures(session.showing)
         self.legend.switched.connect(session.showing.switch)
-        views.stage.currentChanged.connect(self._show_again)
+        views.uncovered.connect(self._show_again)
         views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
         self.room.edited.connect(session.showing.edit)
@@ -157,7 +170,15 @@ class MainWindow(QMainWindow):
     def _show_look(self, look: Look) -> None:
         self._look = look
         apply_look(look)
-        for part in (self.banner, self.legend, self.replay_bar, self.status_bar, self.look_commands):
+        for part in (
+            self.banner,
+            self.legend,
+            self.views,
+            self.sound_bar,
+            self.replay_bar,
+            self.status_bar,
+            self.look_commands,
+        ):
             part.show_look(look)
 
     @Slot(object)

@@ -1,40 +1,58 @@
-"""All views of the window: one large view at a time on the left, the small views in a column on the right."""
+"""All views of the window: one large view at a time in the middle, the small views in docks beside it."""
 
 from typing import TypeVar, cast
 
-from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
+from PySide6.QtCore import QByteArray, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QShowEvent
+from PySide6.QtWidgets import QMainWindow, QStackedWidget, QTabWidget, QWidget
 
 from sonarhw_gui.bscan.bscan_view import BScanView
+from sonarhw_gui.candidates.candidate_view import CandidateView
+from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plan.plan_view import PlanView
 from sonarhw_gui.plan.side_by_side import SideBySide
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.readings.table_view import TableView
 from sonarhw_gui.session.shown_model import ShownModel
+from sonarhw_gui.shell.view_dock import ViewDock
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_view import TraceView
 from sonarhw_gui.view import View
 
-_LARGE_SHARE, _COLUMN_SHARE = 690, 590  # pixels at the default width
+_BESIDE_SHARE = 0.46  # of the width, for the docks on the right
+_LOW = 560  # pixels; in a lower area, views share two stacks instead of three
+_RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
 _V = TypeVar("_V", bound=View)
 
 
-class ViewArea(QSplitter):
-    """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow."""
+class ViewArea(QMainWindow):
+    """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow.
+
+    It is a main window inside the window, so that legend and sentence keep the whole width.
+    """
+
+    uncovered = Signal()  # a view became visible
 
     def __init__(self) -> None:
-        super().__init__(Qt.Orientation.Horizontal)
+        super().__init__()
+        self.setWindowFlags(Qt.WindowType.Widget)
         self.large: list[View] = []
-        self.beside: list[View] = []
-        self._heights: list[int] = []
-        self.stage, self._column = QStackedWidget(), QSplitter(Qt.Orientation.Vertical)
+        self.docks: list[ViewDock] = []
+        self._stacks: list[list[ViewDock]] = [[], [], []]
+        self._restored = False  # whether the arrangement is that of an earlier session
+        self.stage = QStackedWidget()
         self.plan = self._large(PlanView())
         self.side_by_side = self._large(SideBySide())
         self.bscan = self._large(BScanView())
-        self.trace = self._beside(TraceView(), height=215)
-        self.ranges = self._beside(RangeView(), height=265)
-        self.table = self._beside(TableView(), height=165)
-        self._arrange()
+        self.trace = self._beside(TraceView(), stack=0)
+        self.ranges = self._beside(RangeView(), stack=1)
+        self.table = self._beside(TableView(), stack=2)
+        self.candidates = self._beside(CandidateView(), stack=2)
+        self.setCentralWidget(self.stage)
+        self.setDockNestingEnabled(True)
+        self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
+        self.stage.currentChanged.connect(self.uncovered)
+        self.arrange()
 
     @property
     def large_view(self) -> View:
@@ -42,9 +60,19 @@ class ViewArea(QSplitter):
         return self.large[self.stage.currentIndex()]
 
     @property
+    def beside(self) -> list[View]:
+        """The small views."""
+        return [dock.view for dock in self.docks]
+
+    @property
     def all(self) -> list[View]:
         """All views."""
         return [*self.large, *self.beside]
+
+    @property
+    def openers(self) -> list[QAction]:
+        """The actions that open and close the small views."""
+        return [dock.opener for dock in self.docks]
 
     def connect_gestures(self, showing: ShownModel) -> None:
         """Connect the user actions of all views with the session."""
@@ -55,6 +83,9 @@ class ViewArea(QSplitter):
             gestures.edited.connect(showing.edit)
             gestures.cancelled.connect(showing.cancel)
             gestures.switched.connect(showing.switch)
+            gestures.asked.connect(showing.ask)
+            gestures.turned_question.connect(showing.turn_question)
+            gestures.path_pointed.connect(showing.point_at_path)
             gestures.bscan_requested.connect(showing.request_bscan)
 
     def show_state(self, shown: Shown) -> None:
@@ -65,34 +96,71 @@ class ViewArea(QSplitter):
         """Update the visible views of text."""
         self._show(shown, text=True)
 
+    def show_look(self, look: Look) -> None:
+        """Use the text size of `look` for the title bars."""
+        for dock in self.docks:
+            dock.show_look(look)
+
     @Slot()
     def fit(self) -> None:
         """Reset the range of every view."""
         for view in self.all:
             view.fit()
 
+    @Slot()
+    def arrange(self) -> None:
+        """Put all small views back in their stacks on the right: three, or two in a low area."""
+        first, second, third = self._stacks
+        stacks = [first, second, third] if self.height() >= _LOW or not self.isVisible() else [first + second, third]
+        for dock in self.docks:
+            self.removeDockWidget(dock)
+            dock.setFloating(False)
+        for stack in stacks:
+            self.addDockWidget(_RIGHT, stack[0])
+            for dock in stack[1:]:
+                self.tabifyDockWidget(stack[0], dock)
+        for dock in self.docks:
+            dock.show()
+        for stack in stacks:
+            stack[0].raise_()
+        self._share(stacks)
+
+    def restore(self, state: QByteArray) -> None:
+        """Restore an arrangement that `saveState` returned; one that Qt refuses changes nothing."""
+        self._restored = self.restoreState(state) or self._restored
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Arrange the views for the height of the screen at the first time, unless they were restored."""
+        super().showEvent(event)
+        if not self._restored:
+            self._restored = True
+            self.arrange()
+
+    def _share(self, stacks: list[list[ViewDock]]) -> None:
+        """Share width and height between the views."""
+        beside = round(self.width() * _BESIDE_SHARE)
+        self.resizeDocks([stack[0] for stack in stacks], [beside] * len(stacks), Qt.Orientation.Horizontal)
+        shares = [215, 265, 165] if len(stacks) == 3 else [1, 1]
+        heights = [round(self.height() * share / sum(shares)) for share in shares]
+        self.resizeDocks([stack[0] for stack in stacks], heights, Qt.Orientation.Vertical)
+
     def _show(self, shown: Shown, text: bool) -> None:
-        for view in self.all:
-            if view.entry.is_text is text and view.isVisibleTo(self):
+        for view in self._visible():
+            if view.entry.is_text is text:
                 view.show_state(shown)
+
+    def _visible(self) -> list[View]:
+        return [self.large_view, *(dock.view for dock in self.docks if dock.in_front)]
 
     def _large(self, view: _V) -> _V:
         self.large.append(view)
         self.stage.addWidget(cast(QWidget, view))
         return view
 
-    def _beside(self, view: _V, height: int) -> _V:
-        self.beside.append(view)
-        self._column.addWidget(cast(QWidget, view))
-        self._heights.append(height)
+    def _beside(self, view: _V, stack: int) -> _V:
+        """Add a small view; `stack`: its initial place, from the top. Views of one stack are tabs."""
+        dock = ViewDock(view, self)
+        self.docks.append(dock)
+        self._stacks[stack].append(dock)
+        dock.visibilityChanged.connect(self.uncovered)
         return view
-
-    def _arrange(self) -> None:
-        self.setObjectName("views")  # sizes are stored under these names
-        self._column.setObjectName("side")
-        self._column.setSizes(self._heights)
-        self.addWidget(self.stage)
-        self.addWidget(self._column)
-        self.setSizes([_LARGE_SHARE, _COLUMN_SHARE])
-        for splitter in (self, self._column):
-            splitter.setChildrenCollapsible(False)

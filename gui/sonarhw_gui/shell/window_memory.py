@@ -4,7 +4,6 @@ from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QObject, Slot
-from PySide6.QtWidgets import QSplitter
 
 from sonarhw.errors import OutputError
 from sonarhw_gui.session.memory import Memory, write_memory
@@ -42,7 +41,7 @@ def memory_of(window: MainWindow) -> Memory:
         layout={
             "window": window.saveGeometry(),
             "docks": window.saveState(),
-            **{splitter.objectName(): splitter.saveState() for splitter in _splitters(window)},
+            "views": window.views.saveState(),
         },
     )
 
@@ -52,12 +51,7 @@ def restore_window(window: MainWindow, memory: Memory) -> None:
     window.session.remember_used(memory.recent, memory.urls)
     window.restoreGeometry(memory.layout.get("window", QByteArray()))
     window.restoreState(memory.layout.get("docks", QByteArray()))
-    for splitter in _splitters(window):
-        splitter.restoreState(memory.layout.get(splitter.objectName(), QByteArray()))
+    window.views.restore(memory.layout.get("views", QByteArray()))
     views = window.commands.views.actions()
     if 0 <= memory.view < len(views):
         views[memory.view].trigger()
-
-
-def _splitters(window: MainWindow) -> list[QSplitter]:
-    return [splitter for splitter in window.findChildren(QSplitter) if splitter.objectName()]

@@ -6,6 +6,7 @@ from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.sound.sound_bar import SoundBar
 
 
 def connect_commands(commands: Commands, session: WindowSession) -> None:
@@ -20,6 +21,7 @@ def connect_commands(commands: Commands, session: WindowSession) -> None:
         (commands.previous, showing.choose_previous),
         (commands.next, showing.choose_next),
         (commands.newest, showing.follow_newest),
+        (commands.sound, session.play_sound),
         (commands.play, replay.toggle),
         (commands.back, replay.step_back),
         (commands.forward, replay.step_forward),
@@ -55,6 +57,18 @@ def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
     bar.speed_chosen.connect(session.replay.set_speed)
     session.replay.changed.connect(bar.show_state)
     bar.show_state(session.replay.state)
+
+
+def connect_sound(bar: SoundBar, session: WindowSession) -> None:
+    """Connect the sound bar with the playback."""
+    sound = session.sound
+    bar.toggled.connect(sound.toggle)
+    bar.sought.connect(sound.seek)
+    bar.slowness_chosen.connect(sound.set_slowness)
+    bar.loop_changed.connect(sound.set_loop)
+    bar.every_changed.connect(sound.set_every)
+    bar.closed.connect(sound.close)
+    sound.changed.connect(bar.show_state)
 
 
 def connect_banner(banner: Banner, session: WindowSession) -> None:

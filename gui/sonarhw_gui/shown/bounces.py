@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.scene.plan_geometry import bounce_losses, decibels_text
@@ -28,17 +29,24 @@ class ChosenPath:
 
 
 def chosen_path(shown: Shown) -> ChosenPath | None:
-    """Return the path of the selected reading; None without one, or after the sensor was moved."""
+    """Return the path of the asked heading or the selected reading; None without one, or after the sensor was moved."""
+    if shown.asked is not None:
+        winner = -1 if shown.answer is None else int(shown.answer.winners[0])
+        return None if shown.answer is None else _path(shown, shown.answer, winner, explains=False)
     row, prediction = shown.chosen_row, shown.prediction
-    if row is None or prediction is None or prediction.place.position != shown.scene.pose.position:
+    if row is None or prediction is None:
         return None
     path = row.path if row.path is not None else int(prediction.winners[row.index])
-    if path < 0:
+    return _path(shown, prediction, path, explains=row.path is not None)
+
+
+def _path(shown: Shown, prediction: PredictedScan, path: int, explains: bool) -> ChosenPath | None:
+    if path < 0 or prediction.place.position != shown.scene.pose.position:
         return None
     names, losses = prediction.paths.via(path, prediction.room), dict(bounce_losses(prediction, path))
     by_bounce = tuple(losses.get(number) for number in range(1, len(names) + 1))
     corners = np.asarray(prediction.paths.outline(path))
-    return ChosenPath(corners, tuple(names), by_bounce, row.path is not None)
+    return ChosenPath(corners, tuple(names), by_bounce, explains)
 
 
 def bounces_text(shown: Shown) -> str:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from sonarhw_compare.explain.sentences import explain_reading
+from sonarhw_compare.explain.sentences import explain_heading, explain_reading
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Matched
+from sonarhw_compare.sound.moments import PlayedPing
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray, Origin, Reading
@@ -41,6 +42,14 @@ class Cursor:
 
 
 @dataclass(frozen=True)
+class SoundMoment:
+    """The sound of one ping at one time."""
+
+    ping: PlayedPing
+    time: float  # s since transmission began
+
+
+@dataclass(frozen=True)
 class Shown:
     """Everything the views draw."""
 
@@ -50,7 +59,11 @@ class Shown:
     readings: tuple[Reading, ...] = ()
     origin: Origin = Origin.MEASURED  # of the readings
     chosen: int | None = None
-    trace: ChosenTrace | None = None  # of the selected reading; computed after the selection
+    asked: float | None = None  # rad in the room: a heading that is explained without a reading
+    answer: PredictedScan | None = None  # at one heading, `asked` or the one asked before; computed after the question
+    pointed_path: int | None = None  # row of `question`'s paths that the mouse or a key points at
+    trace: ChosenTrace | None = None  # of the asked heading or the selected reading; computed after the selection
+    sound: SoundMoment | None = None  # while it is played
     bscan: BScans | None = None  # as last shown
     cursor: Cursor | None = None
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws
@@ -81,6 +94,21 @@ class Shown:
         stretch = self.compared.stretch_of(self.chosen) if self.compared and self.chosen is not None else None
         return stretch.comparison.prediction if stretch else None
 
+    @property
+    def question(self) -> tuple[PredictedScan, int] | None:
+        """The prediction, and the row of the heading in it, that sentence, trace and list of echoes explain."""
+        if self.asked is not None:
+            return None if self.answer is None else (self.answer, 0)
+        row, prediction = self.chosen_row, self.prediction
+        return None if row is None or prediction is None else (prediction, row.index)
+
+    @property
+    def due_heading(self) -> float | None:
+        """The asked heading, or that of the selected reading, rad in the room; None without both."""
+        if self.asked is not None:
+            return self.asked
+        return None if self.chosen is None else self.heading(self.chosen)
+
     def row(self, reading: int) -> Matched | None:
         """Return the comparison of a reading; None if it was not compared."""
         return self.compared.row(reading) if self.compared else None
@@ -100,7 +128,11 @@ class Shown:
 
     @cached_property
     def sentence(self) -> str:
-        """The explanation of the selected reading; a hint if there are no readings."""
+        """The explanation of the asked heading or of the selected reading; a hint if there are no readings."""
+        if self.asked is not None:
+            if self.answer is None:
+                return f"{heading_text(self.asked)} is being computed"
+            return explain_heading(self.answer, 0, self.look.unit.text)
         if self.chosen is None:
             return "No reading yet: press Scan or open a log."
         return self.sentence_of(self.chosen)

@@ -5,6 +5,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
+from sonarhw_compare.sound.film_file import FILMS, write_film
+from sonarhw_compare.sound.moments import PlayedPing
+
 from sonarhw.errors import InputError
 from sonarhw.export.export_formats import export_format, export_suffixes
 from sonarhw.json_text import json_text
@@ -86,6 +89,20 @@ class ReportPage:
             self.name, log.readings, room, place, scene.board, scene.options, log=log, link=tuple(self.link)
         )
         file.write(report_html(report).encode())
+
+
+@dataclass(frozen=True)
+class FilmOfSound:
+    """A film of one ping, as `sonarhw simulate --out FILE.gif` writes it."""
+
+    ping: PlayedPing
+    endings: Sequence[str] = FILMS
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Draw and write the film, which takes some seconds. Raises MissingExtra for a video without PyAV."""
+        from sonarhw_compare.sound.film import FilmTiming  # loads matplotlib, which the window does not need
+
+        write_film(self.ping, FilmTiming(), file, ending)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from sonarhw_gui.trace.echo_names import EchoNames
 from sonarhw_gui.trace.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from sonarhw_gui.trace.trace_cursors import TraceCursors
 from sonarhw_gui.trace.trace_marks import TraceMarks
+from sonarhw_gui.trace.trace_sound import TraceSound
 from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve
 
@@ -46,7 +47,7 @@ class TraceView(QWidget):
         self._shown: Shown | None = None
         self._look = Look()
         self._trace: ChosenTrace | None = None
-        self._duration = 0.0
+        self._duration, self._heights = 0.0, EMPTY
         self.envelope = view_action(self, "Envelope", "V", "Show the envelope in dB")
         self.rf = view_action(self, "RF", "R", "Show the signal with its carrier")
         self.forms = QActionGroup(self)
@@ -65,6 +66,7 @@ class TraceView(QWidget):
         for item in (self._predicted, self._measured):
             self.plot.addItem(item, ignoreBounds=True)
         self.marks = TraceMarks(self.plot, gain_axis)
+        self.sound = TraceSound(self.plot)
         self.names = EchoNames(self.plot.vb)
         self.cursors = TraceCursors(self.plot, self)
         self._pointer = pg.InfiniteLine(angle=90)
@@ -85,6 +87,8 @@ class TraceView(QWidget):
         if shown.trace is None and not self._duration:
             self._show_board_range(shown.scene)
         self._update_title()
+        if before is None or _moved(before, shown):
+            self.sound.draw(shown.sound, self._heights)
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
@@ -132,13 +136,13 @@ class TraceView(QWidget):
         self._predicted.setPen(cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
         self._measured.setPen(cosmetic_pen(colours.measured, width=1))
         self._pointer.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
-        for part in (self.marks, self.names, self.cursors):
+        for part in (self.marks, self.names, self.cursors, self.sound):
             part.set_look(look)
 
     def _draw(self, trace: ChosenTrace | None) -> None:
         self._trace = trace
         rf = self.rf.isChecked()
-        heights = heights_of(trace, rf) if trace else EMPTY
+        self._heights = heights = heights_of(trace, rf) if trace else EMPTY
         self._levels.set_heights(heights)
         unit = self._look.unit
         self._ranges.set_unit(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
@@ -164,8 +168,8 @@ class TraceView(QWidget):
 
     def _update_title(self) -> None:
         shown = self._shown
-        due = None if shown is None or shown.chosen is None else shown.heading(shown.chosen)
-        self.title.setText(_title(self._trace, self.rf.isChecked(), due))
+        due = None if shown is None else shown.due_heading
+        self.title.setText(_title(self._trace, self.rf.isChecked(), due, shown is not None and shown.asked is not None))
 
     @Slot()
     def fit(self) -> None:
@@ -223,7 +227,12 @@ class TraceView(QWidget):
 
 
 def _marked(shown: Shown) -> tuple[object, ...]:
-    return shown.cursor, shown.hidden
+    return shown.cursor, shown.hidden, None if shown.sound is None else shown.sound.time
+
+
+def _moved(before: Shown, shown: Shown) -> bool:
+    """Return whether the sound is at another moment, or its mark at another height."""
+    return before.sound is not shown.sound or (shown.sound is not None and before.trace is not shown.trace)
 
 
 def _curve_item() -> pg.PlotDataItem:
@@ -239,7 +248,7 @@ def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> 
         item.setData(curve.times, curve.values.clip(heights.bottom, heights.top))
 
 
-def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:
+def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None, asked: bool = False) -> str:
     """Return the title; `due` is the selected heading, which may differ until its trace is computed."""
     if trace is None:
         return "Trace: no reading yet"
@@ -247,7 +256,7 @@ def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str
     if due is not None and heading_text(due) != heading_text(trace.heading):
         parts.append(f"{heading_text(due)} is being computed")
     if trace.measured is None:
-        parts.append("no trace recorded")
+        parts.append("predicted only" if asked else "no trace recorded")
     elif rf and trace.measured.rf is None:
         parts.append("recorded: envelope only")
     if trace.predicted is None:

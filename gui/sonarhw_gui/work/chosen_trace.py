@@ -13,9 +13,11 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Signal, is_stepped
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
+from sonarhw_sim.predict.prediction import paths_serve_all_headings, predict_scan, weigh_paths
 
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import room_and_place
 
 _RF_POINTS = 8  # samples per period of the carrier, without a measured trace
 _ENOUGH_SAMPLES = 2.5  # samples per period; with fewer the carrier is undersampled
@@ -86,24 +88,27 @@ class ChosenTrace:
         return 2 * distance / self.speed
 
 
-def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | None, index: int) -> ChosenTrace:
-    """Return the trace of a reading and the predicted trace at heading `index` of a prediction.
+def chosen_trace(scene: Scene, reading: Reading | None, prediction: PredictedScan | None, index: int) -> ChosenTrace:
+    """Return the trace of a reading, if any, and the predicted trace at heading `index` of a prediction.
 
     Raises NotALog if the log of the trace can no longer be read.
     """
     board, floor = scene.board, floor_of(scene.board)
-    duration = _duration(scene, reading)
-    receiver = prediction.receiver if prediction else scene.options.receiver_of(scene.board)
     air = scene.room.air if scene.room else Air()
-    predicted = None
+    speed = air.speed_of_sound if reading is None else reading.speed_of_sound
+    recorded = None if reading is None else reading.trace
+    duration = _duration(scene, recorded, speed)
+    receiver = prediction.receiver if prediction else scene.options.receiver_of(scene.board)
+    predicted, heading = None, scene.pose.heading + (0.0 if reading is None else board.turned(reading.angle))
     if prediction is not None:
-        predicted = _predicted(prediction.signal_at(index, duration), reading.trace, board, floor)
+        predicted = _predicted(prediction.signal_at(index, duration), recorded, board, floor)
+        heading = heading if reading is not None else float(prediction.headings[index])
     return ChosenTrace(
-        heading=scene.pose.heading + board.turned(reading.angle),
-        speed=reading.speed_of_sound,
-        measured=None if reading.trace is None else _measured(reading.trace, floor),
+        heading=heading,
+        speed=speed,
+        measured=None if recorded is None else _measured(recorded, floor),
         predicted=predicted,
-        echo_times=np.array(reading.echo_times, dtype=np.float64),
+        echo_times=np.array(() if reading is None else reading.echo_times, dtype=np.float64),
         echoes=() if prediction is None else _echoes(prediction, index, receiver),
         gain=_gain(board, receiver, air.speed_of_sound, duration),
         blanking=board.blanking_end,
@@ -113,10 +118,10 @@ def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | Non
     )
 
 
-def _duration(scene: Scene, reading: Reading) -> float:
-    if reading.trace is None or not len(reading.trace.samples):
-        return 2 * scene.board.max_range / reading.speed_of_sound
-    return float(reading.trace.times[-1])
+def _duration(scene: Scene, trace: Trace | None, speed: float) -> float:
+    if trace is None or not len(trace.samples):
+        return 2 * scene.board.max_range / speed
+    return float(trace.times[-1])
 
 
 def _measured(trace: Trace, floor: float) -> TraceCurves:
@@ -182,3 +187,36 @@ class TraceRequest:
     def answer(self) -> TraceFound:
         """Read and predict the trace; this takes some milliseconds."""
         return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))
+
+
+@dataclass(frozen=True)
+class HeadingAnswered:
+    """The prediction at one heading, and its trace."""
+
+    generation: int
+    prediction: PredictedScan  # at one heading
+    trace: ChosenTrace
+
+
+@dataclass(frozen=True)
+class HeadingAsked:
+    """Predict one heading, without a reading."""
+
+    generation: int
+    scene: Scene  # with a room
+    outline: PredictedScan  # of this scene
+    heading: float  # rad in the room; the nearest sensor answers if the board is a ring
+
+    def answer(self) -> HeadingAnswered:
+        """Predict; this takes some milliseconds, with a mount or a blocking face seconds."""
+        scene, heading = self.scene, np.array([self.heading])
+        room, _ = room_and_place(scene)
+        if scene.board.ring is not None:
+            sensors = scene.board.ring.headings(scene.pose)
+            heading = sensors[[np.argmin(np.abs(np.angle(np.exp(1j * (sensors - self.heading)))))]]
+        if paths_serve_all_headings(scene.board, scene.options.unit):
+            paths = self.outline.paths
+            prediction = weigh_paths(room, scene.pose, scene.board, heading, paths, scene.options)
+        else:
+            prediction = predict_scan(room, scene.pose, scene.board, heading, scene.options)
+        return HeadingAnswered(self.generation, prediction, chosen_trace(scene, None, prediction, 0))

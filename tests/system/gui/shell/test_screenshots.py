@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from PySide6.QtCore import QBuffer
-from PySide6.QtWidgets import QSplitter, QWidget
+from PySide6.QtCore import QBuffer, Qt
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_gui.live.live_device import LiveDevice
@@ -47,7 +47,7 @@ HEADINGS = 120
 ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second sweep leaves time for the picture of the first one
 LIVE_UP_TO = 84  # readings in the picture of the running scan
 SELECTED, SELECTED_LIVE, SELECTED_FOR_TRACE = 38, 74, 74  # the readings that the pictures explain
-TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the right column
+TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the views on the right
 PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
 
 
@@ -146,8 +146,9 @@ def traced(window: MainWindow) -> bool:
 
 def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
     """Set the shares of the height of the views on the right."""
-    side = window.findChild(QSplitter, "side")
-    side.setSizes([round(part * side.height() / sum(sizes)) for part in sizes])
+    docks = window.views.docks[: len(sizes)]
+    whole = sum(dock.height() for dock in docks)
+    window.views.resizeDocks(docks, [round(part * whole / sum(sizes)) for part in sizes], Qt.Orientation.Vertical)
 
 
 def dock(qtbot: QtBot, window: MainWindow, name: str) -> None:

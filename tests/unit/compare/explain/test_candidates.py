@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.explain.candidates import Candidate, candidates, outcome_text, remedy, remedy_text, runner_up
+from sonarhw_compare.explain.candidates import RankedEcho, candidates, outcome_text, remedy, remedy_text, runner_up
 from sonarhw_compare.explain.sentences import explain_heading
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_sim.board.profile import load_board
@@ -25,7 +25,7 @@ def scan_at(degrees: float) -> PredictedScan:
     return predict_scan(ROOM, PLACE, BOARD, np.radians([degrees]))
 
 
-def via(scan: PredictedScan, candidate: Candidate) -> str:
+def via(scan: PredictedScan, candidate: RankedEcho) -> str:
     return ">".join(scan.paths.via(candidate.path, scan.room))
 
 

@@ -1,0 +1,154 @@
+"""The view "Echoes": every echo at the beam's heading, what becomes of it, and what would let it win.
+
+The plan draws the path of the echo under the mouse, or of the current row.
+"""
+
+from PySide6.QtCore import QEvent, Qt, Signal, Slot
+from PySide6.QtGui import QBrush, QColor, QFocusEvent, QFontMetrics
+from PySide6.QtWidgets import QAbstractItemView, QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
+
+from sonarhw_gui.candidates.candidate_list import COLUMNS, CandidateList
+from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
+from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.view import Gestures, ViewEntry
+
+_WIDEST = ("00.000 m", "−00.0 dB", "00.0 dB too weak, 0.000 m behind")
+_BESIDE = 14  # pixels, margins of a cell
+_AT_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+_NO_ROOM, _NOTHING_YET = "open a room to list its echoes", "select a reading, or click the predicted outline"
+
+
+class CandidateView(QWidget):
+    """A ranked table of echoes."""
+
+    entry = ViewEntry("Echoes", is_text=True)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gestures = Gestures(self)
+        self.list: CandidateList | None = None
+        self._shown: Shown | None = None
+        self._filling = False
+        self.title, self.note = PlainLabel(), ElidedLabel()
+        self.table = _EchoTable(0, len(COLUMNS))
+        self.table.setAccessibleName("Echoes at this heading")
+        self.table.setHorizontalHeaderLabels(COLUMNS)
+        self.table.cellEntered.connect(self._point)
+        self.table.currentCellChanged.connect(self._point)
+        self.table.left.connect(self._leave)
+        head = QHBoxLayout()
+        head.setContentsMargins(8, 2, 8, 2)
+        head.setSpacing(12)
+        head.addWidget(self.title)
+        head.addWidget(self.note, stretch=1)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(head)
+        column.addWidget(self.table)
+
+    def show_state(self, shown: Shown) -> None:
+        """List the echoes of another heading, and redraw after a change of the look."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._set_look(shown)
+        question = shown.question
+        if question is None:
+            self.list = None
+            self.table.setRowCount(0)
+            self.title.setText("")
+            self.note.setText(_NO_ROOM if shown.scene.room is None else _NOTHING_YET)
+            return
+        listed = CandidateList(*question, shown.look.unit)
+        if self.list is None or not _same(self.list, listed) or before is None or before.look != shown.look:
+            self.list = listed
+            self._fill(listed, shown)
+
+    def fit(self) -> None:
+        """Do nothing: a table has no range."""
+
+    def picture(self) -> None:
+        """Return None: only plots are saved as pictures."""
+
+    def _set_look(self, shown: Shown) -> None:
+        font = text_font(shown.look, 0.9)
+        metrics = QFontMetrics(font)
+        self.table.setFont(font)
+        self.table.horizontalHeader().setFont(font)
+        self.table.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
+        for column, widest in enumerate(_WIDEST):
+            self.table.setColumnWidth(column, metrics.horizontalAdvance(widest) + _BESIDE)
+
+    def _fill(self, listed: CandidateList, shown: Shown) -> None:
+        self._filling = True
+        self.table.setRowCount(len(listed.found))
+        faint = QBrush(QColor(shown.look.palette.faint))
+        for row in range(len(listed.found)):
+            for column, text in enumerate(listed.cells(row)):
+                item = QTableWidgetItem(text)
+                item.setFlags(Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsEnabled)
+                item.setToolTip(plain_tip(text))
+                if column < 2:
+                    item.setTextAlignment(_AT_RIGHT)
+                if listed.is_out(row):
+                    item.setForeground(faint)
+                self.table.setItem(row, column, item)
+        self.table.clearSelection()
+        self.table.setCurrentCell(-1, -1)
+        self._filling = False
+        self.title.setText(listed.title)
+        self.note.setText(listed.note(None))
+
+    @Slot(int, int)
+    def _point(self, row: int, *_: int) -> None:
+        if self._filling or self.list is None or not 0 <= row < len(self.list.found):
+            return
+        self.note.setText(self.list.note(row))
+        self.gestures.path_pointed.emit(self.list.found[row].path)
+
+    @Slot()
+    def _leave(self) -> None:
+        """Draw the path of the current row again, if the table has the focus."""
+        row = self.table.currentRow() if self.table.hasFocus() else -1
+        if row >= 0:
+            self._point(row)
+            return
+        self.gestures.path_pointed.emit(None)
+        if self.list is not None:
+            self.note.setText(self.list.note(None))
+
+
+class _EchoTable(QTableWidget):
+    """A table that reports when the mouse or the focus leaves it."""
+
+    left = Signal()
+
+    def __init__(self, rows: int, columns: int) -> None:
+        super().__init__(rows, columns)
+        self.setMouseTracking(True)
+        self.setShowGrid(False)
+        self.setWordWrap(False)
+        self.setAlternatingRowColors(True)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.setTabKeyNavigation(False)
+        self.verticalHeader().hide()
+        self.horizontalHeader().setStretchLastSection(True)
+        self.horizontalHeader().setHighlightSections(False)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Report that the mouse has left."""
+        super().leaveEvent(event)
+        self.left.emit()
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        """Report that the focus has left."""
+        super().focusOutEvent(event)
+        self.left.emit()
+
+
+def _same(one: CandidateList, other: CandidateList) -> bool:
+    return one.prediction is other.prediction and one.index == other.index

@@ -1,0 +1,1 @@
+"""Sound played along its paths: the control of time, and the bar below the views."""
