@@ -2,7 +2,7 @@
 
 from typing import cast
 
-from PySide6.QtCore import QEvent, Qt, QTimer, Signal, Slot
+from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
 from PySide6.QtWidgets import QAbstractButton, QApplication, QMainWindow, QVBoxLayout, QWidget
 
@@ -42,7 +42,8 @@ from sonarhw_gui.shell.wiring import (
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.sound.sound_bar import SoundBar
 
-_SIZE = 1280, 800
+_SIZE = QSize(1280, 800)
+_FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
 
 
@@ -98,7 +99,7 @@ class MainWindow(QMainWindow):
         fill_menus(
             self.menuBar(), self.commands, self.files, self.views.all, [*self.views.openers, *self.docks.actions]
         )
-        self.resize(*_SIZE)
+        self.resize(_SIZE.boundedTo(self.screen().availableSize() - _FRAME))
 
     def _connect(self) -> None:
         session, commands, views = self.session, self.commands, self.views

@@ -20,7 +20,7 @@ from sonarhw_gui.trace.trace_view import TraceView
 from sonarhw_gui.view import View
 
 _BESIDE_SHARE = 0.46  # of the width, for the docks on the right
-_LOW = 560  # pixels; in a lower area, views share two stacks instead of three
+_LOW = 800  # pixels; on a lower screen, views share two stacks instead of three
 _RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
 _V = TypeVar("_V", bound=View)
 
@@ -109,9 +109,10 @@ class ViewArea(QMainWindow):
 
     @Slot()
     def arrange(self) -> None:
-        """Put all small views back in their stacks on the right: three, or two in a low area."""
+        """Put all small views back in their stacks on the right: three, or two on a low screen."""
         first, second, third = self._stacks
-        stacks = [first, second, third] if self.height() >= _LOW or not self.isVisible() else [first + second, third]
+        low = self.screen().availableSize().height() < _LOW
+        stacks = [first + second, third] if low else [first, second, third]
         for dock in self.docks:
             self.removeDockWidget(dock)
             dock.setFloating(False)
@@ -130,7 +131,7 @@ class ViewArea(QMainWindow):
         self._restored = self.restoreState(state) or self._restored
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Arrange the views for the height of the screen at the first time, unless they were restored."""
+        """Arrange the views in the size of the window at the first time, unless they were restored."""
         super().showEvent(event)
         if not self._restored:
             self._restored = True

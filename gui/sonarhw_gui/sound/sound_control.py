@@ -10,6 +10,7 @@ from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.shown.shown import Shown, SoundMoment
 
 SLOWNESSES = (500.0, 1000.0, 2000.0, 5000.0)  # seconds for each second of sound
+_STEP = 1e-6  # s, of the slider
 _HOLD = 1.0  # s between the end and the next round of a loop
 
 
@@ -121,7 +122,7 @@ class SoundControl(QObject):
 
     @staticmethod
     def _at_end(state: SoundState) -> bool:
-        return state.ping is not None and state.time >= state.ping.duration
+        return state.ping is not None and state.time >= state.ping.duration - _STEP
 
     def _load(self) -> None:
         assert self.state is not None
