@@ -1,6 +1,6 @@
 from .fitting import fit_scans
 from .plain_fit import Fit, fit_scan
-from .values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan
+from .values.fit_result import Estimate, FitOptions, FitResult, Mismatch, Mode, PlacedScan
 from .values.parameters import Parameter, free_parameters
 from .values.quantities import QUANTITIES, Quantity
 
@@ -10,6 +10,7 @@ __all__ = [
     "Fit",
     "FitOptions",
     "FitResult",
+    "Mismatch",
     "Mode",
     "Parameter",
     "PlacedScan",

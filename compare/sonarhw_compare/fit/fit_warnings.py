@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from sonarhw_compare.fit.mismatches import mismatch_line
 from sonarhw_compare.fit.values.fit_result import Estimate, FitResult, PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import PlaceQuantity
@@ -33,6 +34,7 @@ def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> 
             for j in range(i)
             if abs(result.correlations[i, j]) > _INSEPARABLE
         ]
+    lines += [mismatch_line(one) for one in result.mismatches]
     if result.noise["stray_per_m"] > _MANY_STRAYS:
         lines.append("many echoes match no path of the model; an object may be missing in the room file")
     return tuple(lines)

@@ -14,9 +14,10 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.agreement import agreement
 from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Objective, Problem, make_problem
-from sonarhw_compare.fit.search.posterior import CREDIBLE_INTERVAL, samples_of
-from sonarhw_compare.fit.search.refine import covariance_of, refined
+from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Problem, make_problem
+from sonarhw_compare.fit.marginals import Marginals, marginals_of
+from sonarhw_compare.fit.mismatches import shown_mismatches
+from sonarhw_compare.fit.search.refine import refined
 from sonarhw_compare.fit.search.ridges import underestimated
 from sonarhw_compare.fit.search.starting_poses import Candidate, is_same, starting_poses
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
@@ -28,7 +29,6 @@ _PROMISING = 25.0  # largest deficit of the coarse log-likelihood, for independe
 _OTHERS = 3  # other poses of a scan that are refined
 _CLIMBS = 5  # most repetitions of a refinement
 _AS_GOOD = 6.0  # largest deficit of the log-likelihood of a solution that is reported
-_NORMAL_INTERVAL = 1.96  # standard deviations, half the 95 % interval of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,11 @@ def fit_scans(
     weighted = replace(problem, redundancies=_redundancies(problem))
     found = _starting_poses(problem, options, lambda share: tick(_SEARCH, share))
     solutions = _solutions(problem, weighted, found, lambda share: tick(_CLIMB, share))
-    best = solutions[0].values
-    objective = weighted.near(best)
-    samples = np.empty((0, problem.size))
-    if options.samples:
-        samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
+    marginals = marginals_of(weighted, solutions[0].values, options, lambda share: tick(_SAMPLE, share))
     tick(_SAMPLE, 1.0)
-    result = _result(problem, objective, solutions, samples)
+    result = _result(problem, marginals, solutions)
+    ridge = underestimated(weighted, solutions[0].values, marginals.narrow)
+    result = replace(result, warnings=warnings_of(result, ridge))
     agreed = agreement(scans, result, options.prediction)
     return replace(result, agreement=agreed, warnings=(*unexplained(scans, agreed), *result.warnings))
 
@@ -162,41 +160,33 @@ def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArr
                 yield start
 
 
-def _result(problem: Problem, objective: Objective, solutions: list[Candidate], samples: FloatArray) -> FitResult:
-    count, best, wider = len(problem.parameters), solutions[0], problem.widenings
-    if len(samples):
-        middle, narrow = np.median(samples, axis=0), np.cov(samples, rowvar=False)
-        samples = np.clip(middle + wider * (samples - middle), *problem.bounds)
-        covariance = np.cov(samples, rowvar=False)
-        lower, upper = np.percentile(samples, CREDIBLE_INTERVAL, axis=0)
-    else:
-        middle, narrow = best.values, covariance_of(objective, best.values)
-        covariance = narrow * np.outer(wider, wider)
-        reach = _NORMAL_INTERVAL * np.sqrt(np.diag(covariance))
-        lower, upper = np.clip((middle - reach, middle + reach), *problem.bounds)
-    turns = _turns(problem, middle)
-    middle, lower, upper = middle + turns, lower + turns, upper + turns
-    deviations = np.sqrt(np.diag(covariance))
-    estimates = {
-        parameter.name: _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
-        for row, parameter in enumerate(problem.parameters)
-    }
+def _result(problem: Problem, marginals: Marginals, solutions: list[Candidate]) -> FitResult:
+    count, whole, best = len(problem.parameters), marginals.problem, solutions[0]
+    turns = _turns(problem, marginals.middle)
+    middle, lower, upper = (one + turns for one in (marginals.middle, marginals.lower, marginals.upper))
+    deviations = np.sqrt(np.diag(marginals.covariance))
+    estimates = [
+        _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
+        for row, parameter in enumerate(whole.parameters)
+    ]
     safe = np.maximum(deviations[:count], 1e-300)
-    room, places, board = problem.setting(middle)
-    result = FitResult(
+    noise = zip(problem.noises, middle[len(whole.parameters) :].tolist(), strict=True)
+    room, places, board = problem.setting(middle[:count])
+    return FitResult(
         parameters=problem.parameters,
-        estimates=estimates,
-        correlations=np.asarray(covariance[:count, :count] / np.outer(safe, safe)),
-        noise={noise.name: math.exp(middle[count + row]) for row, noise in enumerate(problem.noises)},
+        estimates={one.name: estimate for one, estimate in zip(problem.parameters, estimates, strict=False)},
+        correlations=np.asarray(marginals.covariance[:count, :count] / np.outer(safe, safe)),
+        noise={one.name: math.exp(value) for one, value in noise},
         warnings=(),
         modes=tuple(_mode(problem, one, best.score) for one in solutions),
         room=room,
         places=places,
         board=board,
         score=best.score,
-        samples=(samples + turns)[:, :count],
+        samples=(marginals.samples + turns)[:, :count],
+        tolerated={one.name: estimate for one, estimate in zip(marginals.tolerated, estimates[count:], strict=True)},
+        mismatches=shown_mismatches(marginals.tolerated, *marginals.shifts),
     )
-    return replace(result, warnings=warnings_of(result, underestimated(objective.problem, best.values, narrow)))
 
 
 def _redundancies(problem: Problem) -> tuple[float, ...]:

@@ -108,30 +108,36 @@ def _touches(paths: Paths, room: Room, materials: list[str]) -> FloatArray:
 
 def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of `out` and `back` by the shift of each wall to its left, both (k, 2, walls)."""
-    out, back = np.zeros((2, len(paths), 2, len(walls)))
     if not walls:
-        return out, back
-    columns, normals = {room.names.index(name): column for column, name in enumerate(walls)}, left_normals(room.walls)
-    for path, edge in enumerate(paths.edges.tolist()):
-        mirrors = _mirrors(paths, path, normals)
-        if edge < 0:
-            out[path] = _image_move(mirrors, columns, np.zeros((2, len(walls))))
-        else:
-            bend, corner = int(paths.bends[path]), corner_moves(room, room.edges.points[edge], columns)
-            out[path] = _image_move(mirrors[:bend], columns, corner)
-            back[path] = _image_move(mirrors[bend:][::-1], columns, corner)
-    return out, back
+        return np.zeros((len(paths), 2, 0)), np.zeros((len(paths), 2, 0))
+    columns = {room.names.index(name): column for column, name in enumerate(walls)}
+    touched = paths.surfaces >= 0
+    touches, bent = np.cumsum(touched, axis=1) - 1, paths.edges >= 0
+    before = touched & ((touches < paths.bends[:, None]) | ~bent[:, None])
+    corners = np.zeros((len(paths), len(walls)), np.complex128)
+    for edge in np.unique(paths.edges[bent]).tolist():
+        x, y = corner_moves(room, room.edges.points[edge], columns)
+        corners[paths.edges == edge] = x + 1j * y
+    normals = _touched_normals(paths, left_normals(room.walls), touches, touched & ~before)
+    by_touch = np.zeros((*paths.surfaces.shape, len(walls)))
+    for surface, column in columns.items():
+        by_touch[..., column] = paths.surfaces == surface
+    out = _image_move(normals, before, by_touch, corners)
+    back = _image_move(normals[:, ::-1], (touched & ~before)[:, ::-1], by_touch[:, ::-1], corners)
+    return _as_vectors(out), _as_vectors(np.where(bent[:, None], back, 0.0))
 
 
-def _mirrors(paths: Paths, path: int, normals: FloatArray) -> list[tuple[int, FloatArray]]:
-    """Return the surfaces that a path reflects off, in order, each with its normal at that point."""
-    surfaces, bent = paths.surfaces[path][paths.surfaces[path] >= 0].tolist(), paths.edges[path] >= 0
-    mirrors = []
-    for touch, surface in enumerate(surfaces):
-        at = 1 + touch + int(bent and touch >= paths.bends[path])
-        post = surface >= len(normals)
-        mirrors.append((surface, _reflection_normal(paths.points[path, at - 1 : at + 2]) if post else normals[surface]))
-    return mirrors
+def _touched_normals(
+    paths: Paths, walls: FloatArray, touches: NDArray[np.intp], after: NDArray[np.bool_]
+) -> NDArray[np.complex128]:
+    """Return the unit normal of the surface at each touch (k, t) as a complex number; at a post, of the reflection."""
+    surfaces = paths.surfaces
+    normals = _complex_vectors(walls)[np.minimum(surfaces, len(walls) - 1)]
+    for path, touch in np.argwhere(surfaces >= len(walls)).tolist():
+        # after the bend, the edge is one more point
+        at = 1 + int(touches[path, touch]) + int(after[path, touch])
+        normals[path, touch] = complex(*_reflection_normal(paths.points[path, at - 1 : at + 2]))
+    return normals
 
 
 def _reflection_normal(points: FloatArray) -> FloatArray:
@@ -140,14 +146,31 @@ def _reflection_normal(points: FloatArray) -> FloatArray:
     return np.asarray((go - come) / np.hypot(*(go - come)))
 
 
-def _image_move(mirrors: list[tuple[int, FloatArray]], columns: dict[int, int], end: FloatArray) -> FloatArray:
-    """Return how the image of a point behind mirrors moves if the point moves by `end`; both (2, walls)."""
-    moves, unfolded = np.zeros(end.shape), np.eye(2)
-    for surface, normal in mirrors:
-        if surface in columns:
-            moves[:, columns[surface]] += 2 * unfolded @ normal
-        unfolded = unfolded @ (np.eye(2) - 2 * np.outer(normal, normal))
-    return np.asarray(moves + unfolded @ end)
+def _image_move(
+    normals: NDArray[np.complex128], mirrors: NDArray[np.bool_], by_touch: FloatArray, end: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return how images of points behind mirrors move if the points move by `end`; both (k, walls), complex.
+
+    `normals` (k, t) are those of the touches in order, `mirrors` (k, t) is True for those to count, and `by_touch`
+    (k, t, walls) is 1 where a touch is on a movable wall. A mirror with normal n maps a vector z to -n² z*.
+    """
+    moves = np.zeros(end.shape, np.complex128)
+    factor, flipped = np.ones(len(normals), np.complex128), np.zeros(len(normals), np.bool_)
+    for touch in range(normals.shape[1]):
+        normal, counts = np.where(flipped, normals[:, touch].conj(), normals[:, touch]), mirrors[:, touch]
+        moves += np.where(counts, 2 * factor * normal, 0.0)[:, None] * by_touch[:, touch]
+        factor = np.where(counts, -factor * normal**2, factor)
+        flipped ^= counts
+    return np.asarray(moves + factor[:, None] * np.where(flipped[:, None], end.conj(), end))
+
+
+def _complex_vectors(vectors: FloatArray) -> NDArray[np.complex128]:
+    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
+
+
+def _as_vectors(moves: NDArray[np.complex128]) -> FloatArray:
+    """Return complex numbers (k, walls) as vectors, (k, 2, walls)."""
+    return np.ascontiguousarray(np.stack((moves.real, moves.imag), axis=1))
 
 
 def growth_by_wall(paths: EchoPaths) -> FloatArray:

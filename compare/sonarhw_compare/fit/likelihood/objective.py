@@ -32,6 +32,7 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import (
 from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, moved, with_reverses
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
 from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
+from sonarhw_compare.fit.likelihood.tolerance_prior import TolerancePrior, tolerance_prior
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.fit.values.parameters import Parameter, applied, start_of
@@ -91,6 +92,7 @@ class Problem:
     reported_speed: float | None  # m/s, for ranges from echo times; None if the air is not free
     rounding: float  # m, of the board
     redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
+    averages: bool = False  # whether tolerated values have the prior of `tolerance_prior`, not the widest normal one
 
     @property
     def receiver(self) -> Receiver:
@@ -145,6 +147,20 @@ class Problem:
         """Return room, places and board for these values."""
         chosen = dict(zip(self.parameters, values.tolist(), strict=False))
         return applied(chosen, self.room, self.places, self.board)
+
+    def with_tolerated(self, tolerated: Sequence[Parameter]) -> "Problem":
+        """Return the problem with these parameters after its own."""
+        return replace(self, parameters=(*self.parameters, *tolerated))
+
+    def with_values_of(self, tolerated: Sequence[Parameter], values: FloatArray) -> FloatArray:
+        """Return a vector of the problem before `with_tolerated` as one after it, with present values."""
+        count, present = len(self.parameters), [parameter.expected or 0.0 for parameter in tolerated]
+        return np.concatenate((values[:count], present, values[count:]))
+
+    @cached_property
+    def tolerance_prior(self) -> TolerancePrior:
+        """Prior of the tolerated values if their standard deviations are unknown."""
+        return tolerance_prior(self.parameters)
 
     def rows_of(self, quantity: Quantity) -> list[int]:
         """Return the rows of all parameters of a quantity."""
@@ -206,12 +222,15 @@ class Objective:
         if not ((values >= lower) & (values <= upper)).all():
             return -math.inf
         middle, spread = self._normal_priors
-        return float(-0.5 * (((values - middle) / spread) ** 2).sum())
+        prior = float(-0.5 * (((values - middle) / spread) ** 2).sum())
+        return prior + self.problem.tolerance_prior(values) if self.problem.averages else prior
 
     @cached_property
     def _normal_priors(self) -> tuple[FloatArray, FloatArray]:
         own = [
-            (0.0, math.inf) if parameter.expected is None else (parameter.expected, parameter.deviation or math.inf)
+            (0.0, math.inf)
+            if parameter.expected is None or (parameter.is_tolerated and self.problem.averages)
+            else (parameter.expected, parameter.deviation or math.inf)
             for parameter in self.problem.parameters
         ]
         middle, spread = np.array([*own, *((math.log(noise.median), noise.spread) for noise in self.problem.noises)]).T
@@ -295,7 +314,9 @@ class Objective:
         if not self._wall_rows:
             return paths.out, paths.back
         shifts = values[self._wall_rows] - self.values[self._wall_rows]
-        return paths.out + paths.out_by_wall @ shifts, paths.back + paths.back_by_wall @ shifts
+        # one product of a matrix and a vector each, much faster than a stack of products
+        out, back = (one.reshape(-1, len(shifts)) @ shifts for one in (paths.out_by_wall, paths.back_by_wall))
+        return paths.out + out.reshape(-1, 2), paths.back + back.reshape(-1, 2)
 
     def _levels(self, values: FloatArray, scan: int) -> FloatArray:
         """Return the level of each path without the beam, dB, (k,)."""

@@ -16,7 +16,7 @@ from numpy.random import RandomState
 from sonarhw.readings import FloatArray
 from sonarhw_compare.cores import core_count
 from sonarhw_compare.fit.likelihood.objective import Objective
-from sonarhw_compare.fit.search.refine import directions_of
+from sonarhw_compare.fit.search.averaging import Mixture
 
 _WALKERS = 48  # at least; fewer have too few independent differences
 _WIDER = 1.2  # initial width by that of the curvature; a wide ensemble converges faster than a narrow one
@@ -29,9 +29,9 @@ CREDIBLE_INTERVAL = (2.5, 97.5)  # percentiles
 
 
 def samples_of(
-    objective: Objective, top: FloatArray, count: int, seed: int, tick: Callable[[float], None] = lambda _: None
+    objective: Objective, start: Mixture, count: int, seed: int, tick: Callable[[float], None] = lambda _: None
 ) -> FloatArray:
-    """Return about `count` samples (m, size) of the posterior; the ensemble starts around `top` (size,).
+    """Return about `count` samples (m, size) of the posterior; the ensemble starts with draws from `start`.
 
     Half as many are discarded first. If the chain has not converged, twice as many are drawn again. `tick` receives the
     completed share, 0..1.
@@ -39,8 +39,9 @@ def samples_of(
     import emcee  # loads in half a second, and most runs of the window need no fit
 
     random = RandomState(seed)
-    walkers = max(_WALKERS, 2 * (len(top) + 2))
-    begin = _ensemble(objective, top, walkers, random)
+    size = start.means.shape[1]
+    walkers = max(_WALKERS, 2 * (size + 2))
+    begin = _ensemble(objective, start, walkers, random)
     state = emcee.State(begin, random_state=random.get_state())
     steps = math.ceil(count / walkers)
     most = _LONGER if steps >= _TESTABLE else 0
@@ -49,7 +50,7 @@ def samples_of(
     with _parallel(objective, core_count()) as log_probabilities:
         # no snooker move: its samples in emcee 3.1.6 are at least 6 % too narrow
         sampler = emcee.EnsembleSampler(
-            walkers, len(top), log_probabilities, moves=emcee.moves.DEMove(), vectorize=True
+            walkers, size, log_probabilities, moves=emcee.moves.DEMove(), vectorize=True
         )
         for part, iterations in enumerate(parts):
             sampler.reset()
@@ -81,11 +82,11 @@ def _settled(chain: FloatArray) -> bool:
     return bool((drift < _DRIFT).all() and (growth < _GROWTH).all())
 
 
-def _ensemble(objective: Objective, top: FloatArray, walkers: int, random: RandomState) -> FloatArray:
-    """Return the initial ensemble, (walkers, size), about as wide as the posterior in each direction."""
+def _ensemble(objective: Objective, start: Mixture, walkers: int, random: RandomState) -> FloatArray:
+    """Return the initial ensemble, (walkers, size), a little wider than `start`."""
     lower, upper = objective.problem.bounds
-    spread = directions_of(objective, top)
-    begin = top + _WIDER * random.standard_normal((walkers, len(top))) @ spread
+    begin = start.draws(walkers, random, _WIDER)
     # walkers on a bound would all have the same value
-    inside = np.minimum(np.hypot.reduce(spread, axis=0), upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
+    spread = np.sqrt(np.diag(start.covariance))
+    inside = np.minimum(spread, upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
     return np.asarray(np.clip(begin, lower + inside, upper - inside))

@@ -86,30 +86,36 @@ def climb(
     return at(np.asarray(found.x)) if found.fun < loss(np.zeros(len(rows))) else values
 
 
-def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
-    """Return the change of each value alone that lowers the log-likelihood by 0.5, (size,)."""
-    best, steps = objective(top), objective.problem.steps
-    widths = np.empty(len(top))
-    for row in range(len(top)):
+def widths_of(objective: Objective, top: FloatArray, units: FloatArray | None = None) -> FloatArray:
+    """Return the number of steps of each of `units` (k, size) that lowers the log-likelihood by 0.5, (k,).
+
+    Without `units`, return the change of each value alone that does so, (size,).
+    """
+    if units is None:
+        return widths_of(objective, top, np.diag(objective.problem.steps)) * objective.problem.steps
+    best, widths = objective(top), np.empty(len(units))
+    for row, unit in enumerate(units):
         width = 0.05
-        while width < _WIDEST and _lost(objective, top, row, width * steps[row], best) < 0.5:
+        while width < _WIDEST and _lost(objective, top, width * unit, best) < 0.5:
             width *= 1.5
-        widths[row] = width * steps[row]
+        widths[row] = width
     return widths
 
 
-def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> float:
+def _lost(objective: Objective, top: FloatArray, by: FloatArray, best: float) -> float:
     """Return the larger loss of log-likelihood at `by` to either side of the maximum, ignoring sides out of bounds."""
-    above, below = top.copy(), top.copy()
-    above[row] += by
-    below[row] -= by
-    losses = [loss for loss in (best - objective(above), best - objective(below)) if np.isfinite(loss)]
+    losses = [loss for loss in (best - objective(top + by), best - objective(top - by)) if np.isfinite(loss)]
     return max(losses, default=np.inf)
 
 
 def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
-    """Return the covariance (size, size) from the curvature at the maximum."""
+    """Return the covariance (size, size) from the curvature at the maximum.
+
+    It is measured twice: the second time along the principal directions, because the curvature along a ridge is lost in
+    the roughness of the likelihood across it.
+    """
     directions = directions_of(objective, top)
+    directions = _principal(objective, top, directions * widths_of(objective, top, directions)[:, None])
     return np.asarray(directions.T @ directions)
 
 
@@ -119,9 +125,12 @@ def directions_of(objective: Objective, values: FloatArray, rows: NDArray[np.int
     Only the values in `rows` (k,) change; None: all. The curvature is measured over the distance at which the
     log-likelihood is lower by 0.5.
     """
-    size = len(values)
-    rows = np.arange(size) if rows is None else rows
-    units = np.diag(widths_of(objective, values))[rows]
+    widths = np.diag(widths_of(objective, values))
+    return _principal(objective, values, widths if rows is None else widths[rows])
+
+
+def _principal(objective: Objective, values: FloatArray, units: FloatArray) -> FloatArray:
+    """Return the principal directions (k, size) from the curvature over the distances `units` (k, size)."""
     best = objective(values)
 
     def bent(step: FloatArray) -> float:
@@ -132,7 +141,7 @@ def directions_of(objective: Objective, values: FloatArray, rows: NDArray[np.int
 
     alone = [bent(unit) for unit in units]
     curvature = np.diag(alone)
-    for i in range(len(rows)):
+    for i in range(len(units)):
         for j in range(i):
             curvature[i, j] = curvature[j, i] = (bent(units[i] + units[j]) - alone[i] - alone[j]) / 2
     strengths, vectors = np.linalg.eigh(-curvature)

@@ -20,7 +20,10 @@ _CLIMBS = 2
 
 
 def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) -> tuple[Parameter, ...]:
-    """Return the parameters that can change together by more than the covariance (size, size) allows."""
+    """Return the parameters that can change together by more than the covariance allows.
+
+    Its first rows and columns are those of the parameters.
+    """
     count = len(problem.parameters)
     deviations = np.sqrt(np.diag(covariance)[:count])
     if not (deviations > 0).all():

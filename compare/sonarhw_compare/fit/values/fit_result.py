@@ -9,6 +9,7 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import ROOM_TOLERANCE
 from sonarhw_compare.matching.match import Summary
 
 Progress = Callable[[float, str], None]  # completed share, 0..1, and name of the present step
@@ -38,6 +39,8 @@ class FitOptions:
     samples: int = 8000  # from the posterior, about 300 of them independent; 0: intervals from the curvature
     all_echoes: bool = True  # False: use the first echo of each reading only
     global_search: bool = True  # False: start at the given places, room and board
+    room_tolerance: float = ROOM_TOLERANCE  # m, standard deviation of the position of each wall that is not free
+    exact: bool = False  # True: all that is not free is exact: walls, reflectances, threshold, aperture, turntable
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,16 @@ class Estimate:
     deviation: float  # standard deviation
     lower: float  # of the 95 % credible interval
     upper: float
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """A value of room or board that was not free, and that the scan shows to be off."""
+
+    parameter: Parameter  # `expected`: the value of room or board
+    shift: float  # from that value
+    deviation: float  # standard deviation of the shift
+    alternatives: tuple[str, ...] = ()  # other values that would explain nearly as much
 
 
 @dataclass(frozen=True)
@@ -74,3 +87,5 @@ class FitResult:
     score: float  # log-likelihood and prior of the best solution, natural logarithm
     samples: FloatArray  # (m, p), from the posterior; m may be 0
     agreement: tuple[Summary, ...] = ()  # of each scan with the fitted prediction
+    tolerated: dict[str, Estimate] = field(default_factory=dict)  # by name, of values neither free nor exact
+    mismatches: tuple[Mismatch, ...] = ()  # clearest first

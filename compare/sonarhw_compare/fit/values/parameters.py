@@ -37,6 +37,7 @@ class Parameter:
     expected: float | None = None  # mean of a normal prior; None: uniform between the bounds
     deviation: float | None = None  # standard deviation of the prior
     label: str = ""  # name of the scan, if there are several
+    is_tolerated: bool = False  # not free: marginalised, with a standard deviation of `deviation` at most
 
     @property
     def name(self) -> str:

@@ -17,8 +17,15 @@ if TYPE_CHECKING:
 
 _COLDEST, _WARMEST = -40.0, 60.0  # °C, limits of a room file
 _REACH = 0.06  # m, largest difference of a length from the board profile
+ROOM_TOLERANCE = 0.005  # m, standard deviation of the position of a wall that is not free
+# assumed standard deviations of other values that are not free
+_SCALE_TOLERANCE = 0.01
+_APERTURE_TOLERANCE = 0.15  # of the radius
+_REFLECTANCE_TOLERANCE = 0.2
+_THRESHOLD_TOLERANCE = 3.0  # dB
 
 Bounds = Callable[["Room", "Board"], tuple[float, float]]
+Tolerance = Callable[["Board"], float]
 
 
 @dataclass(frozen=True)
@@ -44,6 +51,7 @@ class Quantity:
     offer: Offer | None = None  # None: the window has no check box for it
     moves_paths: bool = False  # whether it changes the paths of sound
     shifts_place: bool = False  # whether a wrong value shifts the fitted place
+    tolerance: Tolerance | None = None  # largest standard deviation of a value that is not free; None: it is exact
     # Factor of the standard deviation if overlapping echoes are modelled as single ones, as with the board's own
     # receiver. Measured by `python -m benchmarks.fit`; for aperture and reflectances assumed, as that of the threshold.
     overlap: float = 1.0
@@ -266,6 +274,39 @@ ASIDE = BoardQuantity(
     group="axis",
     key="mount.aside",
 )
+SCALE = BoardQuantity(
+    name="scale",
+    unit="",
+    step=5e-4,
+    bounds=lambda _room, _board: (0.8, 1.25),
+    digits=5,
+    label="turntable scale",
+    offer=Offer("Turntable scale", "True turn of the turntable by its reported turn", False),
+    tolerance=lambda _: _SCALE_TOLERANCE,
+    key="turntable_scale",
+)
+AXIS_X = BoardQuantity(
+    name="axis_x",
+    unit="m",
+    step=2e-3,
+    bounds=lambda _, board: (board.axis_x - _REACH, board.axis_x + _REACH),
+    digits=5,
+    label="axis ahead of the mark",
+    moves_paths=True,
+    shifts_place=True,
+    key="axis_x",
+)
+AXIS_Y = BoardQuantity(
+    name="axis_y",
+    unit="m",
+    step=2e-3,
+    bounds=lambda _, board: (board.axis_y - _REACH, board.axis_y + _REACH),
+    digits=5,
+    label="axis left of the mark",
+    moves_paths=True,
+    shifts_place=True,
+    key="axis_y",
+)
 TEMPERATURE = AirQuantity(
     name="temperature",
     unit="°C",
@@ -297,6 +338,7 @@ THRESHOLD = BoardQuantity(
     digits=2,
     label="threshold",
     overlap=2.0,
+    tolerance=lambda _: _THRESHOLD_TOLERANCE,
     key="threshold_db",
 )
 APERTURE = BoardQuantity(
@@ -307,6 +349,7 @@ APERTURE = BoardQuantity(
     digits=6,
     label="aperture radius",
     overlap=2.0,
+    tolerance=lambda board: _APERTURE_TOLERANCE * board.aperture_radius,
     key="aperture_radius",
 )
 REFLECTANCE = PartQuantity(
@@ -319,6 +362,7 @@ REFLECTANCE = PartQuantity(
     group="reflectances",
     offer=Offer("Reflectances", "Amplitude ratio of an echo off each material, 0 to 1", False),
     overlap=2.0,
+    tolerance=lambda _: _REFLECTANCE_TOLERANCE,
     part="MATERIAL",
     parts=lambda room: tuple(one for one in room.materials if one not in room.tables),
     value=reflectance_of,
@@ -334,6 +378,7 @@ WALL = PartQuantity(  # shift of a wall to its left, seen along its points, m
     label="wall",
     group="walls",
     moves_paths=True,
+    tolerance=lambda _: ROOM_TOLERANCE,
     part="NAME",
     parts=lambda room: room.names[: len(room.walls)],
     value=lambda _room, _wall: 0.0,
@@ -343,7 +388,7 @@ WALL = PartQuantity(  # shift of a wall to its left, seen along its points, m
 
 QUANTITIES: tuple[Quantity, ...] = (
     *(X, Y, HEADING),
-    *(OFFSET, AHEAD, ASIDE),
+    *(OFFSET, AHEAD, ASIDE, SCALE, AXIS_X, AXIS_Y),
     *(TEMPERATURE, SPEED),
     *(THRESHOLD, APERTURE),
     *(REFLECTANCE, WALL),

@@ -1,0 +1,51 @@
+"""Prior of tolerated values. How far they are off is unknown, so several standard deviations are equally probable.
+
+All walls have one standard deviation, all reflectances another, and so on. It is the stated one or a fraction of it.
+Where the scan shows no mismatch, the small ones are more probable, and the intervals of a fit stay narrow.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.values.parameters import Parameter
+
+LEVELS = np.array([1.0, 0.3, 0.1, 0.02])  # of the stated standard deviation, equally probable
+
+
+@dataclass(frozen=True)
+class TolerancePrior:
+    """Prior of t tolerated values in g groups: a mixture of normal distributions for each group."""
+
+    rows: NDArray[np.intp]  # (t,), of the vector
+    groups: FloatArray  # (g, t), 1 where a value belongs to a group
+    middle: FloatArray  # (t,)
+    widest: FloatArray  # (t,), standard deviations as stated
+
+    def __call__(self, values: FloatArray) -> float:
+        """Return the logarithm of the density relative to the widest normal one at its middle."""
+        if not len(self.rows):
+            return 0.0
+        squares = self.groups @ (((values[self.rows] - self.middle) / self.widest) ** 2)
+        counts = self.groups.sum(axis=1)
+        logs = -0.5 * squares[:, None] / LEVELS**2 - counts[:, None] * np.log(LEVELS)
+        most = logs.max(axis=1, keepdims=True)
+        sums = most[:, 0] + np.log(np.exp(logs - most).sum(axis=1))
+        return float(sums.sum()) - len(counts) * math.log(len(LEVELS))
+
+
+def tolerance_prior(parameters: Sequence[Parameter]) -> TolerancePrior:
+    """Return the prior of those parameters that are tolerated; a group for each quantity."""
+    rows = [row for row, parameter in enumerate(parameters) if parameter.is_tolerated]
+    quantities = list(dict.fromkeys(parameters[row].quantity for row in rows))
+    groups = [[float(parameters[row].quantity is quantity) for row in rows] for quantity in quantities]
+    return TolerancePrior(
+        np.array(rows, dtype=np.intp),
+        np.array(groups, dtype=np.float64).reshape(len(quantities), len(rows)),
+        np.array([parameters[row].expected or 0.0 for row in rows]),
+        np.array([parameters[row].deviation or 1.0 for row in rows]),
+    )
