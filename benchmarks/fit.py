@@ -1,8 +1,9 @@
-"""Errors of fits and coverage of their credible intervals: `python -m benchmarks.fit [DRAWS]`.
+"""Errors of fits and coverage of their credible intervals: `python -m benchmarks.fit [DRAWS] [--mismatch]`.
 
 Simulates scans with ground truth and the errors of real ones: 1 mm in range, 0.5 dB in level, 2 % of pings lost, 3 % of
 readings with a random range, 0.2 K in temperature. Prints the errors of fits, the coverage of their credible intervals,
-reflectances fitted from several places at once, and the duration of a fit with the whole room as prior.
+reflectances fitted from several places at once, and the duration of a fit with the whole room as prior. With
+`--mismatch`, prints the coverage and the warnings if room, levels or turntable differ from what the fit is given.
 """
 
 import math
@@ -16,6 +17,7 @@ from multiprocessing import get_context
 
 import numpy as np
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit.values.free_walls import with_shifted_walls
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, X, Y
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Receiver
@@ -64,10 +66,17 @@ class DrawnFit:
     errors: dict[str, float]  # by parameter: fitted minus true
     covered: dict[str, bool]  # whether the credible interval contains the truth
     deviations: dict[str, float]
+    named: bool | None  # whether a warning names what is off; None if nothing is
+    warned: bool  # whether a warning names anything
 
 
-def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRST_ECHO) -> DrawnFit:
-    """Return the fit of draw number `seed`: the next room, a random place, and random free parameters."""
+def drawn_fit(
+    seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRST_ECHO, mismatch: str = "none"
+) -> DrawnFit:
+    """Return the fit of draw number `seed`: the next room, a random place, and random free parameters.
+
+    The scan is that of a room and board with a `mismatch`, one of `MISMATCHES`.
+    """
     random = np.random.default_rng((seed, 6))
     name = ROOMS[seed % len(ROOMS)]
     room = load_room(f"rooms/{name}.toml")
@@ -81,7 +90,8 @@ def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRS
     }
     real = replace(board, range_offset=-truth["offset"], threshold_db=truth["threshold"])
     warmer = float(random.normal(0, THERMOMETER))
-    readings = synthetic_scan(room, place, real, seed, warmer=warmer)
+    true_room, real, wrong = mismatched(mismatch, room, real, np.random.default_rng((seed, 9)))
+    readings = synthetic_scan(true_room, place, real, seed, warmer=warmer)
     near = [_near(parameter, truth, random) for parameter in free_parameters(FREE, ["drawn"], room, board)]
     options = FitOptions(seed=seed, samples=samples)
     result = fit_scans([PlacedScan(readings, place)], room, board, near, options=options)
@@ -90,7 +100,54 @@ def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRS
         {key: _error(result, key, truth[key]) for key in truth},
         {key: _covers(result, key, truth[key]) for key in truth},
         {key: result.estimates[key].deviation for key in truth},
+        any(set(wrong) & {one.parameter.name, *one.alternatives} for one in result.mismatches) if wrong else None,
+        bool(result.mismatches),
     )
+
+
+MISMATCHES = ("none", "one wall", "all walls", "aperture", "turntable", "reflectance")
+
+
+def mismatched(
+    mismatch: str, room: Room, board: Board, random: np.random.Generator
+) -> tuple[Room, Board, tuple[str, ...]]:
+    """Return the true room and board if the given ones have a mismatch, and the parameters that are off.
+
+    One wall is 1 cm off; all walls are off with a standard deviation of 5 mm; the aperture is 1.2 times as large; the
+    turntable turns 1 % too far; the reflectances are 0.75 times as large.
+    """
+    walls = room.names[: len(room.walls)]
+    match mismatch:
+        case "one wall":
+            wall = walls[random.integers(len(walls))]
+            return with_shifted_walls(room, {wall: 0.01 * float(random.choice([-1, 1]))}), board, (f"wall:{wall}",)
+        case "all walls":
+            shifts = {wall: float(random.normal(0, 0.005)) for wall in walls}
+            return with_shifted_walls(room, shifts), board, tuple(f"wall:{wall}" for wall in walls)
+        case "aperture":
+            return room, replace(board, aperture_radius=1.2 * board.aperture_radius), ("aperture",)
+        case "turntable":
+            return room, replace(board, turntable_scale=1.01), ("scale",)
+        case "reflectance":
+            off = tuple(f"reflectance:{material}" for material in dict.fromkeys(room.materials))
+            return replace(room, reflectances=0.75 * room.reflectances), board, off
+    return room, board, ()
+
+
+def print_mismatches(draws: int) -> None:
+    """Print, for each mismatch, median deviations, coverages, and how often a warning names it."""
+    print(f"{draws} draws each; free: {', '.join(FREE)}; coverage of 95 % intervals and median ±")
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        for mismatch in MISMATCHES:
+            drawn = list(pool.map(partial(drawn_fit, samples=4000, mismatch=mismatch), range(draws)))
+            cells = []
+            for key in drawn[0].errors:
+                unit, scale = {"heading": ("°", math.degrees(1)), "threshold": ("dB", 1.0)}.get(key, ("mm", 1e3))
+                stated = np.median([one.deviations[key] for one in drawn]) * scale
+                cells.append(f"{key} {np.mean([one.covered[key] for one in drawn]):4.0%} ± {stated:.2f} {unit}")
+            named = [one.named for one in drawn if one.named is not None]
+            shown = f"named {np.mean(named):.0%}" if named else f"warned {np.mean([one.warned for one in drawn]):.0%}"
+            print(f"{mismatch:12} {'  '.join(cells)}  {shown}", flush=True)
 
 
 def _near(parameter: Parameter, truth: dict[str, float], random: np.random.Generator) -> Parameter:
@@ -173,7 +230,11 @@ def timed_fit(seed: int, echoes: int = 1) -> float:
 
 def main() -> None:
     """Print all tables."""
-    draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
+    numbers = [int(one) for one in sys.argv[1:] if one != "--mismatch"]
+    if "--mismatch" in sys.argv:
+        print_mismatches(numbers[0] if numbers else _MEASURED)
+        return
+    draws = numbers[0] if numbers else DRAWS
     timed_fit(0)  # compiles
     for echoes in (1, 5):
         seconds = sorted(timed_fit(seed, echoes) for seed in range(1, 6))

@@ -22,6 +22,7 @@ from sonarhw_compare.fit.fit_setting import fit_setting
 from sonarhw_compare.fit.fitting import fit_scans
 from sonarhw_compare.fit.plain_fit import Fit, fit_scan
 from sonarhw_compare.fit.values.fit_result import FitOptions, FitResult, Progress
+from sonarhw_compare.fit.values.quantities import ROOM_TOLERANCE
 from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput, ScanInput, given_scan
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.matching.few_explained import few_explained
@@ -132,6 +133,8 @@ def fit(
     receiver: Receiver | None = None,
     samples: int = 8000,
     seed: int = 0,
+    room_tolerance: float = ROOM_TOLERANCE,
+    exact: bool = False,
     progress: Progress | None = None,
 ) -> FitResult:
     """Return the values of the `free` quantities that explain one or several scans best, with their uncertainties.
@@ -139,13 +142,17 @@ def fit(
     Scans, room, places (one for each scan) and board are given as in `compare`. `free` and `priors` are written as for
     `sonarhw fit`: "position,heading", ["temperature=21+-1"]. A free position is searched within 25 cm of a given place,
     else in the whole room. `samples` is the number of draws from the posterior; 0 uses the curvature of the likelihood.
-    `progress` receives the completed share and the name of the present step. Raises InputError.
+    Walls that are not free may be off with a standard deviation of `room_tolerance` (m), and levels and the turntable
+    have tolerances of their own; `exact` takes all of these as exact. `progress` receives the completed share and the
+    name of the present step. Raises InputError.
     """
     given = list(map(given_scan, _scans(scans)))
     setting = fit_setting(given, room, _places(places), board, _words(free), priors)
     placed = [scan.place for scan in setting.scans]
     _warn_of_doubts(given if board is None else [], setting.room, placed)
-    options = FitOptions(PredictionOptions(receiver=receiver), seed, samples)
+    options = FitOptions(
+        PredictionOptions(receiver=receiver), seed, samples, room_tolerance=room_tolerance, exact=exact
+    )
     return fit_scans(setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=progress)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.fit.values.quantities import QUANTITIES, BoardQuantity, PlaceQuantity, words_of
+from sonarhw_compare.fit.values.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, PlaceQuantity, words_of
 from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
@@ -65,6 +65,21 @@ def fit(
             metavar="NAME=...",
         ),
     ] = None,
+    room_tolerance: Annotated[
+        float,
+        typer.Option(
+            help="Standard deviation of the position of each wall that is not free, in metres; 0: exact walls.",
+            min=0.0,
+            max=0.1,
+        ),
+    ] = ROOM_TOLERANCE,
+    exact: Annotated[
+        bool,
+        typer.Option(
+            "--exact",
+            help="Take all that is not free as exact: walls, reflectances, threshold, aperture, turntable scale.",
+        ),
+    ] = False,
     samples: Annotated[
         int,
         typer.Option(
@@ -90,7 +105,9 @@ def fit(
 ) -> None:
     """Fit place, heading, board and room to scans. Each value is printed with its credible interval."""
     _check_files(out, board_out, free, force, room_name, board, *log_files)
-    fitted = fit_logs(log_files, room_name, places or [], board, receiver, free, priors or [], samples, seed)
+    fitted = fit_logs(
+        log_files, room_name, places or [], board, receiver, free, priors or [], samples, seed, room_tolerance, exact
+    )
     write_fitted(fitted, out, board_out, force)
     result = fitted.result
     if as_json:
@@ -148,6 +165,8 @@ def fit_logs(
     priors: Sequence[str],
     samples: int,
     seed: int,
+    room_tolerance: float = ROOM_TOLERANCE,
+    exact: bool = False,
 ) -> FittedLogs:
     """Fit logs.
 
@@ -171,7 +190,9 @@ def fit_logs(
     for scan in setting.scans:
         if scan.place.name:  # otherwise the whole room is searched
             print_place(setting.room, scan.place)
-    options = FitOptions(PredictionOptions(receiver=receiver), seed, samples)
+    options = FitOptions(
+        PredictionOptions(receiver=receiver), seed, samples, room_tolerance=room_tolerance, exact=exact
+    )
     with progress_of_share() as show:
         result = fit_scans(
             setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=show

@@ -31,6 +31,17 @@ def fit_figures(result: "FitResult") -> dict[str, Any]:
         "agreement": [
             {"n_echo": one.n_echo, "within_5cm": one.within_5cm, "explained": one.explained} for one in result.agreement
         ],
+        "mismatches": [
+            {
+                "name": one.parameter.name,
+                "unit": one.parameter.quantity.unit,
+                "stated": (one.parameter.expected or 0.0) * one.parameter.quantity.per_unit,
+                "shift": one.shift * one.parameter.quantity.per_unit,
+                "deviation": one.deviation * one.parameter.quantity.per_unit,
+                "or": list(one.alternatives),
+            }
+            for one in result.mismatches
+        ],
         "warnings": list(result.warnings),
     }
 

@@ -75,9 +75,7 @@ def marginals_of(
     samples = samples_of(objective, start, options.samples, options.seed, tick)
     middle, narrow = np.median(samples, axis=0), np.cov(samples, rowvar=False)
     samples = np.clip(middle + whole.widenings * (samples - middle), *whole.bounds)
-    return _marginals(
-        whole, tolerated, middle, np.percentile(samples, CREDIBLE_INTERVAL, axis=0), narrow, samples
-    )
+    return _marginals(whole, tolerated, middle, np.percentile(samples, CREDIBLE_INTERVAL, axis=0), narrow, samples)
 
 
 def _swept(problem: Problem, values: FloatArray) -> FloatArray:

@@ -62,10 +62,7 @@ def mismatch_line(mismatch: Mismatch) -> str:
     """Return a warning about a mismatch."""
     parameter, quantity = mismatch.parameter, mismatch.parameter.quantity
     also = f", or {' or '.join(mismatch.alternatives)} instead" if mismatch.alternatives else ""
-    return (
-        f"{_subject(parameter, mismatch)}{also}; "
-        f"correct the {_source(quantity)}, or free {parameter.name}"
-    )
+    return f"{_subject(parameter, mismatch)}{also}; correct the {_source(quantity)}, or free {parameter.name}"
 
 
 def _subject(parameter: Parameter, mismatch: Mismatch) -> str:
@@ -75,8 +72,7 @@ def _subject(parameter: Parameter, mismatch: Mismatch) -> str:
         by = f"{abs(mismatch.shift) * 1000:.1f} ± {mismatch.deviation * 1000:.1f} mm"
         return f"the echoes put {parameter.name} {by} to the {side} of its line in the room file"
     value, spread = (
-        f"{number * quantity.per_unit:.{quantity.digits}f}"
-        for number in (present + mismatch.shift, mismatch.deviation)
+        f"{number * quantity.per_unit:.{quantity.digits}f}" for number in (present + mismatch.shift, mismatch.deviation)
     )
     unit = f" {quantity.unit}" if quantity.unit else ""
     return (

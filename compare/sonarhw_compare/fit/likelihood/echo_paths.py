@@ -111,31 +111,37 @@ def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray
     if not walls:
         return np.zeros((len(paths), 2, 0)), np.zeros((len(paths), 2, 0))
     columns = {room.names.index(name): column for column, name in enumerate(walls)}
-    touched = paths.surfaces >= 0
-    touches, bent = np.cumsum(touched, axis=1) - 1, paths.edges >= 0
-    before = touched & ((touches < paths.bends[:, None]) | ~bent[:, None])
+    touched, after, bent = paths.surfaces >= 0, _after_bend(paths), paths.edges >= 0
     corners = np.zeros((len(paths), len(walls)), np.complex128)
     for edge in np.unique(paths.edges[bent]).tolist():
         x, y = corner_moves(room, room.edges.points[edge], columns)
         corners[paths.edges == edge] = x + 1j * y
-    normals = _touched_normals(paths, left_normals(room.walls), touches, touched & ~before)
+    normals = _touched_normals(paths, left_normals(room.walls))
     by_touch = np.zeros((*paths.surfaces.shape, len(walls)))
     for surface, column in columns.items():
         by_touch[..., column] = paths.surfaces == surface
-    out = _image_move(normals, before, by_touch, corners)
-    back = _image_move(normals[:, ::-1], (touched & ~before)[:, ::-1], by_touch[:, ::-1], corners)
+    out = _image_move(normals, touched & ~after, by_touch, corners)
+    back = _image_move(normals[:, ::-1], after[:, ::-1], by_touch[:, ::-1], corners)
     return _as_vectors(out), _as_vectors(np.where(bent[:, None], back, 0.0))
 
 
-def _touched_normals(
-    paths: Paths, walls: FloatArray, touches: NDArray[np.intp], after: NDArray[np.bool_]
-) -> NDArray[np.complex128]:
-    """Return the unit normal of the surface at each touch (k, t) as a complex number; at a post, of the reflection."""
-    surfaces = paths.surfaces
+def _after_bend(paths: Paths) -> NDArray[np.bool_]:
+    """Return which touches of surfaces (k, t) come after the edge of their path."""
+    touched = paths.surfaces >= 0
+    number = np.cumsum(touched, axis=1) - 1
+    return np.asarray(touched & (paths.edges >= 0)[:, None] & (number >= paths.bends[:, None]))
+
+
+def _touched_normals(paths: Paths, walls: FloatArray) -> NDArray[np.complex128]:
+    """Return the unit normal of the surface at each touch (k, t) as a complex number; at a post, of the reflection.
+
+    `walls` (n, 2) are the normals of the walls.
+    """
+    surfaces, after = paths.surfaces, _after_bend(paths)
     normals = _complex_vectors(walls)[np.minimum(surfaces, len(walls) - 1)]
     for path, touch in np.argwhere(surfaces >= len(walls)).tolist():
         # after the bend, the edge is one more point
-        at = 1 + int(touches[path, touch]) + int(after[path, touch])
+        at = int((surfaces[path, : touch + 1] >= 0).sum()) + int(after[path, touch])
         normals[path, touch] = complex(*_reflection_normal(paths.points[path, at - 1 : at + 2]))
     return normals
 

@@ -49,9 +49,7 @@ def samples_of(
     parts = [min(steps, max(steps // 2, _BURN_IN)), *(steps * 2**longer for longer in range(most + 1))]
     with _parallel(objective, core_count()) as log_probabilities:
         # no snooker move: its samples in emcee 3.1.6 are at least 6 % too narrow
-        sampler = emcee.EnsembleSampler(
-            walkers, size, log_probabilities, moves=emcee.moves.DEMove(), vectorize=True
-        )
+        sampler = emcee.EnsembleSampler(walkers, size, log_probabilities, moves=emcee.moves.DEMove(), vectorize=True)
         for part, iterations in enumerate(parts):
             sampler.reset()
             for done, _ in enumerate(sampler.sample(state, iterations=iterations)):

@@ -10,7 +10,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters, present_value
-from sonarhw_compare.fit.values.quantities import QUANTITIES, WALL
+from sonarhw_compare.fit.values.quantities import QUANTITIES, WALL, PartQuantity, Quantity
 
 _REACH = 5.0  # standard deviations, half the width of the bounds
 
@@ -23,22 +23,21 @@ def tolerated_parameters(
     `room_tolerance` (m) is the standard deviation of the position of a wall; only `walls` may be off.
     """
     taken = {parameter.name for parameter in free}
-    names = [
-        name
-        for quantity in QUANTITIES
-        if quantity.tolerance is not None
-        for name in ([f"{WALL}:{wall}" for wall in walls] if quantity is WALL else [quantity.name])
-        if quantity is WALL or hasattr(quantity, "key") or quantity.parts(room)  # type: ignore[attr-defined]
-    ]
-    several = free_parameters(names, [""], room, board)
-    found = [_tolerated(one, room, board, room_tolerance) for one in several if one.name not in taken]
-    return tuple(one for one in found if one.deviation)
+    words = [word for quantity in QUANTITIES for word in _words(quantity, room, walls)]
+    found = [_tolerated(one, room, board, room_tolerance) for one in free_parameters(words, [""], room, board)]
+    return tuple(one for one in found if one.deviation and one.name not in taken)
+
+
+def _words(quantity: Quantity, room: Room, walls: Sequence[str]) -> list[str]:
+    if quantity.tolerance is None or (isinstance(quantity, PartQuantity) and not quantity.parts(room)):
+        return []
+    return [f"{WALL}:{wall}" for wall in walls] if quantity is WALL else [quantity.name]
 
 
 def _tolerated(parameter: Parameter, room: Room, board: Board, room_tolerance: float) -> Parameter:
     quantity = parameter.quantity
-    assert quantity.tolerance is not None
-    deviation = room_tolerance if quantity is WALL else quantity.tolerance(board)
+    stated = quantity.tolerance(board) if quantity.tolerance else 0.0
+    deviation = room_tolerance if quantity is WALL else stated
     present = present_value(parameter, Place("", (0.0, 0.0)), room, board)
     return replace(
         parameter,

@@ -10,7 +10,7 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise, _late, 
 from sonarhw_compare.fit.likelihood.echo_paths import (
     BENT,
     EVEN,
-    _mirrors,
+    _touched_normals,
     displaced,
     echo_paths,
     growth_by_wall,
@@ -124,14 +124,16 @@ def test_a_post_reflects_along_its_radius_before_and_after_an_edge() -> None:
     room = room_of([(0.0, -1.0, 0.0, 1.5), (0.6, 1.2, 0.9, 1.2)], posts)
     paths = find_paths(room, (0.9, 0.6), PathSearch(6.0, SEARCH.wavelength, faintest_diffraction=1e-6))
     seen = set()
+    normals = _touched_normals(paths, left_normals(room.walls))
     for path in np.flatnonzero(paths.edges >= 0).tolist():
         points = paths.outline(path)[1:-1]
         touches = np.delete(points, paths.bends[path], axis=0)
-        mirrors = _mirrors(paths, path, left_normals(room.walls))
-        for k, ((surface, normal), touch) in enumerate(zip(mirrors, touches, strict=True)):
-            if surface >= 2:
+        surfaces = paths.surfaces[path]
+        for k, (column, touch) in enumerate(zip(np.flatnonzero(surfaces >= 0), touches, strict=True)):
+            if (surface := surfaces[column]) >= 2:
                 x, y, radius = posts[surface - 2]
-                assert normal == pytest.approx((touch - (x, y)) / radius, abs=1e-6)
+                normal = normals[path, column]
+                assert (normal.real, normal.imag) == pytest.approx((touch - (x, y)) / radius, abs=1e-6)
                 seen.add(k - int(paths.bends[path]))
     assert {-1, 0} <= seen  # the last before the edge, and the first after it
 

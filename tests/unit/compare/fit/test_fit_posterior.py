@@ -6,6 +6,7 @@ from typing import cast
 import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood.objective import Objective
+from sonarhw_compare.fit.search.averaging import Mixture
 from sonarhw_compare.fit.search.posterior import samples_of
 
 from sonarhw.readings import FloatArray
@@ -42,12 +43,15 @@ class Box(Target):
         return 0.0 if ((values >= lower) & (values <= upper)).all() else -np.inf
 
 
-def drawn(target: Target, top: FloatArray) -> FloatArray:
-    return samples_of(cast(Objective, target), top, DRAWS, seed=1)
+START = Mixture(np.ones(1), np.zeros((1, SIZE)), np.eye(SIZE)[None])
+
+
+def drawn(target: Target) -> FloatArray:
+    return samples_of(cast(Objective, target), START, DRAWS, seed=1)
 
 
 def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations() -> None:
-    samples = drawn(Target(), np.zeros(SIZE))
+    samples = drawn(Target())
     assert samples.std(axis=0) == pytest.approx(np.ones(SIZE), rel=0.08)
     assert samples.std(axis=0).mean() == pytest.approx(1.0, rel=0.03)
     assert np.corrcoef(samples, rowvar=False)[0, :3] == pytest.approx([1.0, 0.5, 0.25], abs=0.06)
@@ -56,7 +60,7 @@ def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations()
 
 def test_the_share_of_a_chain_grows_from_0_to_1() -> None:
     shares: list[float] = []
-    samples_of(cast(Objective, Target()), np.zeros(SIZE), 4_000, 1, shares.append)
+    samples_of(cast(Objective, Target()), START, 4_000, 1, shares.append)
     assert shares[0] == 0.0
     assert shares == sorted(shares)
     # a chain that has converged ends before its last part
@@ -65,12 +69,12 @@ def test_the_share_of_a_chain_grows_from_0_to_1() -> None:
 
 
 def test_samples_of_a_half_normal_distribution_have_its_moments() -> None:
-    samples = drawn(Target(lowest=0.0), np.zeros(SIZE))[:, 0]
+    samples = drawn(Target(lowest=0.0))[:, 0]
     assert samples.mean() == pytest.approx(np.sqrt(2 / np.pi), rel=0.04)
     assert samples.std() == pytest.approx(np.sqrt(1 - 2 / np.pi), rel=0.04)
 
 
 def test_samples_of_a_uniform_distribution_reach_its_bounds() -> None:
-    samples = drawn(Box(), np.zeros(SIZE))
+    samples = drawn(Box())
     assert samples.std(axis=0) == pytest.approx(np.full(SIZE, 1 / np.sqrt(3)), rel=0.08)
     assert samples.std(axis=0).mean() == pytest.approx(1 / np.sqrt(3), rel=0.03)
