@@ -10,7 +10,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.imports.import_formats import formats_text, import_format
+from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_raw
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.completions import complete_board
@@ -67,6 +67,10 @@ def import_csv(
     blanking: Annotated[
         float | None, typer.Option(help="Traces: earlier samples are no echo, s. Needs --threshold.")
     ] = None,
+    rate: Annotated[float | None, typer.Option(help="Raw traces: sampling rate, Hz. A WAV file contains it.")] = None,
+    step: Annotated[
+        float | None, typer.Option(help="Raw traces: angle from one trace to the next, degrees. Default: 0.")
+    ] = None,
     speed_of_sound: Annotated[
         float | None,
         typer.Option(help="Traces: speed of sound, m/s; default: that of air at 20 °C. In water about 1500."),
@@ -96,10 +100,12 @@ def import_csv(
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
     sign = -1.0 if turn is TurnDirection.CW else 1.0
-    columns = _columns(file, heading, distance, time_column, decimal_comma, scale)
-    _check_traces(file, threshold, blanking, speed_of_sound, no_echo)
-    meaning = Meaning(scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0)
-    readings = _read(file, meaning) if columns is None else read_foreign_scan(file, columns, meaning)
+    known = import_format(file, rate)
+    columns = _columns(file, known, heading, distance, time_column, decimal_comma, scale)
+    _check_traces(file, known, threshold, blanking, speed_of_sound, no_echo)
+    _check_raw(file, known, rate, step)
+    meaning = Meaning(scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0, rate, step or 0.0)
+    readings = read_foreign_scan(file, columns, meaning) if columns else _read(file, known, meaning)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
@@ -109,12 +115,17 @@ def import_csv(
 
 
 def _columns(
-    file: Path, heading: str | None, distance: str | None, time_column: str | None, decimal_comma: bool, scale: float
+    file: Path,
+    known: ImportFormat | None,
+    heading: str | None,
+    distance: str | None,
+    time_column: str | None,
+    decimal_comma: bool,
+    scale: float,
 ) -> "CsvColumns | None":
     """Return the columns of a CSV file; None for another format. Raises InputError for options of the other kind."""
     from sonarhw_compare.imports.foreign_csv import CsvColumns
 
-    known = import_format(file)
     if known is None:
         if heading is None or distance is None:
             missing = "--heading" if heading is None else "--range"
@@ -128,10 +139,14 @@ def _columns(
 
 
 def _check_traces(
-    file: Path, threshold: float | None, blanking: float | None, speed: float | None, no_echo: float | None
+    file: Path,
+    known: ImportFormat | None,
+    threshold: float | None,
+    blanking: float | None,
+    speed: float | None,
+    no_echo: float | None,
 ) -> None:
     """Raise InputError for options about traces that are wrong, or do not fit the format."""
-    known = import_format(file)
     if known is None or not known.has_traces:
         for option, value in (("--threshold", threshold), ("--blanking", blanking), ("--speed-of-sound", speed)):
             if value is not None:
@@ -147,9 +162,22 @@ def _check_traces(
         raise InputError(f"--speed-of-sound {speed:g}: expected 100 to 10000 m/s")
 
 
-def _read(file: Path, meaning: "Meaning") -> "list[Reading]":
+def _check_raw(file: Path, known: ImportFormat | None, rate: float | None, step: float | None) -> None:
+    """Raise InputError for --rate and --step that are missing, wrong, or do not fit the format."""
+    if not is_raw(known):
+        for option, value in (("--rate", rate), ("--step", step)):
+            if value is not None:
+                raise InputError(f"{option} {value:g}: only for raw traces; {file.name} has its own")
+        return
+    if (rate is None) != (file.suffix.lower() == ".wav"):
+        found = "needs --rate, Hz" if rate is None else f"--rate {rate:g}: a WAV file has its own; leave it out"
+        raise InputError(f"{file}: {found}")
+    if step is not None and not -360 <= step <= 360:
+        raise InputError(f"--step {step:g}: expected -360 to 360 degrees")
+
+
+def _read(file: Path, known: ImportFormat | None, meaning: "Meaning") -> "list[Reading]":
     """Return the readings of a file that is not CSV, and print its warnings."""
-    known = import_format(file)
     assert known is not None
     with warnings.catch_warnings(record=True) as doubts:
         warnings.simplefilter("always")

@@ -33,6 +33,8 @@ class Meaning:
     speed_of_sound: float | None = None  # m/s; None: that of air at 20 °C
     threshold: float | None = None  # share of full scale at which a trace has its echo; None: traces have no echo
     blanking: float = 0.0  # s; earlier samples of a trace are no echo
+    rate: float | None = None  # Hz, sampling rate of arrays of samples
+    step: float = 0.0  # degrees, from one of their traces to the next
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def _echo_times(row: ForeignRow, meaning: Meaning, speed: float) -> tuple[float,
         return (2 * row.distance * meaning.scale / speed,)
     if row.trace is None or meaning.threshold is None:
         return ()
-    loud = np.flatnonzero((row.trace.samples >= meaning.threshold) & (row.trace.times >= meaning.blanking))
+    loud = np.flatnonzero((np.abs(row.trace.samples) >= meaning.threshold) & (row.trace.times >= meaning.blanking))
     return (float(row.trace.times[loud[0]]),) if len(loud) else ()
 
 

@@ -36,15 +36,29 @@ def _read_ping360(file: Path, meaning: "Meaning") -> "list[Reading]":
     return read_ping360_log(file, meaning)
 
 
+def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports.raw_traces import read_raw_traces
+
+    return read_raw_traces(file, meaning)
+
+
 FORMATS = (
     ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, _read_carmen),
     ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, _read_ping360),
+    ImportFormat((".wav", ".npy", ".mat"), "raw traces; with --rate also as text", True, _read_raw),
 )
+_RAW = FORMATS[-1]
 
 
-def import_format(file: Path) -> ImportFormat | None:
-    """Return the format of a file by its suffix; None: CSV."""
-    return next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
+def import_format(file: Path, rate: float | None = None) -> ImportFormat | None:
+    """Return the format of a file by its suffix; None: CSV. With a sampling `rate`, text is a table of samples."""
+    known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
+    return _RAW if known is None and rate is not None else known
+
+
+def is_raw(known: ImportFormat | None) -> bool:
+    """Return whether a format is an array of samples, without angles."""
+    return known is _RAW
 
 
 def formats_text() -> str:
