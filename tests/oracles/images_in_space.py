@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from sonarhw_sim.room.model import Room
 
 Vectors = NDArray[np.float64]
@@ -65,7 +66,9 @@ def images_in_space(
         for sequence in itertools.product(faces, repeat=count):
             if any(one is other for one, other in itertools.pairwise(sequence)):
                 continue
-            points = _path(faces, home, sequence, longest)
+            if np.linalg.norm(_images(home, sequence)[-1] - home) > longest:
+                continue
+            points = _path(faces, home, sequence, home)
             if points is None:
                 continue
             length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
@@ -77,20 +80,58 @@ def images_in_space(
     return sorted(paths.values())
 
 
-def _path(faces: list[Face], home: Vectors, sequence: tuple[Face, ...], longest: float) -> Vectors | None:
-    images = [home]
+def bent_in_space(
+    faces: list[Face], rim: Vectors, position: tuple[float, float, float], order: int, longest: float
+) -> list[tuple[float, ...]]:
+    """Return length (m) and unit vectors of departure and arrival of each path bent once by a straight rim (2, 3).
+
+    The point of the rim is found by minimising the length.
+    """
+    home, paths = np.array(position), []
+    sequences = [
+        sequence
+        for count in range(order + 1)
+        for sequence in itertools.product(faces, repeat=count)
+        if not any(one is other for one, other in itertools.pairwise(sequence))
+    ]
+    for there, back in itertools.product(sequences, repeat=2):
+        if len(there) + len(back) > order:
+            continue
+        images = [_images(home, sequence)[-1] for sequence in (there[::-1], back[::-1])]
+
+        def length(share: float, images: list[Vectors] = images) -> float:
+            at = rim[0] + share * (rim[1] - rim[0])
+            return float(sum(np.linalg.norm(image - at) for image in images))
+
+        best = minimize_scalar(length, bounds=(-1.0, 2.0), method="bounded", options={"xatol": 1e-10})
+        if not 0.0 <= best.x <= 1.0 or best.fun > longest:
+            continue
+        at = rim[0] + best.x * (rim[1] - rim[0])
+        out, home_way = _path(faces, home, there, at), _path(faces, home, back, at)
+        if out is not None and home_way is not None:
+            ways = [points[1] - home for points in (out, home_way)]
+            paths.append((float(best.fun), *(float(c) for way in ways for c in way / np.linalg.norm(way))))
+    return sorted(paths)
+
+
+def _images(target: Vectors, sequence: tuple[Face, ...]) -> list[Vectors]:
+    """Return a point, and its images in the last face, in the last two, and so on."""
+    images = [target]
     for face in reversed(sequence):
         images.append(images[-1] - 2 * float((images[-1] - face.corners[0]) @ face.normal) * face.normal)
-    if np.linalg.norm(images[-1] - home) > longest:
-        return None
-    points = [home]
+    return images
+
+
+def _path(faces: list[Face], home: Vectors, sequence: tuple[Face, ...], target: Vectors) -> Vectors | None:
+    """Return the points of the way from `home` by these faces to a target, if nothing blocks it."""
+    images, points = _images(target, sequence), [home]
     for face, image in zip(sequence, reversed(images), strict=False):
         in_plane = abs((points[-1] - face.corners[0]) @ face.normal) < _CLOSE
         touch = points[-1] if in_plane else face.crossing(points[-1], image)
         if touch is None or face.margin(touch) < -_CLOSE:
             return None
         points.append(touch)
-    points.append(home)
+    points.append(target)
     for k, (start, end) in enumerate(itertools.pairwise(points)):
         own = sequence[max(k - 1, 0) : k + 1]
         if any(_blocks(face, start, end) for face in faces if not any(face is one for one in own)):

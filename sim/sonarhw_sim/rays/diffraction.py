@@ -97,8 +97,8 @@ def diffracted_paths(
     path_table.check_size(len(first), most + _FEWEST_POINTS)
     surfaces = np.full((len(first), most), -1, np.int32)
     points = np.full((len(first), most + _FEWEST_POINTS, 2), np.nan)
-    _fill(surfaces, out.surfaces, first, before, back.surfaces, second, after)
-    _fill(points, out.points, first, before + 2, back.points, second, after + 1)
+    fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
+    fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
     lengths = out.lengths[first] + back.lengths[second]
     return PartialPaths(lengths, gains, phases, surfaces, out.edges[first], out.bends[first], points)
 
@@ -121,7 +121,7 @@ def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, Edge
     return paths, EdgePaths(paths.edges, paths.lengths, paths.gains, angles, departures)
 
 
-def _fill(
+def fill_rows(
     table: NDArray[Any],
     one: NDArray[Any],
     first: NDArray[np.intp],
@@ -201,9 +201,26 @@ def amplitudes_at_edges(
     there = np.where(np.arange(legs.shape[1]) <= bends[:, None], legs, 0.0).sum(axis=1)
     on = np.nansum(legs, axis=1) - there
     one, other = (_angle_at(room.edges, edges, point - at) for point in (before, after))
-    wedges = room.edges.openings[edges] / math.pi
+    faces = room.reflectances[room.edges.faces[edges]]
+    return edge_amplitudes(one, other, room.edges.openings[edges] / math.pi, faces, there, on, wavelengths, strength)
+
+
+def edge_amplitudes(
+    one: FloatArray,
+    other: FloatArray,
+    wedges: FloatArray,
+    faces: FloatArray,
+    there: FloatArray,
+    on: FloatArray,
+    wavelengths: FloatArray,
+    strength: EdgeStrength,
+) -> ComplexArray:
+    """Return the amplitudes of edges with this strength, relative to reflected paths of their length, (n,).
+
+    Arguments as for `by_wedge`, (n,) each.
+    """
     if strength is EdgeStrength.UNIFORM:
-        return by_wedge(one, other, wedges, room.reflectances[room.edges.faces[edges]], there, on, wavelengths)
+        return by_wedge(one, other, wedges, faces, there, on, wavelengths)
     gains = [edge_gain(*legs_and_wave) for legs_and_wave in zip(there, on, wavelengths, strict=True)]
     if strength is EdgeStrength.PAPER:
         return np.array(gains, dtype=np.complex128)
@@ -272,7 +289,9 @@ def _join(
             # a bound first, because most pairs are too faint
             if legs < faintest:
                 continue
-            factor = _most(out.angles[i], back.angles[j], wedges[edge], to_edge, back.lengths[j], wavelength, strength)
+            factor = most_of_edge(
+                out.angles[i], back.angles[j], wedges[edge], to_edge, back.lengths[j], wavelength, strength
+            )
             if legs * factor < faintest:
                 continue
             if found < pairs.shape[0]:
@@ -293,7 +312,7 @@ def _by_separation(departure: float, arrival: float, beams: FloatArray) -> float
 
 
 @compiled_part
-def _most(
+def most_of_edge(
     one: float, other: float, n: float, to_edge: float, from_edge: float, wavelength: float, strength: int
 ) -> float:
     """Return an upper bound of the amplitude of an edge relative to a reflection; exact but for the uniform theory."""

@@ -48,10 +48,7 @@ class Passing:
     @property
     def blocking(self) -> Surfaces:
         """The surfaces with a grid that lists only those that no sound passes."""
-        starts, numbers = self.surfaces.listing
-        kept = ~self.low[numbers]
-        before = np.append(0, np.cumsum(kept)).astype(np.int32)
-        return self.surfaces._replace(listing=Listing(before[starts], numbers[kept]))
+        return only(self.surfaces, ~self.low)
 
     @property
     def heights(self) -> KernelHeights:
@@ -93,6 +90,14 @@ class Passing:
         within = (share - bounds[which]) / (bounds[which + 1] - bounds[which])
         of_climbs = self.climbs[which] / (longest[which] * np.sqrt(np.maximum(within, 1e-6)))
         return np.hstack((of_climbs, np.sign(of_climbs) * np.tan(math.pi / 2 * share**2)))
+
+
+def only(surfaces: Surfaces, chosen: BoolArray) -> Surfaces:
+    """Return surfaces with a grid that lists only the chosen ones, (s,) bool."""
+    starts, numbers = surfaces.listing
+    kept = chosen[numbers]
+    before = np.append(0, np.cumsum(kept)).astype(np.int32)
+    return surfaces._replace(listing=Listing(before[starts], numbers[kept]))
 
 
 def no_heights(surfaces: int) -> KernelHeights:

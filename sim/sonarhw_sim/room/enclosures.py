@@ -136,3 +136,40 @@ def _closed_chains(ends: NDArray[np.intp], corners: int) -> Iterator[list[int]]:
             wall = sum(meeting[corner]) - wall
         if len(chain) > 2 and wall == first and corner == ends[first, 0]:
             yield chain
+
+
+@dataclass(frozen=True)
+class Lid:
+    """The upper or lower end of a closed chain of walls, or of a post."""
+
+    upper: bool
+    span: tuple[float, float]  # m: heights of both ends of the solid
+    sides: range  # numbers of its walls, or of its post
+    corners: FloatArray  # (k, 2), m: of the outline, in order; of a round one the centre
+    radius: float = 0.0  # m, of a round one
+
+    @property
+    def height(self) -> float:
+        """Its height, m."""
+        return self.span[int(self.upper)]
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least x, least y, largest x, largest y, m."""
+        (left, bottom), (right, top) = self.corners.min(axis=0) - self.radius, self.corners.max(axis=0) + self.radius
+        return float(left), float(bottom), float(right), float(top)
+
+    def covers(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Return whether points (n, 2) m are within its outline, (n,) bool."""
+        if self.radius > 0.0:
+            return np.asarray(np.hypot(*(points - self.corners[0]).T) < self.radius)
+        x, y = points.T[..., None]
+        (x0, y0), (x1, y1) = self.corners.T, np.roll(self.corners, -1, axis=0).T
+        beside = (y0 > y) != (y1 > y)
+        rise = np.where(y1 == y0, 1.0, y1 - y0)
+        crossed = beside & (x < x0 + (y - y0) / rise * (x1 - x0))
+        return np.asarray(crossed.sum(axis=1) % 2 == 1)
+
+    def surrounds(self, x: float, y: float, height: float) -> bool:
+        """Return whether a point in space (m) is inside of the solid that it closes."""
+        return self.span[0] < height < self.span[1] and bool(self.covers(np.array([[x, y]]))[0])

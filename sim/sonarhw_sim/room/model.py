@@ -1,7 +1,7 @@
 """The room as arrays: walls, posts, reflectances, edges, and its places.
 
-Surfaces are numbered walls first, then posts, both in the order of the file, then floor and ceiling, if any. Floor and
-ceiling reflect sound only from places with a height.
+Surfaces are numbered walls first, then posts, both in the order of the file, then floor and ceiling, if any, then lids.
+Floor, ceiling and lids reflect sound only from places with a height.
 """
 
 import math
@@ -18,7 +18,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air
 from sonarhw_sim.named_file import Shipped
 from sonarhw_sim.room.edges import Edges, edges_on_walls, find_edges
-from sonarhw_sim.room.enclosures import Enclosures, find_enclosures
+from sonarhw_sim.room.enclosures import Enclosures, Lid, find_enclosures
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
 from sonarhw_sim.room.outside import walls_enclose
 from sonarhw_sim.room.reflectance_table import ReflectanceTable
@@ -66,6 +66,7 @@ class Room:
     places: dict[str, Place]
     text: str  # of the file, so that a log can contain it
     tables: Mapping[str, ReflectanceTable] = field(default_factory=dict)  # of the materials that have one
+    lids: tuple[Lid, ...] = ()  # the last surfaces
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -84,11 +85,16 @@ class Room:
 
     @property
     def levels(self) -> range:
-        """Numbers of the surfaces that are floor and ceiling."""
+        """Numbers of the surfaces that are level: floor, ceiling and lids."""
         return range(len(self.walls) + len(self.posts), len(self.names))
 
+    def lid(self, surface: int) -> Lid | None:
+        """Return the lid that is a surface; None for other surfaces."""
+        row = surface - (len(self.names) - len(self.lids))
+        return self.lids[row] if row >= 0 else None
+
     def edge_between(self, first: int, second: int) -> int:
-        """Return the number of an edge in sections: between two surfaces, or the rim of one (given twice)."""
+        """Return the number of an edge of limited height or a rim: between two surfaces, or of one (given twice)."""
         return len(self.edges) + first * len(self.names) + second
 
     def edge_name(self, edge: int) -> str:

@@ -1,10 +1,11 @@
-"""Paths in space: each path of the plan, together with each sequence of floor and ceiling that its heights allow.
+"""Paths in space: each path of the plan, together with each sequence of levels that its heights allow.
 
-Walls and posts are upright, floor and ceiling are level. So the plan of a path in space is a path in the plan, its
-height folds at levels as between two mirrors, and its length is √(plan² + climb²).
+Walls and posts are upright, floor, ceiling and lids are level. So the plan of a path in space is a path in the plan,
+its height folds at levels as between mirrors, and its length is √(plan² + climb²).
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,61 +16,64 @@ from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
 from sonarhw_sim.rays.partial_paths import first_of_kind
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
+from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.clearance import Courses
-from sonarhw_sim.vertical.level_sequences import LevelSequence, level_sequences, straight_up_and_down
+from sonarhw_sim.vertical.folding import Folded, Ways, fold, ways_of
+from sonarhw_sim.vertical.level_sequences import LevelSequence
+from sonarhw_sim.vertical.levels import Levels
+from sonarhw_sim.vertical.plan import Plan
 
 _TOGETHER = 1e-9  # m: touches this near to each other in the plan are in the order of the plan
 
 
-def raised_paths(courses: Courses, height: float, search: PathSearch) -> list[Paths]:
-    """Return the paths in space from a height (m) back to it, one table for each sequence of levels."""
-    room = courses.plan.room
-    longest, most = search.max_length + SLACK, search.max_bounces
-    return [_raised(courses, sequence, search) for sequence in level_sequences(room, height, longest, most)]
-
-
-def _raised(courses: Courses, sequence: LevelSequence, search: PathSearch) -> Paths:
-    paths = courses.paths
-    fits = np.hypot(paths.lengths, sequence.climb) <= search.max_length + SLACK
-    fits &= paths.bounces + len(sequence.surfaces) <= search.max_bounces
-    rows = courses.clear(sequence, np.flatnonzero(fits))
-    rows = rows[_once(courses, rows)]
-    elevations = np.arctan2(sequence.climb, paths.lengths[rows])
-    gains, phases = _bent(courses, rows, elevations, search)
-    gains *= courses.plan.room.reflectances[list(sequence.surfaces)].prod()
-    loud = np.flatnonzero(_loud_enough(gains, elevations, paths.edges[rows] >= 0, search))
-    rows, elevations, gains, phases = rows[loud], elevations[loud], gains[loud], phases[loud]
-    surfaces, bends, points = _merged(courses, sequence, rows)
+def raised_paths(plan: Plan, levels: Levels, paths: Paths, height: float, search: PathSearch) -> Paths:
+    """Return the paths in space from a height (m) back to it, by paths of the plan and levels."""
+    ways = ways_of(paths)
+    folded = fold(ways, paths.bounces, height, search, plan.obstacles)
+    if plan.passing is not None:
+        kept = _once(paths, folded)
+        folded = Folded._make(column[kept] for column in folded)
+    elevations = np.arctan2(folded.totals, paths.lengths[folded.rows])
+    gains, phases = _bent(plan.room, paths, folded.rows, elevations, search)
+    gains *= np.append(plan.room.reflectances[levels.surfaces], 1.0)[folded.levels].prod(axis=1)
+    bent = paths.edges[folded.rows] >= 0
+    kept = np.flatnonzero(~bent | (gains * loudest_at(elevations, search) >= search.faintest_diffraction))
+    folded, elevations = Folded._make(column[kept] for column in folded), elevations[kept]
+    surfaces, bends, points = with_levels(ways, levels, folded)
+    count = (folded.levels >= 0).sum(axis=1)
+    ends = levels.kernel.heights[folded.levels[np.arange(len(kept))[:, None], np.column_stack((0 * count, count - 1))]]
     return replace(
-        paths.select(rows),
-        lengths=np.hypot(paths.lengths[rows], sequence.climb),
-        gains=gains,
-        phases=phases,
+        paths.select(folded.rows),
+        lengths=np.hypot(paths.lengths[folded.rows], folded.totals),
+        gains=gains[kept],
+        phases=phases[kept],
         surfaces=surfaces,
         bends=bends,
         points=points,
-        elevations=np.outer(elevations, sequence.signs),
+        elevations=elevations[:, None] * np.sign(ends - height),
     )
 
 
-def _once(courses: Courses, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+def _once(paths: Paths, folded: Folded) -> NDArray[np.intp]:
     """Return which of these rows differ in space: through a vertex, several sequences describe one path."""
-    if courses.plan.passing is None:
-        return np.arange(len(rows))
-    paths = courses.paths
-    return np.flatnonzero(first_of_kind(paths.lengths[rows], paths.edges[rows], paths.points[rows]))
+    rows = folded.rows
+    _, sequence = np.unique(folded.levels, axis=0, return_inverse=True)
+    kept = np.zeros(len(rows), np.bool_)
+    for each in range(int(sequence.max(initial=-1)) + 1):
+        of_it = np.flatnonzero(sequence.ravel() == each)
+        some = rows[of_it]
+        kept[of_it[first_of_kind(paths.lengths[some], paths.edges[some], paths.points[some])]] = True
+    return np.flatnonzero(kept)
 
 
 def _bent(
-    courses: Courses, rows: NDArray[np.intp], elevations: FloatArray, search: PathSearch
+    room: Room, paths: Paths, rows: NDArray[np.intp], elevations: FloatArray, search: PathSearch
 ) -> tuple[FloatArray, FloatArray]:
-    """Return gains and phases (n,) of paths with these elevations (n,).
+    """Return gains and phases (n,) of rows of paths with these elevations (n,).
 
     Sound that meets an upright edge at an elevation e is diffracted as in the plan by a wave 1/cos e times as long: the
     field along the edge is a factor exp(jkz sin e).
     """
-    paths, room = courses.paths, courses.plan.room
     gains, phases = paths.gains[rows], paths.phases[rows]
     bent = np.flatnonzero(paths.edges[rows] >= 0)
     if len(bent):
@@ -83,84 +87,95 @@ def _bent(
     return gains, phases
 
 
-def _loud_enough(
-    gains: FloatArray, elevations: FloatArray, bent: NDArray[np.bool_], search: PathSearch
-) -> NDArray[np.bool_]:
-    """Return which paths are not omitted as too faint: no heading is nearer to a direction than its elevation."""
-    most = np.ones(len(gains))
-    if search.ka is not None and search.axes is None:
-        angles = np.linspace(0, math.pi / 2, 901)
-        loudest = np.maximum.accumulate(beam_gain(angles, search.ka)[::-1])[::-1]
-        most = loudest[(elevations / (math.pi / 2) * 900).astype(np.intp)] ** 2
-    return ~bent | (gains * most >= search.faintest_diffraction)
+def loudest_at(elevations: FloatArray, search: PathSearch) -> FloatArray:
+    """Return the most that both beams leave of paths with these elevations (n,) at any heading, (n,).
+
+    No heading is nearer to a direction than its elevation.
+    """
+    if search.ka is None or search.axes is not None:
+        return np.ones(len(elevations))
+    angles = np.linspace(0, math.pi / 2, 901)
+    loudest = np.maximum.accumulate(beam_gain(angles, search.ka)[::-1])[::-1]
+    return np.asarray(loudest[(np.abs(elevations) / (math.pi / 2) * 900).astype(np.intp)] ** 2)
 
 
-def _merged(
-    courses: Courses, sequence: LevelSequence, rows: NDArray[np.intp]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray]:
+def with_levels(ways: Ways, levels: Levels, folded: Folded) -> tuple[IntArray, IntArray, FloatArray]:
     """Return surfaces (n, b), bends (n,) and points (n, b + 3, 2) of paths with touches of levels among the others."""
-    paths, levels = courses.paths, len(sequence.surfaces)
-    at, ways = courses.at[rows], paths.lengths[rows]
-    touches = ways[:, None] * sequence.climbs[1:-1] / sequence.climb
+    rows, most = folded.rows, folded.levels.shape[1]
+    at, row = ways.at[rows], np.arange(len(folded.rows))
+    lengths = at[row, ways.lasts[rows]]
+    touches = lengths[:, None] * folded.climbs / np.maximum(folded.totals, 1e-300)[:, None]
     # levels first: they are so in a right-angled corner of level and wall, where sound touches both at one point
-    points = np.concatenate((_along(paths.points[rows], at, touches), paths.points[rows]), axis=1)
-    met = np.hstack((np.tile(np.array(sequence.surfaces, np.int32), (len(rows), 1)), courses.met[rows]))
+    points = np.concatenate((_along(ways, rows, touches), ways.points[rows]), axis=1)
+    met = np.hstack((np.append(levels.surfaces, -1).astype(np.int32)[folded.levels], ways.met[rows]))
     where = np.nan_to_num(np.round(np.hstack((touches, at)) / _TOGETHER), nan=np.inf)
     # source first, receiver last
-    where[:, levels] = -1.0
-    count = np.isfinite(paths.points[rows, :, 0]).sum(axis=1)
-    where[np.arange(len(rows)), levels + count - 1] = np.round(ways / _TOGETHER) + 1
+    where[:, most] = -1.0
+    where[row, most + ways.lasts[rows]] = np.round(lengths / _TOGETHER) + 1
     order = np.argsort(where, axis=1, kind="stable")
     met = np.take_along_axis(met, order, axis=1)
     points = np.take_along_axis(points, order[..., None], axis=1)
     # the edge is the one point between source and receiver without a surface
-    bent = paths.edges[rows] >= 0
-    bends = np.where(bent, (met[:, 1:] < 0).argmax(axis=1), paths.bends[rows] + levels).astype(np.int32)
+    count = (folded.levels >= 0).sum(axis=1)
+    bends = np.where(ways.edges[rows] >= 0, (met[:, 1:] < 0).argmax(axis=1), ways.bends[rows] + count).astype(np.int32)
     surfaces = np.take_along_axis(met, np.argsort(met < 0, axis=1, kind="stable"), axis=1)
-    most = points.shape[1]
-    return surfaces[:, : most - 3], bends, points
+    return surfaces[:, : points.shape[1] - 3], bends, points
 
 
-def _along(points: FloatArray, at: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Return the points (n, k, 2) at `lengths` (n, k) m along the ways through `points` (n, p, 2) at `at` (n, p) m."""
+def _along(ways: Ways, rows: NDArray[np.intp], lengths: FloatArray) -> FloatArray:
+    """Return the points (m, k, 2) at `lengths` (m, k) m along these rows of ways, NaN where a length is NaN."""
+    at, points = ways.at[rows], ways.points[rows]
     leg = (at[:, None, :] <= lengths[..., None]).sum(axis=2) - 1
-    last = np.isfinite(at).sum(axis=1)[:, None] - 2
-    leg = np.minimum(leg, last)
-    row = np.arange(len(points))[:, None]
+    leg = np.clip(leg, 0, ways.lasts[rows][:, None] - 1)
+    row = np.arange(len(rows))[:, None]
     start, end = points[row, leg], points[row, leg + 1]
     begin, size = at[row, leg], at[row, leg + 1] - at[row, leg]
     share = (lengths - begin) / np.where(size > 0, size, 1.0)
     return np.asarray(start + share[..., None] * (end - start))
 
 
-def straight_paths(room: Room, place: Place, height: float, search: PathSearch) -> list[Paths]:
+def straight_paths(room: Room, place: Place, levels: Levels, height: float, search: PathSearch) -> list[Paths]:
     """Return the paths that only go up and down between the levels, one table each."""
+    lower, upper = room.heights[room.posts_at(place.position)].T
     return [
-        _straight(room, place, sequence)
-        for sequence in level_sequences(room, height, search.max_length + SLACK, search.max_bounces)
-        if not _stands_in(room, place, sequence)
+        _straight(room, place, levels, sequence)
+        for sequence in _up_and_down(levels, place, height, search)
+        # no post stands in the way
+        if not ((lower < sequence.heights.max()) & (upper > sequence.heights.min())).any()
     ]
 
 
-def _stands_in(room: Room, place: Place, sequence: LevelSequence) -> bool:
-    """Return whether a post stands above or below a place, in the way of a sequence."""
-    posts = room.posts_at(place.position)
-    lower, upper = room.heights[posts].T
-    return bool(((lower <= sequence.heights.max()) & (upper >= sequence.heights.min())).any())
+def _up_and_down(levels: Levels, place: Place, height: float, search: PathSearch) -> Iterator[LevelSequence]:
+    """Yield the sequences between the nearest levels below and above a place."""
+    here, heights = np.array([place.position]), levels.kernel.heights
+    covers = np.array([lid is None or bool(lid.covers(here)[0]) for lid in levels.lids], dtype=np.bool_)
+    below = np.flatnonzero(covers & (heights < height) & (levels.kernel.facing > 0))
+    above = np.flatnonzero(covers & (heights > height) & (levels.kernel.facing < 0))
+    nearest = below[np.argsort(-heights[below])[:1]].tolist(), above[np.argsort(heights[above])[:1]].tolist()
+    for first, second in (nearest, nearest[::-1]):
+        rows: tuple[int, ...] = ()
+        while len(rows) < search.max_bounces and (following := (first, second)[len(rows) % 2]):
+            rows = (*rows, *following)
+            sequence = LevelSequence(rows, np.array([height, *heights[list(rows)], height]))
+            if sequence.climb > search.max_length + SLACK:
+                break
+            yield sequence
 
 
-def _straight(room: Room, place: Place, sequence: LevelSequence) -> Paths:
-    count, whole = len(sequence.surfaces), np.array([-1], np.int32)
+def _straight(room: Room, place: Place, levels: Levels, sequence: LevelSequence) -> Paths:
+    count, whole = len(sequence.levels), np.array([-1], np.int32)
+    surfaces = levels.surfaces[[list(sequence.levels)]]
+    up, down = sequence.signs
     return Paths(
         lengths=np.array([sequence.climb]),
         departures=np.zeros(1),
         arrivals=np.zeros(1),
-        gains=room.reflectances[[list(sequence.surfaces)]].prod(axis=1),
+        gains=room.reflectances[surfaces].prod(axis=1),
         phases=np.zeros(1),
         spreads=np.zeros(1),
-        surfaces=np.array([sequence.surfaces], np.int32),
+        surfaces=surfaces,
         edges=whole,
         bends=np.array([count], np.int32),
-        elevations=np.array([straight_up_and_down(sequence)]),
+        elevations=np.array([[up * math.pi / 2, down * math.pi / 2]]),
         points=np.concatenate((np.tile(place.position, (1, count + 2, 1)), np.full((1, 1, 2), np.nan)), axis=1),
     )

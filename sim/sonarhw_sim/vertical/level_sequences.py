@@ -1,10 +1,9 @@
-"""Sequences of reflections by floor and ceiling, which turn the height of sound around.
+"""Sequences of reflections by levels, which turn the height of sound around.
 
 Sound that rises or falls with one slope along its way in the plan has the height that it would have without levels,
 folded at each of them (image sources).
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,14 +11,16 @@ from functools import cached_property
 import numpy as np
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.vertical.levels import Levels
+
+_CLOSE = 1e-9  # m: heights that differ less are equal
 
 
 @dataclass(frozen=True)
 class LevelSequence:
-    """The levels that sound touches between its departure at a height and its return to it."""
+    """The levels that sound touches between its departure at one height and its arrival at another."""
 
-    surfaces: tuple[int, ...]
+    levels: tuple[int, ...]  # rows of `Levels`
     heights: FloatArray  # (k + 2,), m: of the departure, of each level, and of the arrival
 
     @cached_property
@@ -37,27 +38,30 @@ class LevelSequence:
         """The signs of the elevation at departure and of that from which sound arrives."""
         return float(np.sign(self.heights[1] - self.heights[0])), float(np.sign(self.heights[-2] - self.heights[-1]))
 
-    def heights_at(self, climbed: FloatArray) -> FloatArray:
-        """Return the height (m) after going up and down by `climbed` m, same shape."""
-        return np.interp(climbed, self.climbs, self.heights)
+
+def level_sequences(
+    levels: Levels, start: float, end: float, longest: float, most: int, lids: int
+) -> Iterator[LevelSequence]:
+    """Yield the sequences from one height to another, m, with a climb up to `longest` (m).
+
+    They touch one level or more, up to `most`, and up to `lids` that are limited. Those that first go down come first.
+    """
+    for going in (-1, 1):
+        yield from _continued(levels, LevelSequence((), np.array([start])), going, end, longest, most, lids)
 
 
-def level_sequences(room: Room, height: float, longest: float, most: int) -> Iterator[LevelSequence]:
-    """Yield the sequences from a height back to it, with a climb up to `longest` (m) and up to `most` levels."""
-    below = [level for level in room.levels if room.heights[level, 0] < height]
-    above = [level for level in room.levels if room.heights[level, 0] > height]
-    for first, second in ((below, above), (above, below)):
-        surfaces: tuple[int, ...] = ()
-        while len(surfaces) < most and (following := (first, second)[len(surfaces) % 2]):
-            surfaces = (*surfaces, *following)
-            between = [float(room.heights[level, 0]) for level in surfaces]
-            sequence = LevelSequence(surfaces, np.array([height, *between, height]))
-            if sequence.climb > longest:
-                break
-            yield sequence
-
-
-def straight_up_and_down(sequence: LevelSequence) -> tuple[float, float]:
-    """Return the elevations (rad) of the path that only goes up and down."""
-    up, down = sequence.signs
-    return up * math.pi / 2, down * math.pi / 2
+def _continued(
+    levels: Levels, begun: LevelSequence, going: int, end: float, longest: float, most: int, lids: int
+) -> Iterator[LevelSequence]:
+    at, kernel = float(begun.heights[-1]), levels.kernel
+    ahead = (kernel.facing == -going) & ((kernel.heights - at) * going > _CLOSE)
+    for level in np.flatnonzero(ahead).tolist() if most > 0 else []:
+        left = lids - int(kernel.limited[level])
+        height = float(kernel.heights[level])
+        touched = LevelSequence((*begun.levels, level), np.append(begun.heights, height))
+        if left < 0 or touched.climb > longest:
+            continue
+        whole = LevelSequence(touched.levels, np.append(touched.heights, end))
+        if (end - height) * -going > _CLOSE and whole.climb <= longest:
+            yield whole
+        yield from _continued(levels, touched, -going, end, longest, most - 1, left)

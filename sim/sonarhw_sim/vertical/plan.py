@@ -1,20 +1,20 @@
 """The plan of a room with heights: walls, posts and edges of all heights, with the heights at which each exists."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.weighing import BoolArray
-from sonarhw_sim.rays.passing import Passing
+from sonarhw_sim.rays.passing import Passing, only
 from sonarhw_sim.rays.paths import PathSearch
 from sonarhw_sim.room.edges import Edges, find_edges
 from sonarhw_sim.room.enclosures import find_enclosures
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
-from sonarhw_sim.vertical.level_sequences import level_sequences
+from sonarhw_sim.room.room_file import Span
+from sonarhw_sim.vertical.folding import BoolArray, Obstacles
+from sonarhw_sim.vertical.levels import Levels
 
 
 @dataclass(frozen=True)
@@ -23,42 +23,32 @@ class Plan:
 
     room: Room  # with the edges of all heights
     passing: Passing | None  # None: no surface is low
-    bounds: FloatArray  # (b,), m: heights between which the same edges exist
-    at_bands: BoolArray  # (e, b + 1): whether each edge exists below, between and above the bounds
+    obstacles: Obstacles
     edges: IntArray  # (e + 1,): number of each edge in the given room; the last, for row -1, is -1
 
-    def edges_exist(self, edges: IntArray, heights: FloatArray) -> BoolArray:
-        """Return whether each edge, a row of the room's, exists at a height (m), (n,) bool."""
-        return np.asarray(self.at_bands[edges, np.searchsorted(self.bounds, heights)])
 
+def plan_of(room: Room, height: float, levels: Levels, reach: Span, climbs: FloatArray, search: PathSearch) -> Plan:
+    """Return the plan for a place at a height (m), and sound that stays between the heights `reach` (m).
 
-def plan_of(room: Room, height: float, search: PathSearch) -> Plan:
-    """Return the plan for a place at a height (m)."""
+    `climbs` (c,) m are what the paths to find go up and down, negative if they first go down.
+    """
     spans = room.heights[: room.levels.start]
-    levels = [float(room.heights[level, 0]) for level in room.levels]
-    lowest, highest = min(height, *levels), max(height, *levels)
-    low = (spans[:, 0] > lowest) | (spans[:, 1] < highest)
+    low = (spans[:, 0] > reach[0]) | (spans[:, 1] < reach[1])
+    surfaces = room.surfaces
     if not low.any():
         edges = np.append(np.arange(len(room.edges)), -1).astype(np.int32)
-        return Plan(room, None, np.empty(0), np.ones((len(room.edges), 1), np.bool_), edges)
-    sequences = level_sequences(room, height, search.max_length, search.max_bounces)
-    passing = Passing(
-        room.surfaces,
-        spans,
-        low,
-        height,
-        max((level for level in levels if level < height), default=-math.inf),
-        min((level for level in levels if level > height), default=math.inf),
-        np.array([sequence.climb * sequence.signs[0] for sequence in sequences]),
-        search.max_length,
-    )
+        everywhere = np.ones((len(room.edges), 1), np.bool_)
+        obstacles = Obstacles(only(surfaces, low), spans, low, np.empty(0), everywhere, levels.kernel)
+        return Plan(room, None, obstacles, edges)
+    passing = Passing(surfaces, spans, low, height, levels.floor, levels.ceiling, climbs, search.max_length)
     bounds = np.unique(spans[np.isfinite(spans)])
     middles = np.concatenate((bounds[:1] - 1, (bounds[:-1] + bounds[1:]) / 2, bounds[-1:] + 1))
     edges_at_all, at_bands = _edges_of_bands(room, spans, middles)
     plan = replace(room, edges=edges_at_all)
-    plan.__dict__["surfaces"] = room.surfaces
+    plan.__dict__["surfaces"] = surfaces
     plan.__dict__["enclosures"] = find_enclosures(room.walls[~low[: len(room.walls)]], edges_at_all)
-    return Plan(plan, passing, bounds, at_bands, edge_numbers(edges_at_all, room, range(len(room.walls))))
+    obstacles = Obstacles(only(surfaces, low), spans, low, bounds, at_bands, levels.kernel)
+    return Plan(plan, passing, obstacles, edge_numbers(edges_at_all, room, range(len(room.walls))))
 
 
 def _edges_of_bands(room: Room, spans: FloatArray, middles: FloatArray) -> tuple[Edges, BoolArray]:

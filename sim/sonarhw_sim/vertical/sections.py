@@ -1,8 +1,8 @@
 """All paths of a place: in the plan, and out of it if the height of the transducer is known.
 
 A place without a height uses the plan only. A place with a height uses a horizontal section with the walls and posts
-that span this height, the paths that floor and ceiling turn out of it (`vertical.in_space`), and those that the upper
-and lower ends of walls bend (`vertical.vertical_paths`). All are merged here.
+that span this height, the paths that floor, ceiling and lids turn out of it (`vertical.in_space`), and those that the
+upper and lower ends of walls bend (`vertical.rims`). All are merged here.
 """
 
 import math
@@ -17,18 +17,20 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.scatter import scattered_paths
 from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.clearance import courses_of
 from sonarhw_sim.vertical.in_space import raised_paths, straight_paths
 from sonarhw_sim.vertical.incidence import reflectance_factors
+from sonarhw_sim.vertical.level_sequences import level_sequences
+from sonarhw_sim.vertical.levels import Levels, levels_of
 from sonarhw_sim.vertical.plan import edge_numbers, plan_of
+from sonarhw_sim.vertical.rims.post_rims import round_rim_paths, round_rims
+from sonarhw_sim.vertical.rims.rim_paths import rim_paths
+from sonarhw_sim.vertical.rims.rim_table import find_rims
 from sonarhw_sim.vertical.rough_levels import rough_level_paths
-from sonarhw_sim.vertical.vertical_paths import rim_paths
 
 Receiver = tuple[float, float] | None  # position of the receiver, m; None: as the sender
 
-# m: sender and receiver up to this distance use vertical planes midway between them for the ends of walls, and patches
-# of rough levels seen from there. At a distance s, a path of length L is then too short by s²/2L, 0.2 mm for 26 mm at
-# 2 m. Farther apart, sound leaves every vertical plane.
+# m: sender and receiver up to this distance use patches of rough levels seen from midway between them. At a distance s,
+# a path of length L is then too short by s²/2L, 0.2 mm for 26 mm at 2 m. Farther apart, rough levels return no sound.
 SIDE_BY_SIDE = 0.1
 # Paths bent by an edge and by levels, in a room that sound can pass at several heights, are many and faint: those below
 # -40 dB, if the others are listed from -60 dB on, are omitted.
@@ -59,37 +61,50 @@ def _all_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver,
         raise InputError(f"room {room.name!r}: heights take up to {_MOST_SURFACES} surfaces, got {len(room.names)}")
     strips = _strips(place.height, face, sections)
     flat = _horizontal_paths(room, place, search, receiver, strips)
-    parts = [flat, *_raised_paths(room, place, place.height, search, receiver, flat)]
-    middle, flat_at_middle = place, flat
+    levels = levels_of(room, place, place.height)
+    parts = [flat, *_raised_paths(room, place, levels, search, receiver, flat)]
+    parts += _rim_paths(room, place, levels, search, receiver)
     if receiver is None:
-        parts += straight_paths(room, place, place.height, search)
-    elif math.dist(place.position, receiver) > SIDE_BY_SIDE:
-        return _by_length(Paths.join(parts))
-    else:
+        parts += straight_paths(room, place, levels, place.height, search)
+        parts += rough_level_paths(room, place, place.height, search)
+    elif math.dist(place.position, receiver) <= SIDE_BY_SIDE:
         (x, y), (other_x, other_y) = place.position, receiver
         middle = replace(place, position=((x + other_x) / 2, (y + other_y) / 2))
-        flat_at_middle = _horizontal_paths(room, middle, search, None, strips)
-    parts += rough_level_paths(room, middle, place.height, search)
-    # sound does not leave the inside of a post
-    if not set(room.posts_at(middle.position)) & set(spanning_at(room, place.height)):
-        parts += rim_paths(room, middle, place.height, search, flat_at_middle)
+        parts += rough_level_paths(room, middle, place.height, search)
     return _by_length(Paths.join(parts))
 
 
 def _raised_paths(
-    room: Room, place: Place, height: float, search: PathSearch, receiver: Receiver, flat: Paths
+    room: Room, place: Place, levels: Levels, search: PathSearch, receiver: Receiver, flat: Paths
 ) -> list[Paths]:
-    """Return the paths by floor and ceiling; `flat` are those of the horizontal section."""
-    if not room.levels:
+    """Return the paths by floor, ceiling and lids; `flat` are those of the horizontal section."""
+    if not len(levels.surfaces):
         return []
-    plan = plan_of(room, height, search)
+    height = place.height or 0.0
+    sequences = level_sequences(levels, height, height, search.max_length, search.max_bounces, 1)
+    climbs = np.array([sequence.climb * sequence.signs[0] for sequence in sequences])
+    ends = levels.kernel.heights
+    reach = min(height, float(ends.min())), max(height, float(ends.max()))
+    plan = plan_of(room, height, levels, reach, climbs, search)
     if plan.passing is None:
         paths = flat.select(np.flatnonzero(~flat.scattered))
     else:
         search = replace(search, faintest_diffraction=_LOUDER * search.faintest_diffraction)
         paths = find_paths(plan.room, place.position, search, receiver, plan.passing)
-    raised = raised_paths(courses_of(plan, paths), height, search)
-    return [replace(paths, edges=plan.edges[paths.edges]) for paths in raised]
+    raised = raised_paths(plan, levels, paths, height, search)
+    return [replace(raised, edges=plan.edges[raised.edges])]
+
+
+def _rim_paths(room: Room, place: Place, levels: Levels, search: PathSearch, receiver: Receiver) -> list[Paths]:
+    """Return the paths by upper and lower ends of walls and posts."""
+    rims, round_ = find_rims(room, levels), round_rims(room, levels)
+    if not search.diffraction or not (len(rims) or round_):
+        return []
+    height, sender = place.height or 0.0, np.array(place.position, dtype=np.float64)
+    ends = sender, sender if receiver is None else np.array(receiver, dtype=np.float64)
+    plan = plan_of(room, height, levels, (levels.floor, levels.ceiling), np.empty(0), search)
+    parts = [rim_paths(plan, levels, rims, ends, height, search)] if len(rims) else []
+    return [*parts, round_rim_paths(plan, levels, round_, ends, height, search)] if round_ else parts
 
 
 def _planar_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver) -> Paths:

@@ -20,7 +20,7 @@ from sonarhw_sim.vertical.sections import cut, paths_from, spanning_at
 
 from sonarhw.echo_source import Ping
 from sonarhw.readings import FloatArray
-from tests.oracles.images_in_space import faces_of, images_in_space
+from tests.oracles.images_in_space import bent_in_space, faces_of, images_in_space
 
 WAVELENGTH = 0.00696
 SEARCH = PathSearch(8.0, WAVELENGTH, diffraction=False)
@@ -143,6 +143,21 @@ def test_paths_over_and_under_low_walls_are_those_of_independent_images_in_space
     assert found.keys() == exact.keys()
     for key, row in found.items():
         assert row == pytest.approx(exact[key], abs=1e-7)
+
+
+@pytest.mark.parametrize("height", [0.35, 0.9])
+def test_paths_bent_by_a_rim_are_those_that_minimise_the_length_in_space(height: float) -> None:
+    room = room_of(BOX + wall("fence", (0.6, 0.3), (1.0, 1.6), height=(0.0, 0.5)))
+    position = (1.6, 0.7)
+    search = replace(SEARCH, max_length=6.5, max_bounces=2, diffraction=True, faintest_diffraction=1e-9)
+    paths = paths_from(room, Place("here", position, height=height), search)
+    paths = paths.select(np.flatnonzero(paths.edges >= len(room.edges)))
+    assert {paths.via(k, room)[paths.bends[k]] for k in range(len(paths))} == {"fence/"}
+    rim = np.array([[0.6, 0.3, 0.5], [1.0, 1.6, 0.5]])
+    exact = bent_in_space(faces_of(room), rim, (*position, height), 2, search.max_length)
+    rows = [(row[0], *row[2:]) for row in as_rows(paths)]
+    assert len(exact) > 20
+    assert {tuple(np.round(row, 4) + 0.0) for row in rows} == {tuple(np.round(row, 4) + 0.0) for row in exact}
 
 
 def _by_direction(rows: list[tuple[float, ...]]) -> dict[tuple[float, ...], tuple[float, ...]]:

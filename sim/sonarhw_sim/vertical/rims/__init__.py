@@ -1,0 +1,1 @@
+"""Paths that the level ends of walls and posts bend, in space."""

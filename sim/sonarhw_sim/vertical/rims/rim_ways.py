@@ -1,0 +1,193 @@
+"""Ways to rims, each with its sequence of levels, solved in the plan and checked at its heights; paths of two ways."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.diffraction import fill_rows
+from sonarhw_sim.rays.partial_paths import first_of_kind
+from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
+from sonarhw_sim.rays.sequences import solve_candidates
+from sonarhw_sim.room.grid import IntArray
+from sonarhw_sim.vertical.folding import Folded, Ways, are_clear
+from sonarhw_sim.vertical.in_space import loudest_at, with_levels
+from sonarhw_sim.vertical.level_sequences import LevelSequence, level_sequences
+from sonarhw_sim.vertical.levels import Levels
+from sonarhw_sim.vertical.plan import Plan
+from sonarhw_sim.vertical.rims.approaches import Approaches
+
+_SAME_ANGLE = 1e-7  # rad
+
+
+class RimSequences(NamedTuple):
+    """Sequences of levels on the way to a rim, one row each."""
+
+    levels: IntArray  # (q, k), padded with -1
+    heights: FloatArray  # (q, k + 2), m: of the departure, of each level, and of the rim
+    climbs: FloatArray  # (q, k + 2), m: up and down travelled until there
+    totals: FloatArray  # (q,), m
+    signs: FloatArray  # (q, 2): of the elevation at departure, and of that from which sound arrives
+    of_rims: IntArray  # (r, 2): the first row for each rim, and the first behind
+
+
+class Bends(NamedTuple):
+    """Points at which sound bends, one row each."""
+
+    edges: IntArray  # (m,): number of the rim in the room
+    points: FloatArray  # (m, 2), m
+    lengths: FloatArray  # (m,), m: of the path
+    gains: FloatArray  # (m,)
+    phases: FloatArray  # (m,), rad
+
+
+class End(NamedTuple):
+    """Sender or receiver, its approaches, and for each bend the row of them and of the sequences of levels."""
+
+    position: FloatArray  # (2,)
+    approaches: Approaches
+    rows: NDArray[np.intp]  # (m,)
+    sequences: NDArray[np.intp]  # (m,)
+
+
+class _Solved(NamedTuple):
+    """Ways from sender or receiver to points of rims, one row each."""
+
+    departures: FloatArray  # (m,), rad
+    elevations: FloatArray  # (m,), rad
+    surfaces: IntArray  # (m, b)
+    touches: IntArray  # (m,): number of surfaces
+    points: FloatArray  # (m, b + 3, 2)
+
+
+def sequences_to(levels: Levels, heights: FloatArray, height: float, search: PathSearch) -> RimSequences:
+    """Return the sequences of levels from a height to rims at `heights` (r,), m, with at most one lid among them."""
+    rim_heights, which = np.unique(heights, return_inverse=True)
+    longest, most = search.max_length + SLACK, search.max_bounces
+    found: list[LevelSequence] = []
+    ranges = []
+    for end in rim_heights.tolist():
+        begin = len(found)
+        found += [LevelSequence((), np.array([height, end])), *level_sequences(levels, height, end, longest, most, 1)]
+        ranges.append((begin, len(found)))
+    width = max((len(sequence.levels) for sequence in found), default=0)
+    rows = np.full((len(found), width), -1, np.int32)
+    at, climbs = np.zeros((2, len(found), width + 2))
+    for row, sequence in enumerate(found):
+        count = len(sequence.levels)
+        rows[row, :count] = sequence.levels
+        at[row, : count + 2], climbs[row, : count + 2] = sequence.heights, sequence.climbs
+    return RimSequences(
+        rows,
+        at,
+        climbs,
+        np.array([sequence.climb for sequence in found]),
+        np.array([sequence.signs for sequence in found]).reshape(-1, 2),
+        np.array(ranges, dtype=np.int32).reshape(-1, 2)[which.ravel()],
+    )
+
+
+def ways_to(
+    plan: Plan, position: FloatArray, approaches: Approaches, rows: NDArray[np.intp], to: FloatArray
+) -> tuple[NDArray[np.bool_], Ways]:
+    """Return the ways of these rows (m,) of approaches to points (m, 2), and whether each is one in the plan, (m,)."""
+    assert plan.passing is not None
+    bounces = approaches.bounces[rows]
+    real, points, _, _ = solve_candidates(
+        position,
+        np.zeros(len(approaches.walls)),
+        approaches.surfaces,
+        np.column_stack((rows, bounces, np.arange(len(rows)))).astype(np.int32),
+        to,
+        np.full(len(rows), np.inf),
+        plan.passing.blocking,
+    )
+    points = np.concatenate((points, np.full((len(rows), 1, 2), np.nan)), axis=1)
+    legs = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0))
+    met = np.full(points.shape[:2], -1, np.int32)
+    met[:, 1 : points.shape[1] - 2] = approaches.surfaces[rows, : points.shape[1] - 3]
+    at = np.hstack((np.zeros((len(rows), 1)), np.cumsum(legs, axis=1)))
+    return real, Ways(points, at, met, bounces + 1, np.full(len(rows), -1, np.int32), bounces)
+
+
+def ways_are_clear(
+    plan: Plan, ways: Ways, rows: NDArray[np.intp], sequences: RimSequences, chosen: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Return whether sound can take these rows (h,) of ways with a sequence of levels each, (h,) bool."""
+    chosen = chosen.astype(np.intp)
+    return are_clear(ways, rows, chosen, sequences.heights, sequences.climbs, sequences.levels, plan.obstacles)
+
+
+def paths_by(
+    plan: Plan, levels: Levels, sequences: RimSequences, ends: tuple[End, End], bends: Bends, search: PathSearch
+) -> Paths:
+    """Return the paths past these bends that sound can take, loud enough, shortest first."""
+    (free, there), (also_free, on) = (_ways_to_bends(plan, end, sequences, bends.points) for end in ends)
+    clear = np.flatnonzero(free & also_free)
+    one, other = (
+        _solved(levels, sequences, end.sequences[clear], Ways._make(column[clear] for column in ways))
+        for end, ways in zip(ends, (there, on), strict=True)
+    )
+    return _audible(_joined(Bends._make(column[clear] for column in bends), one, other), search)
+
+
+def _ways_to_bends(plan: Plan, end: End, sequences: RimSequences, points: FloatArray) -> tuple[NDArray[np.bool_], Ways]:
+    """Return whether sound can take the ways of an end to these points (m, 2) of rims, and the ways."""
+    clear, ways = ways_to(plan, end.position, end.approaches, end.rows, points)
+    solved = np.flatnonzero(clear)
+    clear[solved] = ways_are_clear(plan, ways, solved, sequences, end.sequences[solved])
+    return clear, ways
+
+
+def _solved(levels: Levels, sequences: RimSequences, chosen: NDArray[np.intp], ways: Ways) -> _Solved:
+    """Return the ways (m,) with all that they touch; `chosen` (m,) are their sequences of levels."""
+    rows, touched = np.arange(len(chosen)), sequences.levels[chosen]
+    climbs = np.where(touched >= 0, sequences.climbs[chosen, 1:-1], np.nan)
+    surfaces, count, points = with_levels(ways, levels, Folded(rows, touched, climbs, sequences.totals[chosen]))
+    away = ways.points[:, 1] - ways.points[:, 0]
+    lengths = ways.at[rows, ways.lasts]
+    return _Solved(
+        np.arctan2(away[:, 1], away[:, 0]),
+        np.arctan2(sequences.totals[chosen], lengths) * sequences.signs[chosen, 0],
+        surfaces,
+        count,
+        points,
+    )
+
+
+def _joined(bends: Bends, one: _Solved, other: _Solved) -> Paths:
+    """Return the paths past bends from both of their ways."""
+    rows, count = np.arange(len(bends.edges)), one.touches + other.touches
+    most = int(count.max(initial=0))
+    surfaces, points = np.full((len(rows), most), -1, np.int32), np.full((len(rows), most + 3, 2), np.nan)
+    fill_rows(surfaces, one.surfaces, rows, one.touches, other.surfaces, rows, other.touches)
+    fill_rows(points, one.points, rows, one.touches + 2, other.points, rows, other.touches + 1)
+    return Paths(
+        lengths=bends.lengths,
+        departures=one.departures,
+        arrivals=other.departures,
+        gains=bends.gains,
+        phases=bends.phases,
+        spreads=np.zeros(len(rows)),
+        surfaces=surfaces,
+        edges=bends.edges,
+        bends=one.touches,
+        elevations=np.column_stack((one.elevations, other.elevations)),
+        points=points,
+    )
+
+
+def _audible(paths: Paths, search: PathSearch) -> Paths:
+    """Return the paths that are loud enough at some heading, each once, shortest first."""
+    order = np.argsort(paths.lengths, kind="stable")
+    paths = paths.select(order)
+    rising, falling = paths.elevations.T
+    heard = paths.gains * np.sqrt(loudest_at(rising, search) * loudest_at(falling, search))
+    # sound that neither rises nor falls stays in the horizontal section, which has the whole wall
+    kept = (heard >= search.faintest_diffraction) & ((rising != 0.0) | (falling != 0.0))
+    paths = paths.select(np.flatnonzero(kept))
+    # through a vertex, several sequences describe one path
+    angles = np.round(paths.elevations / _SAME_ANGLE)
+    _, kind = np.unique(np.column_stack((paths.edges, angles)), axis=0, return_inverse=True)
+    return paths.select(np.flatnonzero(first_of_kind(paths.lengths, kind.ravel().astype(np.int32), paths.points)))
