@@ -16,7 +16,7 @@ from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
-from sonarhw_sim.vertical.levels import KernelLevels, is_within
+from sonarhw_sim.vertical.reflecting_levels import KernelLevels, is_within
 
 BoolArray = NDArray[np.bool_]
 

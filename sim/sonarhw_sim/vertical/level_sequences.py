@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.vertical.levels import Levels
+from sonarhw_sim.vertical.reflecting_levels import Levels
 
 _CLOSE = 1e-9  # m: heights that differ less are equal
 

@@ -14,7 +14,7 @@ from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_file import Span
 from sonarhw_sim.vertical.folding import BoolArray, Obstacles
-from sonarhw_sim.vertical.levels import Levels
+from sonarhw_sim.vertical.reflecting_levels import Levels
 
 
 @dataclass(frozen=True)

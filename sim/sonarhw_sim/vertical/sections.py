@@ -20,8 +20,8 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.in_space import raised_paths, straight_paths
 from sonarhw_sim.vertical.incidence import reflectance_factors
 from sonarhw_sim.vertical.level_sequences import level_sequences
-from sonarhw_sim.vertical.levels import Levels, levels_of
 from sonarhw_sim.vertical.plan import edge_numbers, plan_of
+from sonarhw_sim.vertical.reflecting_levels import Levels, levels_of
 from sonarhw_sim.vertical.rims.post_rims import round_rim_paths, round_rims
 from sonarhw_sim.vertical.rims.rim_paths import rim_paths
 from sonarhw_sim.vertical.rims.rim_table import find_rims

@@ -17,8 +17,8 @@ from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_file import MEETING
-from sonarhw_sim.vertical.levels import Levels
 from sonarhw_sim.vertical.plan import Plan
+from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import approaches_to, images_of
 from sonarhw_sim.vertical.rims.rim_paths import MOST_REFLECTIONS
 from sonarhw_sim.vertical.rims.rim_ways import Bends, End, RimSequences, paths_by, sequences_to

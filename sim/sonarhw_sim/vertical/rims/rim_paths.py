@@ -19,8 +19,8 @@ from sonarhw_sim.rays.diffraction import edge_amplitudes
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.vertical.in_space import loudest_at
-from sonarhw_sim.vertical.levels import Levels
 from sonarhw_sim.vertical.plan import Plan
+from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches, approaches_to
 from sonarhw_sim.vertical.rims.rim_pairs import Halves, pairs_of
 from sonarhw_sim.vertical.rims.rim_table import Rims

@@ -12,7 +12,7 @@ from sonarhw_sim.room.edges import Edges
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_file import MEETING
-from sonarhw_sim.vertical.levels import Levels
+from sonarhw_sim.vertical.reflecting_levels import Levels
 
 _ASIDE = 1e-5  # m: on one side of a wall, no lid ends so near to it
 _ABOVE, _BELOW = math.pi / 2, 3 * math.pi / 2

@@ -14,8 +14,8 @@ from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.vertical.folding import Folded, Ways, are_clear
 from sonarhw_sim.vertical.in_space import loudest_at, with_levels
 from sonarhw_sim.vertical.level_sequences import LevelSequence, level_sequences
-from sonarhw_sim.vertical.levels import Levels
 from sonarhw_sim.vertical.plan import Plan
+from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches
 
 _SAME_ANGLE = 1e-7  # rad
