@@ -5,6 +5,7 @@ from PySide6.QtWidgets import QMainWindow
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_dialog import ConnectDialog, open_connect_dialog
+from sonarhw_gui.commands.one_dialog import close_dialogs
 from sonarhw_gui.session.scanner_choice import ScannerChoice
 
 
@@ -32,6 +33,7 @@ class ConnectCommands(QObject):
             dialog.destroyed.connect(self._forget)
             dialog.show_ports(())
             self._scanners.list_ports()
+        close_dialogs(self._window, but=self.dialog)
         self.dialog.show()
         self.dialog.raise_()
 

@@ -9,6 +9,7 @@ from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.commands.one_dialog import close_dialogs
 from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
 from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.session.window_session import WindowSession
@@ -75,6 +76,7 @@ class FileCommands(QMenu):
             dialog.chosen.connect(self._session.open_file)
             dialog.failed.connect(self._session.warned)
             dialog.destroyed.connect(self._forget_recordings)
+        close_dialogs(self._window, but=self.recordings)
         self.recordings.show()
         self.recordings.raise_()
 
@@ -107,6 +109,7 @@ class FileCommands(QMenu):
     def _dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
         recent = self._session.documents.recent
         dialog = QFileDialog(self._window, title, str(Path(recent[0]).parent) if recent else "", pattern)
+        close_dialogs(self._window)
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.fileSelected.connect(chosen)
         return dialog

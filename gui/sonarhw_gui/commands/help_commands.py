@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.help_page import HelpPage
+from sonarhw_gui.commands.one_dialog import close_dialogs
 from sonarhw_gui.session.window_session import WindowSession
 
 _FRAME = QSize(16, 48)  # pixels, for the frame of a dialog
@@ -34,6 +35,7 @@ class HelpCommands(QObject):
         self.page = HelpPage(groups, self._session.shown.look, self._window, room)
         self.page.destroyed.connect(self._forget)
         self._window.installEventFilter(self)
+        close_dialogs(self._window, but=self.page)
         self.page.show()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:

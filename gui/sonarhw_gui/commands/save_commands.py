@@ -12,6 +12,7 @@ from sonarhw_compare.sound.moments import PlayedPing
 
 from sonarhw.export.export_formats import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.commands.one_dialog import close_dialogs
 from sonarhw_gui.live.device_texts import link_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.session.window_session import WindowSession
@@ -107,7 +108,7 @@ class SaveCommands(QObject):
         self._subject = subject
         if self.dialog is not None:
             self.dialog.destroyed.disconnect(self._forget)
-            self.dialog.close()
+        close_dialogs(self._window)
         folder = self._session.documents.folder(self._session.log_file)
         self.dialog = dialog = QFileDialog(self._window, f"Save {subject.name.lower()}", str(folder))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

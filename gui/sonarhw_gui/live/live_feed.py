@@ -40,8 +40,10 @@ class LiveFeed:
     def phase(self) -> Phase | None:
         """The phase of the job; None before the first job, and after a connection that was closed without readings."""
         device = self._device
-        if device is None or (device.over and self._last_state.phase is Phase.READY and not self.readings):
+        if device is None:
             return None
+        if device.over and self._last_state.phase is Phase.READY:  # not connected any more
+            return Phase.DONE if self.readings else None
         return self._last_state.phase
 
     @property

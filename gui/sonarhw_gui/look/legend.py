@@ -41,10 +41,18 @@ class Legend(QWidget):
             if switches or layer not in hidden:
                 self.entries[layer] = button = self._made(layer, entry)
                 row.addWidget(button)
+        self.explained = {entry.name: self._explained(entry) for entry in _EXPLAINED}
+        for button in self.explained.values():
+            row.addWidget(button)
         self._draw()
 
-    def show_state(self, origin: Origin, hidden: frozenset[Class | ViewLayer]) -> None:
-        """Name the readings by their origin, and show which layers are hidden."""
+    def show_state(self, origin: Origin, hidden: frozenset[Class | ViewLayer], own_body: bool = False) -> None:
+        """Name the readings by their origin, and show which layers are hidden.
+
+        `own_body`: whether the board states echoes of its carrier; only then their class is listed.
+        """
+        if Kind.OWN_BODY in self.entries:
+            self.entries[Kind.OWN_BODY].setVisible(own_body)
         if (origin, hidden) != (self._origin, self._hidden):
             self._origin, self._hidden = origin, hidden
             self._draw()
@@ -61,7 +69,20 @@ class Legend(QWidget):
         button.clicked.connect(lambda: self.switched.emit(layer, layer in self._hidden))
         return button
 
+    def _explained(self, entry: "_Entry") -> QToolButton:
+        """Return an entry of a mark that is always drawn."""
+        button = QToolButton(autoRaise=True)
+        button.setText(entry.name)
+        button.setToolTip(entry.meaning)
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        return button
+
     def _draw(self) -> None:
+        for entry, button in zip(_EXPLAINED, self.explained.values(), strict=True):
+            drawn = entry.picture(self._palette, self.devicePixelRatioF())
+            button.setIcon(QIcon(drawn))
+            button.setIconSize(drawn.deviceIndependentSize().toSize())
         for layer, button in self.entries.items():
             entry, visible = _ENTRIES[layer], layer not in self._hidden
             button.setText(entry.name.replace(ORIGIN, self._origin))
@@ -112,6 +133,16 @@ def mark_picture(kind: Class, colours: Palette, ratio: float) -> QPixmap:
         colour, hollow = colours.of(kind), MARKS[kind].hollow
         pen, brush = (pg.mkPen(colour, width=1.3), None) if hollow else (None, pg.mkBrush(colour))
         drawSymbol(painter, MARKS[kind].symbol, 10, pg.mkPen(pen), pg.mkBrush(brush))
+    return picture
+
+
+def _symbol_picture(symbol: str, filled: bool, colours: Palette, ratio: float) -> QPixmap:
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
+        pen = pg.mkPen(None) if filled else pg.mkPen(colours.chosen, width=1.3)
+        drawSymbol(painter, symbol, 11, pen, pg.mkBrush(colours.ink if filled else None))
     return picture
 
 
@@ -170,3 +201,17 @@ _ENTRIES: dict[Class | ViewLayer, _Entry] = {
         partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"
     ),
 }
+_EXPLAINED = (
+    _Entry(partial(_symbol_picture, "d", True), "sensor", "the position of the sensor; drag it to move it"),
+    _Entry(
+        partial(_line_picture, "faint", Qt.PenStyle.DotLine),
+        "newest heading",
+        "where the turntable points now; without readings, the beam shows its zero",
+    ),
+    _Entry(partial(_symbol_picture, "o", False), "selected", "the selected reading, with a ring in every view"),
+    _Entry(
+        partial(_symbol_picture, "crosshair", False),
+        "pointer",
+        "the position of the mouse, in all views",
+    ),
+)

@@ -149,6 +149,7 @@ class PlanController:
 
     def set_tool(self, tool: type[Tool]) -> None:
         """Activate another tool."""
+        self.cancel_drag()
         self.tool = tool(self)
         self._drawing.clear_ruler()
         self._drawing.draw_cursor(self.tool.shape)
@@ -201,7 +202,14 @@ class PlanController:
         return taken
 
     def cancel_drag(self) -> bool:
-        """Undo the current drag and ignore the rest of it; return whether there was one."""
+        """Undo the current drag and ignore the rest of it; return whether there was one, or a first click."""
+        if self.tool.waiting:
+            self._last_edit = None
+            self._gestures.cancelled.emit(self.tool.gesture)
+            self.tool = type(self.tool)(self)  # without the first click
+            self.choose_surface(None)
+            self.show_message("")
+            return True
         if not self._busy or self._cancelled:
             return self._busy
         self._cancelled, self._last_edit = True, None
@@ -220,6 +228,8 @@ class PlanController:
             if self.tool.asks or (not self._drawing.pick(event) and self._drawing.on_outline(at)):
                 self.ask(at)
             return
+        if self.tool.click(at):
+            return
         surface = surface_at(room, at, self.pixel)
         if event.double() and surface is not None and surface < len(room.walls):
             self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)
@@ -237,6 +247,9 @@ class PlanController:
             self._leave()
             return
         at = self._drawing.point_at(position)
+        if self.tool.waiting:
+            self.tool.drag(at)
+            return
         grip = self.tool.grip(at)
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
         self._drawing.draw_cursor(shape)

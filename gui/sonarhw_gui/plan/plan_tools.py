@@ -77,6 +77,15 @@ class Tool:
     def drag(self, to: Point) -> None:
         """Continue the drag."""
 
+    @property
+    def waiting(self) -> bool:
+        """Whether the tool waits for a second click."""
+        return False
+
+    def click(self, at: Point) -> bool:
+        """Use a click; return whether the tool uses clicks."""
+        return False
+
     def grip(self, at: Point) -> Grip | None:
         """Return the part that a drag from there would move."""
         return None
@@ -194,14 +203,31 @@ class _Drawing(Tool):
     edits = True
     stem = ""  # first word of the new object's name
     _gesture: object = None
+    _waiting = False  # whether the first end was clicked, and the second not yet
 
     @property
     def gesture(self) -> object:
         """The identity of the current drag."""
         return self._gesture
 
+    @property
+    def waiting(self) -> bool:
+        """Whether the second end is not set yet."""
+        return self._waiting
+
+    def click(self, at: Point) -> bool:
+        """Set the first point, or the second one."""
+        if self._waiting:
+            self.drag(at)
+        else:
+            self.press(at)
+            self._context.show_message("click again for the other end, or press Esc")
+        self._waiting = not self._waiting
+        return True
+
     def press(self, at: Point) -> bool:
         """Set the first point."""
+        self._waiting = False
         self._before, self._start, self._gesture = self._context.scene, snapped(self._context, at), object()
         return True
 
@@ -226,7 +252,7 @@ class WallPencil(_Drawing):
     """Adds a wall."""
 
     name, key, stem = "Wall", "W", WALL
-    tip = "Drag from one end of a new wall to the other. Ends snap to corners"
+    tip = "Drag from one end of a new wall to the other, or click both ends. Ends snap to corners"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         room, _ = room_and_place(scene)
@@ -237,7 +263,7 @@ class PostPencil(_Drawing):
     """Adds a post."""
 
     name, key, stem = "Post", "P", POST
-    tip = "Drag from the centre of a new post to its rim"
+    tip = "Drag from the centre of a new post to its rim, or click both"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         room, _ = room_and_place(scene)

@@ -16,7 +16,7 @@ from sonarhw_gui.shown.bounces import bounces_text
 from sonarhw_gui.shown.shown import Shown
 
 _LINES = 2  # fixed height, so that a longer sentence does not move the views
-_MARGIN, _ABOVE, _BELOW = 12, 6, 4
+_MARGIN, _ABOVE, _BELOW = 12, 3, 3
 _SIZE = 1.2  # of the default text size
 
 

@@ -146,7 +146,7 @@ class MainWindow(QMainWindow):
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self.setWindowTitle(f"sonarhw — {shown.title}")
-        self.legend.show_state(shown.origin, shown.hidden)
+        self.legend.show_state(shown.origin, shown.hidden, bool(shown.scene.board.own_body))
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()
 
@@ -209,9 +209,11 @@ class MainWindow(QMainWindow):
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Accept files that can be opened."""
         if self.files.can_drop(event.mimeData()):
-            event.acceptProposedAction()
+            event.setDropAction(Qt.DropAction.CopyAction)  # a file manager would delete a file that was moved
+            event.accept()
 
     def dropEvent(self, event: QDropEvent) -> None:
         """Open the dropped file."""
         self.files.drop(event.mimeData())
-        event.acceptProposedAction()
+        event.setDropAction(Qt.DropAction.CopyAction)
+        event.accept()

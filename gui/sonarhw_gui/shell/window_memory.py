@@ -3,27 +3,41 @@
 from contextlib import suppress
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QObject, Slot
+from PySide6.QtCore import QByteArray, QObject, QTimer, Slot
 
 from sonarhw.errors import OutputError
 from sonarhw_gui.session.memory import Memory, write_memory
 from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 
+_EVERY = 2000  # ms between two looks for changes
+
 
 class MemoryWriter(QObject):
-    """Stores the state of a window when it closes."""
+    """Stores the state of a window when it has changed, and when it closes."""
 
     def __init__(self, window: MainWindow, path: Path) -> None:
         super().__init__(window)
         self._window = window
         self._path = path
-        window.closing.connect(self._write)
+        self._written: Memory | None = None
+        self._timer = QTimer(self, interval=_EVERY)
+        self._timer.timeout.connect(self._write)
+        self._timer.start()
+        window.closing.connect(self._finish)
+
+    @Slot()
+    def _finish(self) -> None:
+        self._timer.stop()
+        self._write()
 
     @Slot()
     def _write(self) -> None:
-        with suppress(OutputError):  # the window is closing; the next one opens with the defaults
-            write_memory(self._path, memory_of(self._window))
+        memory = memory_of(self._window)
+        if memory != self._written:
+            with suppress(OutputError):  # the next window opens with older settings
+                write_memory(self._path, memory)
+                self._written = memory
 
 
 def memory_of(window: MainWindow) -> Memory:

@@ -135,7 +135,9 @@ class Shown:
             return explain_heading(self.answer, 0, self.look.unit.text)
         if self.chosen is None:
             return "No reading yet: press Scan or open a log."
-        return self.sentence_of(self.chosen)
+        stretch = self.compared.stretch_of(self.chosen) if self.compared else None
+        text = self.sentence_of(self.chosen)
+        return f"draft, few bounces: {text}" if stretch is not None and stretch.draft else text
 
     def sentence_of(self, reading: int) -> str:
         """Return the explanation of a reading, or why there is none yet."""
