@@ -29,9 +29,10 @@ from sonarhw_sim.room.model import load_room
 
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.synthetic_scan import synthetic_scan
+from sonarhw.export.encoded_log import write_scan
 from sonarhw.host.driver import Driver
 from sonarhw.host.scanner import Scanner
-from sonarhw.log import Log, LogMetadata, LogWriter, read_log
+from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.readings import Reading, ScanOrder
 
 ROOMS = Path(__file__).parents[2] / "rooms"
@@ -156,9 +157,8 @@ def scanned(scene: Scene, folder: Path) -> Log:
     assert scene.room is not None
     assert scene.place is not None
     path = folder / "turn.mcap"
-    with path.open("wb") as file, LogWriter(file, LogMetadata("scan", 0.0)) as log:
-        for reading in synthetic_scan(scene.room, scene.place, scene.board, seed=1, readings=360):
-            log.reading(reading)
+    readings = synthetic_scan(scene.room, scene.place, scene.board, seed=1, readings=360)
+    write_scan(path, LogMetadata("import", 0.0), readings)
     return read_log(path)
 
 
