@@ -28,8 +28,10 @@ from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
-# dB. The number of diffracted paths is infinite; only those are searched that are at most so far below the threshold.
-DIFFRACTED_BELOW_THRESHOLD = 3.0
+# dB. The number of diffracted paths is infinite; only those are searched that are at most so far below the threshold:
+# for a board that detects each path alone, and for one that adds arrivals, because several faint ones are loud together
+_DIFFRACTED_ALONE = 3.0
+_DIFFRACTED_SUMMED = 20.0
 _PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 
@@ -121,6 +123,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
     max_length = 2 * board.max_range
     # other air hardly changes the level at an edge; a fixed gain changes it much
     gained = largest_gain(board, room.air, max_length) if board.fixed_gain else 1.0
+    below = _DIFFRACTED_SUMMED if board.sum_arrivals else _DIFFRACTED_ALONE
     return PathSearch(
         max_length,
         board.wavelength(room.air),
@@ -128,7 +131,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
         options.diffraction,
         options.rays,
         options.edge_strength or board.edge_strength,
-        10 ** ((board.threshold_db - DIFFRACTED_BELOW_THRESHOLD) / 20) / gained,
+        10 ** ((board.threshold_db - below) / 20) / gained,
         ka=board.wavenumber(room.air) * board.aperture_radius,
     )
 
