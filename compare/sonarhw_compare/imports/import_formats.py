@@ -45,7 +45,7 @@ def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
 FORMATS = (
     ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, _read_carmen),
     ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, _read_ping360),
-    ImportFormat((".wav", ".npy", ".mat"), "raw traces; with --rate also as text", True, _read_raw),
+    ImportFormat((".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, _read_raw),
 )
 _RAW = FORMATS[-1]
 
