@@ -30,8 +30,9 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"
 EXTRAS = {
     "gui": ("base",),
     "study": ("base",),
+    "ros": ("base",),
     "video": ("base",),
-    "dev": ("base", "gui", "study", "video"),
+    "dev": ("base", "gui", "ros", "study", "video"),
     "docs": ("base", "gui"),
     "audit": ("base",),
     "benchmarks": ("base",),

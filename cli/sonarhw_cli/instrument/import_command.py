@@ -10,7 +10,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_raw
+from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.completions import complete_board
@@ -69,8 +69,10 @@ def import_csv(
     ] = None,
     rate: Annotated[float | None, typer.Option(help="Raw traces: sampling rate, Hz. A WAV file contains it.")] = None,
     step: Annotated[
-        float | None, typer.Option(help="Raw traces: angle from one trace to the next, degrees. Default: 0.")
+        float | None,
+        typer.Option(help="Raw traces, ROS: angle from one trace or sensor to the next, degrees. Default: 0."),
     ] = None,
+    topic: Annotated[str | None, typer.Option(help="ROS: the only topic to read; default: all with ranges.")] = None,
     speed_of_sound: Annotated[
         float | None,
         typer.Option(help="Traces: speed of sound, m/s; default: that of air at 20 °C. In water about 1500."),
@@ -104,7 +106,11 @@ def import_csv(
     columns = _columns(file, known, heading, distance, time_column, decimal_comma, scale)
     _check_traces(file, known, threshold, blanking, speed_of_sound, no_echo)
     _check_raw(file, known, rate, step)
-    meaning = Meaning(scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0, rate, step or 0.0)
+    if topic is not None and not is_bag(known):
+        raise InputError(f"--topic {topic}: only for ROS bags")
+    meaning = Meaning(
+        scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0, rate, step or 0.0, topic
+    )
     readings = read_foreign_scan(file, columns, meaning) if columns else _read(file, known, meaning)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
@@ -164,12 +170,11 @@ def _check_traces(
 
 def _check_raw(file: Path, known: ImportFormat | None, rate: float | None, step: float | None) -> None:
     """Raise InputError for --rate and --step that are missing, wrong, or do not fit the format."""
-    if not is_raw(known):
-        for option, value in (("--rate", rate), ("--step", step)):
-            if value is not None:
-                raise InputError(f"{option} {value:g}: only for raw traces; {file.name} has its own")
-        return
-    if (rate is None) != (file.suffix.lower() == ".wav"):
+    if rate is not None and not is_raw(known):
+        raise InputError(f"--rate {rate:g}: only for raw traces; {file.name} has its own")
+    if step is not None and (known is None or not known.has_step):
+        raise InputError(f"--step {step:g}: only for raw traces and ROS bags; {file.name} has angles")
+    if is_raw(known) and (rate is None) != (file.suffix.lower() == ".wav"):
         found = "needs --rate, Hz" if rate is None else f"--rate {rate:g}: a WAV file has its own; leave it out"
         raise InputError(f"{file}: {found}")
     if step is not None and not -360 <= step <= 360:

@@ -34,7 +34,8 @@ class Meaning:
     threshold: float | None = None  # share of full scale at which a trace has its echo; None: traces have no echo
     blanking: float = 0.0  # s; earlier samples of a trace are no echo
     rate: float | None = None  # Hz, sampling rate of arrays of samples
-    step: float = 0.0  # degrees, from one of their traces to the next
+    step: float = 0.0  # degrees, from one of their traces to the next, or from one sensor to the next
+    topic: str | None = None  # of a ROS bag; None: all
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ class ImportFormat:
     suffixes: tuple[str, ...]  # of the file name, in lower case
     title: str
     has_traces: bool  # of received signals, in place of ranges
+    has_step: bool  # without angles of its own, at least in part
     read: "Callable[[Path, Meaning], list[Reading]]"
 
 
@@ -36,6 +37,12 @@ def _read_ping360(file: Path, meaning: "Meaning") -> "list[Reading]":
     return read_ping360_log(file, meaning)
 
 
+def _read_ros(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports.ros_bag import read_ros_bag
+
+    return read_ros_bag(file, meaning)
+
+
 def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
     from sonarhw_compare.imports.raw_traces import read_raw_traces
 
@@ -43,17 +50,28 @@ def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
 
 
 FORMATS = (
-    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, _read_carmen),
-    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, _read_ping360),
-    ImportFormat((".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, _read_raw),
+    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, False, _read_carmen),
+    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, False, _read_ping360),
+    ImportFormat((".bag",), "ROS bags, also the folder of a bag of ROS 2", False, True, _read_ros),
+    ImportFormat((".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, True, _read_raw),
 )
-_RAW = FORMATS[-1]
+_ROS, _RAW = FORMATS[-2:]
 
 
 def import_format(file: Path, rate: float | None = None) -> ImportFormat | None:
-    """Return the format of a file by its suffix; None: CSV. With a sampling `rate`, text is a table of samples."""
+    """Return the format of a file by its suffix; None: CSV.
+
+    With a sampling `rate`, text is a table of samples. A folder is a bag of ROS 2.
+    """
+    if file.is_dir():
+        return _ROS
     known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
     return _RAW if known is None and rate is not None else known
+
+
+def is_bag(known: ImportFormat | None) -> bool:
+    """Return whether a format has topics."""
+    return known is _ROS
 
 
 def is_raw(known: ImportFormat | None) -> bool:

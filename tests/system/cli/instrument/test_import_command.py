@@ -520,7 +520,7 @@ def test_raw_traces_are_readings_a_step_apart(tmp_path: Path, suffix: str) -> No
         ("a.csv", b"0.1,0.2\n", ["--rate", "5"], "a sampling rate of 5.0 Hz; expected 1000 to 1e+07 Hz"),
         ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--heading", "a"], "--heading: only for CSV files"),
         ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--step", "999"], "--step 999: expected -360 to 360 degrees"),
-        ("a.log", b"", ["--step", "9"], "--step 9: only for raw traces"),
+        ("a.log", b"", ["--step", "9"], "--step 9: only for raw traces and ROS bags"),
     ],
 )
 def test_wrong_raw_traces_are_refused_in_one_line(

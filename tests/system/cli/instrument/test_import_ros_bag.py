@@ -1,0 +1,162 @@
+"""`sonarhw import` of ROS 1 and ROS 2 bags that rosbags writes, and of files that are none."""
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+from sonarhw_cli.app import run
+
+from sonarhw.log import read_log
+from sonarhw.readings import Reading
+
+RANGES = (1.0, 0.01, math.inf, 2.5, 9.0)  # m; limits 0.02 to 4
+ECHOES = [1.0, None, None, 2.5, None]
+
+
+def stamped(store: Any, seconds: int, ros1: bool) -> Any:
+    header, time = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    return header(seq=0, stamp=time(seconds, 0), frame_id="sonar") if ros1 else header(time(seconds, 0), "sonar")
+
+
+def messages(store: Any, ros1: bool) -> list[tuple[str, str, Any]]:
+    """Two sweeps, and a ping of each of two sonars: topic, type and message."""
+    scan, sonar = store.types["sensor_msgs/msg/LaserScan"], store.types["sensor_msgs/msg/Range"]
+    sweeps = [
+        scan(
+            stamped(store, 1, ros1),
+            -0.5,
+            0.5,
+            0.25,
+            0.0,
+            0.1,
+            0.02,
+            4.0,
+            np.array(RANGES, np.float32),
+            np.zeros(0, np.float32),
+        )
+        for _ in range(2)
+    ]
+    extra = {"variance": 0.0} if "variance" in sonar.__dataclass_fields__ else {}
+    pings = [
+        sonar(
+            header=stamped(store, 2, ros1),
+            radiation_type=0,
+            field_of_view=0.5,
+            min_range=0.02,
+            max_range=4.0,
+            range=far,
+            **extra,
+        )
+        for far in (0.75, 5.0)
+    ]
+    return [
+        ("/scan", scan.__msgtype__, sweeps[0]),
+        ("/scan", scan.__msgtype__, sweeps[1]),
+        ("/sonar/left", sonar.__msgtype__, pings[0]),
+        ("/sonar/right", sonar.__msgtype__, pings[1]),
+    ]
+
+
+def ros1_bag(folder: Path) -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(folder / "a.bag") as writer:
+        for number, (topic, kind, message) in enumerate(messages(store, ros1=True)):
+            connection = next((one for one in writer.connections if one.topic == topic), None)
+            connection = connection or writer.add_connection(topic, kind, typestore=store)
+            writer.write(connection, (number + 1) * 10**9, store.serialize_ros1(message, kind))
+    return folder / "a.bag"
+
+
+def ros2_bag(folder: Path, plugin: StoragePlugin) -> Path:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer2(folder / "bag", version=9, storage_plugin=plugin) as writer:
+        for number, (topic, kind, message) in enumerate(messages(store, ros1=False)):
+            connection = next((one for one in writer.connections if one.topic == topic), None)
+            connection = connection or writer.add_connection(topic, kind, typestore=store)
+            writer.write(connection, (number + 1) * 10**9, store.serialize_cdr(message, kind))
+    return folder / "bag"
+
+
+def imported(bag: Path, *options: str) -> tuple[Reading, ...]:
+    out = bag.parent / "out.mcap"
+    assert run(["import", str(bag), "--out", str(out), "--force", *options]) == 0
+    return read_log(out).readings
+
+
+@pytest.mark.parametrize("kind", ["ros1", StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: str | StoragePlugin) -> None:
+    bag = ros2_bag(tmp_path, kind) if isinstance(kind, StoragePlugin) else ros1_bag(tmp_path)
+    readings = imported(bag, "--topic", "/scan")
+    angles = [math.degrees(angle) for angle in (-0.5, -0.25, 0.0, 0.25, 0.5)]
+    assert [math.degrees(one.angle) for one in readings] == pytest.approx(angles * 2, abs=1e-5)
+    assert [one.range for one in readings] == [one and pytest.approx(one, abs=1e-6) for one in ECHOES * 2]
+    assert [one.sweep for one in readings] == [0] * 5 + [1] * 5
+    assert readings[5].time - readings[0].time == pytest.approx(1.0, abs=1e-5)
+    left = imported(bag, "--topic", "/sonar/left", "--step", "90")
+    right = imported(bag, "--topic", "/sonar/right", "--step", "90")
+    assert [(math.degrees(one.angle), one.range) for one in (*left, *right)] == [
+        (pytest.approx(90, abs=1e-5), pytest.approx(0.75, abs=1e-6)),
+        (pytest.approx(180, abs=1e-5), None),
+    ]
+    assert len(imported(bag)) == 12
+
+
+def damaged(folder: Path, kind: str) -> Path:
+    match kind:
+        case "empty":
+            (folder / "a.bag").write_bytes(b"")
+            return folder / "a.bag"
+        case "torn":
+            content = ros1_bag(folder).read_bytes()
+            (folder / "a.bag").write_bytes(content[: len(content) // 2])
+            return folder / "a.bag"
+        case "folder":
+            (folder / "bag").mkdir()
+        case "database":
+            bag = ros2_bag(folder, StoragePlugin.SQLITE3)
+            next(bag.glob("*.db3")).write_bytes(b"SQLite format 3\0" + b"\7" * 4000)
+        case _:
+            bag = ros2_bag(folder, StoragePlugin.MCAP)
+            next(bag.glob("*.mcap")).write_bytes(b"no")
+    return folder / "bag"
+
+
+@pytest.mark.parametrize("kind", ["empty", "torn", "folder", "database", "mcap"])
+def test_a_damaged_bag_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
+    bag = damaged(tmp_path, kind)
+    assert run(["import", str(bag), "--out", str(tmp_path / "out.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert f"{bag}: is not a complete ROS bag: " in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--topic", "/map"], "no topic '/map'; topics with ranges: /scan, /sonar/left, /sonar/right"),
+        (["--range", "m"], "--range: only for CSV files"),
+        (["--threshold", "0.5"], "--threshold 0.5: only for formats with traces"),
+    ],
+)
+def test_options_that_do_not_fit_a_bag_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert run(["import", str(ros1_bag(tmp_path)), "--out", str(tmp_path / "out.mcap"), *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_without_rosbags_the_extra_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = ros1_bag(tmp_path)
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    assert run(["import", str(bag), "--out", str(tmp_path / "out.mcap")]) == 1
+    assert "ROS bags need rosbags, which is not installed: run pip install '.[ros]'" in capsys.readouterr().err
