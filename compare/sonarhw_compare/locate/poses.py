@@ -19,6 +19,7 @@ from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.outside import wall_distances
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
@@ -34,7 +35,7 @@ from sonarhw_compare.headings import turned_near
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
 
-_POSITIONS = 1000  # of the lattice, about
+_POSITIONS = 500  # of the lattice, about
 _FINEST = 0.06  # m, smallest spacing
 _MAXIMA = 12  # of the lattice, that are refined
 _HOPELESS = 60.0  # largest deficit of the log-likelihood of the lattice for a start
@@ -135,7 +136,7 @@ def locate_scan(
     redundancy = mean_run(*angles_and_ranges(readings))
     starts = _starts(scores, room, board)
     tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
-    poses = _weighed(_different(tops), redundancy)
+    poses = _weighed(_clear(_different(tops), room, board), redundancy)
     tick(1.0)
     explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
     return Located(room, board, tuple(readings), poses, scores, redundancy, explained)
@@ -241,10 +242,31 @@ def _different(tops: list[_Top]) -> list[_Top]:
     return kept
 
 
+def _clear(tops: list[_Top], room: Room, board: Board) -> list[_Top]:
+    """Return the maxima at which the sensor touches no wall and no post; all if it does so everywhere."""
+    mount = board.mount
+    radius = max(math.hypot(mount.ahead, abs(mount.aside) + mount.separation / 2), board.aperture_radius)
+    axes = [board.at_axis(board.faced(Place("", tuple(top.values[:2]), float(top.values[2])))) for top in tops]
+    positions = np.array([axis.position for axis in axes])
+    distances = wall_distances(positions, room.walls).min(axis=1)
+    if len(room.posts):
+        away = np.hypot(*(positions[:, None] - room.posts[:, :2]).transpose(2, 0, 1)) - room.posts[:, 2]
+        distances = np.minimum(distances, away.min(axis=1))
+    return [top for top, distance in zip(tops, distances, strict=True) if distance >= radius] or tops
+
+
+def _within(room: Room, spread: FloatArray) -> FloatArray:
+    """Return a covariance (3, 3) of x, y and heading, bounded by that of a uniform distribution over the room."""
+    ends = room.walls.reshape(-1, 2)
+    sides = np.maximum(np.append(np.ptp(ends, axis=0), math.tau), 1e-3)
+    return np.asarray(np.linalg.inv(np.linalg.inv(spread) + np.diag(12 / sides**2)))
+
+
 def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
     """Return the poses at the maxima, most probable first; probabilities are volumes under peaks of the posterior."""
     promising = [top for top in tops if (tops[0].score - top.score) / redundancy < -math.log(_LEAST)]
-    spreads = [redundancy * covariance_of(top.objective, top.values)[:3, :3] for top in promising]
+    room = tops[0].objective.problem.room
+    spreads = [_within(room, redundancy * covariance_of(top.objective, top.values)[:3, :3]) for top in promising]
     volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
     weights = np.array([top.score / redundancy for top in promising]) + volumes
     shares = np.exp(weights - weights.max())

@@ -1,10 +1,9 @@
-"""Prior of tolerated values. How far they are off is unknown, so several standard deviations are equally probable.
+"""Prior of tolerated values. How far they are off is unknown, so several standard deviations are possible.
 
 All walls have one standard deviation, all reflectances another, and so on. It is the stated one or a fraction of it.
 Where the scan shows no mismatch, the small ones are more probable, and the intervals of a fit stay narrow.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.parameters import Parameter
 
-LEVELS = np.array([1.0, 0.3, 0.1, 0.02])  # of the stated standard deviation, equally probable
+LEVELS = np.array([1.0, 0.3, 0.1, 0.02])  # of the stated standard deviation
+PROBABILITIES = np.array([0.1, 0.1, 0.2, 0.6])  # of the levels
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ class TolerancePrior:
             return 0.0
         squares = self.groups @ (((values[self.rows] - self.middle) / self.widest) ** 2)
         counts = self.groups.sum(axis=1)
-        logs = -0.5 * squares[:, None] / LEVELS**2 - counts[:, None] * np.log(LEVELS)
+        logs = -0.5 * squares[:, None] / LEVELS**2 - counts[:, None] * np.log(LEVELS) + np.log(PROBABILITIES)
         most = logs.max(axis=1, keepdims=True)
         sums = most[:, 0] + np.log(np.exp(logs - most).sum(axis=1))
-        return float(sums.sum()) - len(counts) * math.log(len(LEVELS))
+        return float(sums.sum())
 
 
 def tolerance_prior(parameters: Sequence[Parameter]) -> TolerancePrior:

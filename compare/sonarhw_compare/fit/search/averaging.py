@@ -12,7 +12,7 @@ from numpy.random import RandomState
 from scipy.special import logsumexp
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, TolerancePrior
+from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, PROBABILITIES, TolerancePrior
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,7 @@ def averaged(top: FloatArray, covariance: FloatArray, prior: TolerancePrior) -> 
     `top` (size,) and `covariance` (size, size) are those of the posterior with the widest priors.
     """
     levels = np.array(list(product(LEVELS, repeat=len(prior.groups))))
+    expected = np.log(np.array(list(product(PROBABILITIES, repeat=len(prior.groups))))).sum(axis=1)
     by_value = levels @ prior.groups  # (m, t)
     rows, scale = prior.rows, np.sqrt(np.diag(covariance))
     unit = covariance / np.outer(scale, scale)  # well conditioned
@@ -60,5 +61,7 @@ def averaged(top: FloatArray, covariance: FloatArray, prior: TolerancePrior) -> 
     gains = added[:, :, None] * np.eye(len(rows)) - pulled * added[:, None, :]  # A - A C' A
     means = top - scale * ((gains @ away) @ unit[rows])
     covariances = unit - np.einsum("ti,mtu,uj->mij", unit[rows], gains, unit[rows], optimize=True)
-    evidence = -0.5 * np.linalg.slogdet(grown)[1] - 0.5 * ((gains @ away) @ away) - np.log(by_value).sum(axis=1)
+    evidence = (
+        expected - 0.5 * np.linalg.slogdet(grown)[1] - 0.5 * ((gains @ away) @ away) - np.log(by_value).sum(axis=1)
+    )
     return Mixture(np.exp(evidence - logsumexp(evidence)), means, covariances * np.outer(scale, scale))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 from sonarhw_compare.fit import free_parameters
-from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, tolerance_prior
+from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, PROBABILITIES, tolerance_prior
 from sonarhw_compare.fit.mismatches import mismatch_line, shown_mismatches
 from sonarhw_compare.fit.search.averaging import averaged
 from sonarhw_compare.fit.values.parameters import Parameter
@@ -45,7 +45,7 @@ def test_the_prior_is_a_mixture_of_normal_distributions_with_one_deviation_for_a
     values = np.array([3.0, 0.002, -0.001, 1.004])
     walls = [np.prod([np.exp(-0.5 * (w / (0.005 * k)) ** 2) / k for w in values[1:3]]) for k in LEVELS]
     scale = [np.exp(-0.5 * (0.004 / (0.01 * k)) ** 2) / k for k in LEVELS]
-    assert prior(values) == pytest.approx(float(np.log(np.mean(walls) * np.mean(scale))))
+    assert prior(values) == pytest.approx(float(np.log(PROBABILITIES @ walls) + np.log(PROBABILITIES @ scale)))
 
 
 def test_the_average_over_deviations_has_the_moments_of_a_direct_calculation() -> None:
@@ -66,7 +66,8 @@ def test_the_average_over_deviations_has_the_moments_of_a_direct_calculation() -
     top, covariance, _ = posterior(np.ones(2))
     found = averaged(top, covariance, tolerance_prior(PARAMETERS))
     several = [posterior(np.array(levels)) for levels in product(LEVELS, repeat=2)]
-    weights = np.array([one[2] for one in several]) / sum(one[2] for one in several)
+    weights = np.array([one[2] for one in several]) * np.outer(PROBABILITIES, PROBABILITIES).ravel()
+    weights /= weights.sum()
     mean = sum(weight * one[0] for weight, one in zip(weights, several, strict=True))
     assert found.weights == pytest.approx(weights, abs=1e-4)
     assert found.mean == pytest.approx(mean, rel=1e-5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit.search.pose_search import Scores
 from sonarhw_compare.locate.locate_picture import draw_located
-from sonarhw_compare.locate.poses import Located, Pose, _different, _Top, locate_scan
+from sonarhw_compare.locate.poses import Located, Pose, _clear, _different, _Top, _within, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room, parse_room
 
@@ -83,3 +83,18 @@ def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
     (points,) = (line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("scan"))
     away = [math.dist(point, pose.position) for point in np.asarray(points)]
     assert away == pytest.approx([0.51, 0.76, 1.01])
+
+
+def test_the_volume_of_a_peak_is_bounded_by_the_room() -> None:
+    sides = np.ptp(ROOM.walls.reshape(-1, 2), axis=0)
+    bounded = _within(ROOM, np.diag([1e4, 1e4, 1e4]))
+    assert np.sqrt(np.diag(bounded)) == pytest.approx(np.append(sides, math.tau) / math.sqrt(12), rel=1e-3)
+    narrow = np.diag([1e-6, 4e-6, 1e-4])
+    assert _within(ROOM, narrow) == pytest.approx(narrow, rel=1e-2)
+
+
+def test_poses_at_which_the_sensor_touches_a_wall_are_left_out() -> None:
+    free, touching = top(0.5, 1.0, 0.0, 0.0), top(0.003, 1.0, 0.0, 1.0)
+    board = load_board("lego-nxt")
+    assert _clear([touching, free], ROOM, board) == [free]
+    assert _clear([touching], ROOM, board) == [touching]
