@@ -15,7 +15,7 @@ from sonarhw_gui.plots.marks import Placed
 
 _INSET = 9.0  # pixels, from the edge to the middle of an arrow
 _ARROW, _HALF_WIDTH, _GAP = 8.0, 5.5, 3.0  # pixels: half of its length and width, and the gap before its text
-_APART = 56.0  # pixels between two arrows at least; readings between them share one
+_APART = 72.0  # pixels between two arrows at least; readings between them share one
 _PICK = 16.0  # pixels
 Pixels = tuple[float, float]
 
