@@ -20,6 +20,7 @@ _SPREAD = 0.015  # m, of the ranges of a plate; a faint echo is also later, by u
 MOST_TURN = math.radians(15.0)  # between the stated direction and the plate's perpendicular
 FEWEST = 5  # smallest number of headings at which the plate is heard
 _BEFORE, _AFTER = 0.15e-3, 0.35e-3  # s, before the echo and after its burst, in which its peak is searched
+_SHORT_GAP = 3  # samples; shorter than a burst
 _QUIET = 1e-3  # amplitude, in place of 0
 _FLOOR_DB = -35.0  # of full scale; fainter peaks are equal
 _LOUD_DB = -20.0  # of full scale: peaks that are certainly those of an echo
@@ -123,10 +124,25 @@ def _pulses(readings: Sequence[Reading], angles: FloatArray, distance: float, bo
             continue
         time, times = 2 * distance / reading.speed_of_sound, reading.trace.times
         rows = np.flatnonzero((times >= time - _BEFORE) & (times <= time + burst + _AFTER))
-        samples = envelope_of(reading.trace)[rows]
+        samples = _without_short_gaps(envelope_of(reading.trace))[rows]
         if len(rows) > 2 and not np.isnan(samples).any():
             found.append(EchoPulse(angle, times[rows], samples))
     return tuple(found)
+
+
+def _without_short_gaps(envelope: FloatArray) -> FloatArray:
+    """Return an envelope with gaps of at most _SHORT_GAP samples filled by interpolation.
+
+    A board loses a sample when it times an echo, so most echoes have such a gap.
+    """
+    lost = np.isnan(envelope)
+    if not lost.any() or lost.all():
+        return envelope
+    rows, known = np.arange(len(envelope)), np.flatnonzero(~lost)
+    after = known[np.minimum(np.searchsorted(known, rows), len(known) - 1)]
+    before = known[np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)]
+    short = lost & (after - before - 1 <= _SHORT_GAP) & (before < rows) & (rows < after)
+    return np.where(short, np.interp(rows, known, envelope[known]), envelope)
 
 
 def peak_of(samples: FloatArray) -> float:
