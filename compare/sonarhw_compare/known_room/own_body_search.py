@@ -51,16 +51,28 @@ def find_own_body(scans: Sequence[ScanAtPlace], seed: int = 0) -> tuple[OwnBodyP
     step = max(_FINEST, *(_step(scan.readings) for scan in scans))
     count = round(math.tau / step)
     ranges, covered = (np.array(both) for both in zip(*(_on_grid(scan.readings, count) for scan in scans), strict=True))
+    random = np.random.default_rng(seed)
+    parts: list[OwnBodyPart] = []
+    # parts that are found are removed, because they make the scans alike by chance when they are turned
+    while runs := _certain_runs(ranges, covered, places, random):
+        parts += [_part(run, ranges, count) for run in runs]
+        for run in runs:
+            ranges[:, run], covered[:, run] = np.nan, False
+    return tuple(sorted(parts, key=lambda part: part.from_deg))
+
+
+def _certain_runs(
+    ranges: FloatArray, covered: BoolArray, places: IntArray, random: np.random.Generator
+) -> list[IntArray]:
+    """Return the runs that are not by chance, with their ends."""
     values, enough = _consensus(ranges, covered, places)
-    by_chance = _runs_by_chance(ranges, covered, places, np.random.default_rng(seed))
+    by_chance = _runs_by_chance(ranges, covered, places, random)
     found = [(run, float(np.median(values[run]))) for run in _runs(values, enough)]
     found = [(run, middle) for run, middle in found if not _is_by_chance(run, middle, by_chance)]
     values, half = _consensus(ranges, covered, places, _AT_ENDS)
     runs = [_longer(run, middle, values, half) for run, middle in found]
     # runs that were made longer may have met
-    return tuple(
-        _part(run, ranges, count) for k, run in enumerate(runs) if not any(run[0] in other for other in runs[:k])
-    )
+    return [run for k, run in enumerate(runs) if not any(run[0] in other for other in runs[:k])]
 
 
 def place_numbers(positions: Sequence[tuple[float, float]]) -> IntArray:

@@ -39,7 +39,7 @@ _DETERMINED = {
 }
 _UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
 _SAME_ZERO = math.radians(10.0)  # most difference of the zero between logs, up to which it belongs to the board
-_EXPLAINED = 0.5  # share of the echoes of a part of the body that the room explains, from which on it is a wall
+_EXPLAINED = 0.5  # share of the echoes of a part of the body that the room explains in each scan of a wall
 _FEWEST_SCANS = 3  # for the rule to be sure
 _LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
 
@@ -195,9 +195,12 @@ def _find_own_body(
 
 
 def _is_of_room(part: OwnBodyPart, compared: Sequence[Comparison]) -> bool:
-    own = [row for one in compared for row in one.rows if is_own_body((part,), row.reading.angle, row.reading.range)]
-    explained = sum(row.path is not None for row in own)
-    return bool(own) and explained >= _EXPLAINED * len(own)
+    """Return whether the room explains most echoes of a part in every scan that has them, as it does for a wall."""
+    for one in compared:
+        own = [row for row in one.rows if is_own_body((part,), row.reading.angle, row.reading.range)]
+        if sum(row.path is not None for row in own) < _EXPLAINED * len(own):
+            return False
+    return True
 
 
 def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
