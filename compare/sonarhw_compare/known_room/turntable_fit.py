@@ -21,12 +21,23 @@ from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_pro
 from sonarhw_compare.fit.search.refine import climb, covariance_of, refined
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
-from sonarhw_compare.fit.values.quantities import APERTURE, HEADING, OFFSET, THRESHOLD, BoardQuantity, X, Y
+from sonarhw_compare.fit.values.quantities import (
+    APERTURE,
+    AXIS_X,
+    AXIS_Y,
+    HEADING,
+    OFFSET,
+    SCALE,
+    THRESHOLD,
+    BoardQuantity,
+    X,
+    Y,
+)
 from sonarhw_compare.known_room.starting_turntable import StartingTurntable
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
 
 POSITION_SD = 0.015  # m, of a given position
-_REACH = 0.06  # m, largest error of a given position, and largest distance of the axis from the mark
+_REACH = 0.06  # m, largest error of a given position
 _TURN = math.radians(45.0)  # largest error of a starting heading
 _SEARCHES, _ITERATIONS = 2, 4
 _RANGE, _LEVEL = 0, 1  # rows of the noises
@@ -40,35 +51,13 @@ SLOPE = BoardQuantity(
     label="slope of the range offset",
     key="clock_error",
 )
-TURN = BoardQuantity(
-    name="turntable scale",
-    unit="",
-    step=1e-3,
-    bounds=lambda _room, board: (board.turntable_scale * 0.85, board.turntable_scale * 1.2),
-    digits=4,
-    label="turntable scale",
-    key="turntable_scale",
-)
-AXIS_AHEAD, AXIS_LEFT = (
-    BoardQuantity(
-        name=key,
-        unit="m",
-        step=2e-3,
-        bounds=lambda _room, _board: (-_REACH, _REACH),
-        digits=4,
-        label=key,
-        moves_paths=True,
-        key=key,
-    )
-    for key in ("axis_x", "axis_y")
-)
 # shared quantities, with the standard deviation of their priors around the given profile; None: none
 SHARED: tuple[tuple[BoardQuantity, float | None], ...] = (
     (OFFSET, 0.03),
     (SLOPE, 0.01),
-    (TURN, 0.05),
-    (AXIS_AHEAD, 0.01),
-    (AXIS_LEFT, 0.01),
+    (SCALE, 0.05),
+    (AXIS_X, 0.01),
+    (AXIS_Y, 0.01),
     (THRESHOLD, 5.0),
     (APERTURE, None),
 )
@@ -120,7 +109,7 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Start
             parameters.append(Parameter(quantity, "", k, at - _REACH, at + _REACH, at, POSITION_SD, str(k)))
         parameters.append(Parameter(HEADING, "", k, heading - _TURN, heading + _TURN, label=str(k)))
         placed.append(replace(scan, place=replace(scan.place, heading=heading)))
-    begin = {TURN: start.scale}
+    begin = {SCALE: start.scale}
     for shared, deviation in SHARED:
         lower, upper = shared.bounds(room, board)
         expected = None if deviation is None else begin.get(shared, shared.value(board))
