@@ -44,7 +44,7 @@ class Face:
 
 
 def faces_of(room: Room) -> list[Face]:
-    """Return walls, floor and ceiling of a room."""
+    """Return walls, floor, ceiling and lids of a room; lids must be convex polygons."""
     faces = []
     for wall, span, reflectance in zip(room.walls, room.heights, room.reflectances, strict=False):
         low, high = np.clip(span, -FAR, FAR)
@@ -52,6 +52,11 @@ def faces_of(room: Room) -> list[Face]:
         corners = np.array([[x0, y0, low], [x1, y1, low], [x1, y1, high], [x0, y0, high]])
         faces.append(Face(corners, float(reflectance)))
     for level in room.levels:
+        lid = room.lid(level)
+        if lid is not None:
+            corners = np.insert(lid.corners, 2, lid.height, axis=1)
+            faces.append(Face(corners, float(room.reflectances[level])))
+            continue
         corners = np.insert(FAR * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]), 2, 0.0, axis=1)
         faces.append(Face(corners + np.array([0.0, 0.0, room.heights[level, 0]]), float(room.reflectances[level])))
     return faces
@@ -132,11 +137,24 @@ def _path(faces: list[Face], home: Vectors, sequence: tuple[Face, ...], target: 
             return None
         points.append(touch)
     points.append(target)
+    for (k, one), (j, other) in itertools.combinations(enumerate(sequence), 2):
+        # at one point, sound touches two faces only in an inner corner
+        if max(np.linalg.norm(point - points[k + 1]) for point in points[k + 2 : j + 2]) >= _CLOSE:
+            continue
+        before = next(point for point in points[k::-1] if np.linalg.norm(point - points[k + 1]) >= _CLOSE)
+        if not (_faces_towards(one, other, before) and _faces_towards(other, one, before)):
+            return None
     for k, (start, end) in enumerate(itertools.pairwise(points)):
         own = sequence[max(k - 1, 0) : k + 1]
         if any(_blocks(face, start, end) for face in faces if not any(face is one for one in own)):
             return None
     return np.array(points)
+
+
+def _faces_towards(face: Face, other: Face, point: Vectors) -> bool:
+    """Return whether a part of another face is on the same side as a point."""
+    side = float((point - face.corners[0]) @ face.normal)
+    return bool((((other.corners - face.corners[0]) @ face.normal) * side > _CLOSE).any())
 
 
 def _blocks(face: Face, start: Vectors, end: Vectors) -> bool:

@@ -31,6 +31,7 @@ from sonarhw_sim.room.room_file import (
     RoomFile,
     Span,
     WallSection,
+    lid_names,
 )
 from sonarhw_sim.toml_file import parse_toml
 
@@ -204,7 +205,9 @@ def parse_room(text: str, where: str) -> Room:
     file = parse_toml(text, where, RoomFile)
     walls = _join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
     names = tuple(name for wall in file.walls for name in wall.segment_names)
-    surfaces = _surfaces(file)
+    lids = _lids(file)
+    surfaces = [*_surfaces(file), *(solid for solid in file.with_lids for _ in range(2))]
+    spans = [_span(surface) for surface in _surfaces(file)] + [(lid.height, lid.height) for lid in lids]
     materials = [file.materials[surface.material] for surface in surfaces]
     return Room(
         name=file.name,
@@ -213,8 +216,13 @@ def parse_room(text: str, where: str) -> Room:
         # scatter is a share of the reflected power
         reflectances=np.array([material.largest * math.sqrt(1 - material.scatter) for material in materials]),
         scattered=np.array([material.largest * math.sqrt(material.scatter) for material in materials]),
-        heights=np.array([_span(surface) for surface in surfaces], dtype=np.float64),
-        names=(*names, *(post.name for post in file.posts), *file.levels),
+        heights=np.array(spans, dtype=np.float64),
+        names=(
+            *names,
+            *(post.name for post in file.posts),
+            *file.levels,
+            *(name for solid in file.with_lids for name in lid_names(solid)),
+        ),
         materials=tuple(surface.material for surface in surfaces),
         edges=_edges_of(walls, names, where),
         air=Air(**file.air.model_dump()),
@@ -223,6 +231,7 @@ def parse_room(text: str, where: str) -> Room:
             for name, place in file.places.items()
         },
         text=text,
+        lids=lids,
         tables={name: _table_of(file.materials[name]) for name in _used(surfaces) if file.materials[name].table},
     )
 
@@ -250,8 +259,24 @@ def _edges_of(walls: FloatArray, names: tuple[str, ...], where: str) -> Edges:
 
 
 def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
-    """Return the section of the file for each surface, in the order of their numbers."""
+    """Return the section of the file for each surface but lids, in the order of their numbers."""
     return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
+
+
+def _lids(file: RoomFile) -> tuple[Lid, ...]:
+    """Return the lids of a file, two for each solid: the lower one, then the upper one."""
+    lids: list[Lid] = []
+    first = 0
+    for wall in file.walls:
+        sides = range(first, first + len(wall.segments))
+        first = sides.stop
+        if wall.lids and wall.height:
+            lids += [Lid(upper, wall.height, sides, np.array(wall.points, dtype=np.float64)) for upper in (False, True)]
+    for post in file.posts:
+        if post.lids and post.height:
+            centre = np.array([post.center], dtype=np.float64)
+            lids += [Lid(upper, post.height, range(0), centre, post.radius) for upper in (False, True)]
+    return tuple(lids)
 
 
 def _span(surface: WallSection | PostSection | LevelSection) -> Span:

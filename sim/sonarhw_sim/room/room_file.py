@@ -100,6 +100,7 @@ class WallSection(TomlModel):
     closed: Annotated[bool, about("true: a last segment leads from the last point to the first")] = False
     edges: Annotated[tuple[Name, ...] | None, about("a name for each segment, in order")] = None
     height: Annotated[Span | None, about("[lower, upper] end; default: from floor to ceiling", "m")] = None
+    lids: Annotated[bool, about("true: level surfaces close both ends; needs `closed` and `height`")] = False
 
     @cached_property
     def segments(self) -> list[tuple[Point, Point]]:
@@ -125,6 +126,8 @@ class WallSection(TomlModel):
                 f"got {len(self.edges)}{self._closing_hint()}"
             )
         _check_span(self.height, f"wall {self.name!r}")
+        if self.lids and not (self.closed and self.height):
+            raise ValueError(f"lids of wall {self.name!r}: expected closed = true and a height")
         return self
 
     def _closing_hint(self) -> str:
@@ -140,10 +143,13 @@ class PostSection(TomlModel):
     radius: Annotated[Length, about("radius", "m")]
     material: Annotated[Text, about("name of one of [materials]")]
     height: Annotated[Span | None, about("[lower, upper] end; default: from floor to ceiling", "m")] = None
+    lids: Annotated[bool, about("true: its ends reflect sound, not only block it; needs `height`")] = False
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
         _check_span(self.height, f"post {self.name!r}")
+        if self.lids and not self.height:
+            raise ValueError(f"lids of post {self.name!r}: expected a height")
         return self
 
     def spans(self, height: float | None) -> bool:
@@ -204,6 +210,11 @@ class RoomFile(TomlModel):
         """Floor and ceiling, if any."""
         return {name: level for name, level in (("floor", self.floor), ("ceiling", self.ceiling)) if level is not None}
 
+    @property
+    def with_lids(self) -> list[WallSection | PostSection]:
+        """The chains of walls and the posts with lids."""
+        return [solid for solid in (*self.walls, *self.posts) if solid.lids]
+
     def _materials_are_defined(self) -> None:
         used = [(f"walls[{k}]", wall.name, wall.material) for k, wall in enumerate(self.walls)]
         used += [(f"posts[{k}]", post.name, post.material) for k, post in enumerate(self.posts)]
@@ -218,7 +229,7 @@ class RoomFile(TomlModel):
 
     def _names_are_unique(self) -> None:
         names = [name for wall in self.walls for name in wall.segment_names] + [post.name for post in self.posts]
-        names += self.levels
+        names += [*self.levels, *(name for solid in self.with_lids for name in lid_names(solid))]
         twice, times = Counter(names).most_common(1)[0]
         if times > 1:
             raise ValueError(f"walls, posts: two surfaces are named {twice!r}; expected different names")
@@ -242,6 +253,11 @@ class RoomFile(TomlModel):
                     f"places: height of place {name!r} must lie between floor and ceiling, {bottom:g} to {top:g}, "
                     f"got {place.height:g}"
                 )
+
+
+def lid_names(solid: WallSection | PostSection) -> tuple[str, str]:
+    """Return the names of the lower and the upper level end of a solid, as in `via`."""
+    return f"{solid.name} underside", f"{solid.name} lid"
 
 
 def _check_span(height: Span | None, whose: str) -> None:

@@ -334,7 +334,10 @@ def _is_clear(
         surface = way.met[k]
         if surface >= 0 and obstacles.low[surface]:
             height = _height_at(way.at[k] * slope, heights, climbs, count)
-            if not obstacles.spans[surface, 0] - _ON_END <= height <= obstacles.spans[surface, 1] + _ON_END:
+            lower, upper = obstacles.spans[surface]
+            if not lower - _ON_END <= height <= upper + _ON_END:
+                return False
+            if _is_at_rim(way.at[k] * slope, lower, upper, climbs, sequence, count, obstacles.levels):
                 return False
     if way.edge >= 0:
         height, band = _height_at(way.at[way.bend + 1] * slope, heights, climbs, count), 0
@@ -357,6 +360,26 @@ def _is_clear(
         if highest >= lower and lowest <= upper:
             return False
     return _meets_levels(way, heights, climbs, sequence, count, slope, obstacles.levels)
+
+
+@compiled_part
+def _is_at_rim(
+    climb: float,
+    lower: float,
+    upper: float,
+    climbs: FloatArray,
+    sequence: IntArray,
+    count: int,
+    levels: KernelLevels,
+) -> bool:
+    """Return whether sound touches a lid where it touches the end of a wall behind it: an outer edge, no corner."""
+    for k in range(count):
+        level = sequence[k]
+        if levels.limited[level] and abs(climbs[k + 1] - climb) <= _CLOSE:
+            end = upper if levels.facing[level] > 0 else lower
+            if abs(levels.heights[level] - end) <= _CLOSE:
+                return True
+    return False
 
 
 @compiled_part

@@ -13,6 +13,7 @@ from sonarhw_sim.room.model import Place, Room
 _DIRECTIONS = 120  # in the plan; the beam of two passes is sampled exactly up to ka = 30
 _RATIO = 1.05  # of the lengths of paths to the far and the near side of a patch
 _STEEPEST = math.radians(80)  # no beam that points along the horizontal reaches farther down
+_ON_LEVEL = 1e-9
 _INAUDIBLE = 1e-2  # of `faintest_diffraction`: 40 dB below; the hundred in a beam are then 20 dB below
 
 
@@ -21,7 +22,7 @@ def rough_level_paths(room: Room, place: Place, height: float, search: PathSearc
     return [
         _patches_of(room, place, height, level, search)
         for level in room.levels
-        if room.scattered[level] > 0 and search.max_bounces > 0
+        if room.scattered[level] > 0 and room.lid(level) is None and search.max_bounces > 0
     ]
 
 
@@ -89,7 +90,13 @@ def _free(room: Room, place: Place, height: float, rise: float, angle: float, re
     last = height + rise * np.minimum(ends[:, None], reach) / reach
     lower, upper = np.minimum(first, last), np.maximum(first, last)
     blocked = (begins[:, None] < reach) & (lower <= spans[:, 1:]) & (upper >= spans[:, :1])
-    return np.asarray(~blocked.any(axis=0))
+    free = ~blocked.any(axis=0)
+    for lid in room.lids:
+        share = (lid.height - height) / rise
+        if 0.0 < share < 1.0 - _ON_LEVEL:
+            way = share * reach[:, None] * np.array([[math.cos(angle), math.sin(angle)]])
+            free &= ~lid.covers(np.array(place.position) + way)
+    return np.asarray(free)
 
 
 def _crossings(room: Room, place: Place, angle: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -164,6 +164,7 @@ def cut(room: Room, spanning: tuple[int, ...]) -> Room:
         scattered=room.scattered[rows],
         heights=room.heights[rows],
         names=names,
+        lids=(),
         materials=tuple(room.materials[k] for k in spanning),
         edges=room.edges if len(walls) == len(room.walls) else find_edges(walls, names[: len(walls)]),
     )

@@ -160,6 +160,26 @@ def test_paths_bent_by_a_rim_are_those_that_minimise_the_length_in_space(height:
     assert {tuple(np.round(row, 4) + 0.0) for row in rows} == {tuple(np.round(row, 4) + 0.0) for row in exact}
 
 
+@pytest.mark.parametrize(("top", "height"), [((0.0, 0.7), 1.1), ((0.72, 0.75), 0.4), ((0.72, 0.75), 1.3)])
+def test_paths_by_boxes_and_tables_with_lids_are_those_of_independent_images(
+    top: tuple[float, float], height: float
+) -> None:
+    # an L-shaped room
+    ends = ((0.0, 0.0), (3.0, 0.0), (3.0, 1.2), (1.7, 1.2), (1.7, 2.4), (0.0, 2.4))
+    corners = ((0.4, 0.3), (1.3, 0.35), (1.25, 0.9), (0.45, 0.8))
+    room = room_of(wall("w", *ends, closed=True) + wall("table", *corners, height=top, closed=True) + "lids = true\n")
+    position = (0.8, 1.1)
+    paths = paths_from(room, Place("here", position, height=height), replace(SEARCH, max_length=6.0, max_bounces=3))
+    vias = {name for k in range(len(paths)) for name in paths.via(k, room)}
+    assert ("table underside" if height < 0.5 else "table lid") in vias
+    exact = _by_direction(images_in_space(faces_of(room), (*position, height), 3, 6.0))
+    found = _by_direction(as_rows(paths))
+    assert len(exact) > 20
+    assert found.keys() == exact.keys()
+    for key, row in found.items():
+        assert row == pytest.approx(exact[key], abs=1e-7)
+
+
 def _by_direction(rows: list[tuple[float, ...]]) -> dict[tuple[float, ...], tuple[float, ...]]:
     """Return rows of `as_rows` by length and directions: two walls of equal reflectance may be touched at one point."""
     return {tuple(round(value, 5) + 0.0 for value in (row[0], *row[2:])): row for row in rows}
