@@ -213,7 +213,8 @@ class RoomFile(TomlModel):
     @property
     def with_lids(self) -> list[WallSection | PostSection]:
         """The chains of walls and the posts with lids."""
-        return [solid for solid in (*self.walls, *self.posts) if solid.lids]
+        solids: list[WallSection | PostSection] = [*self.walls, *self.posts]
+        return [solid for solid in solids if solid.lids]
 
     def _materials_are_defined(self) -> None:
         used = [(f"walls[{k}]", wall.name, wall.material) for k, wall in enumerate(self.walls)]
