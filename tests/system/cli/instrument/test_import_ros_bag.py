@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
 from sonarhw_cli.app import run
 
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
+
+# in the extra `ros`; `make test` installs it
+rosbag1 = pytest.importorskip("rosbags.rosbag1")
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
 
 RANGES = (1.0, 0.01, math.inf, 2.5, 9.0)  # m; limits 0.02 to 4
 ECHOES = [1.0, None, None, 2.5, None]
@@ -65,8 +66,8 @@ def messages(store: Any, ros1: bool) -> list[tuple[str, str, Any]]:
 
 
 def ros1_bag(folder: Path) -> Path:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(folder / "a.bag") as writer:
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    with rosbag1.Writer(folder / "a.bag") as writer:
         for number, (topic, kind, message) in enumerate(messages(store, ros1=True)):
             connection = next((one for one in writer.connections if one.topic == topic), None)
             connection = connection or writer.add_connection(topic, kind, typestore=store)
@@ -74,9 +75,9 @@ def ros1_bag(folder: Path) -> Path:
     return folder / "a.bag"
 
 
-def ros2_bag(folder: Path, plugin: StoragePlugin) -> Path:
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with Writer2(folder / "bag", version=9, storage_plugin=plugin) as writer:
+def ros2_bag(folder: Path, plugin: Any) -> Path:
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    with rosbag2.Writer(folder / "bag", version=9, storage_plugin=plugin) as writer:
         for number, (topic, kind, message) in enumerate(messages(store, ros1=False)):
             connection = next((one for one in writer.connections if one.topic == topic), None)
             connection = connection or writer.add_connection(topic, kind, typestore=store)
@@ -90,9 +91,9 @@ def imported(bag: Path, *options: str) -> tuple[Reading, ...]:
     return read_log(out).readings
 
 
-@pytest.mark.parametrize("kind", ["ros1", StoragePlugin.SQLITE3, StoragePlugin.MCAP])
-def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: str | StoragePlugin) -> None:
-    bag = ros2_bag(tmp_path, kind) if isinstance(kind, StoragePlugin) else ros1_bag(tmp_path)
+@pytest.mark.parametrize("kind", ["ros1", rosbag2.StoragePlugin.SQLITE3, rosbag2.StoragePlugin.MCAP])
+def test_scans_are_sweeps_and_sonars_are_a_step_apart(tmp_path: Path, kind: Any) -> None:
+    bag = ros1_bag(tmp_path) if kind == "ros1" else ros2_bag(tmp_path, kind)
     readings = imported(bag, "--topic", "/scan")
     angles = [math.degrees(angle) for angle in (-0.5, -0.25, 0.0, 0.25, 0.5)]
     assert [math.degrees(one.angle) for one in readings] == pytest.approx(angles * 2, abs=1e-5)
@@ -120,10 +121,10 @@ def damaged(folder: Path, kind: str) -> Path:
         case "folder":
             (folder / "bag").mkdir()
         case "database":
-            bag = ros2_bag(folder, StoragePlugin.SQLITE3)
+            bag = ros2_bag(folder, rosbag2.StoragePlugin.SQLITE3)
             next(bag.glob("*.db3")).write_bytes(b"SQLite format 3\0" + b"\7" * 4000)
         case _:
-            bag = ros2_bag(folder, StoragePlugin.MCAP)
+            bag = ros2_bag(folder, rosbag2.StoragePlugin.MCAP)
             next(bag.glob("*.mcap")).write_bytes(b"no")
     return folder / "bag"
 
