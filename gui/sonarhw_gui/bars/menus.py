@@ -11,10 +11,15 @@ from sonarhw_gui.view import View
 _Group = Sequence[QAction]  # separated from the next one by a line
 
 
-def fill_menus(bar: QMenuBar, commands: Commands, recent: QMenu, views: Sequence[View], docks: _Group) -> None:
-    """Add every action to its menu. Actions of a view go to the menu that its `ViewEntry` names."""
+def fill_menus(
+    bar: QMenuBar, commands: Commands, recent: QMenu, steps: QMenu, views: Sequence[View], docks: _Group
+) -> None:
+    """Add every action to its menu. Actions of a view go to the menu that its `ViewEntry` names.
+
+    `steps`: the menu of undo steps.
+    """
     for name, groups in (
-        *_menus_of_scans(commands, recent),
+        *_menus_of_scans(commands, recent, steps),
         *_menus_of_views(views),
         *_menus_of_the_window(commands, docks),
     ):
@@ -25,13 +30,22 @@ def fill_menus(bar: QMenuBar, commands: Commands, recent: QMenu, views: Sequence
             menu.addActions(group)
 
 
-def _menus_of_scans(commands: Commands, recent: QMenu) -> Iterator[tuple[str, list[_Group]]]:
+def _menus_of_scans(commands: Commands, recent: QMenu, steps: QMenu) -> Iterator[tuple[str, list[_Group]]]:
     opened = [commands.open_room, commands.open_log, commands.recordings, recent.menuAction(), commands.save_room]
-    pictures = [commands.save_view, *commands.save_beside.values(), commands.save_window, commands.save_film]
+    pictures = [
+        commands.save_view,
+        *commands.save_beside.values(),
+        commands.copy_view,
+        commands.save_window,
+        commands.save_film,
+    ]
     yield "File", [opened, [*pictures, commands.export_data, commands.report], [commands.close]]
     run = [commands.scan, commands.stop, commands.home]
     yield "Scan", [[commands.connect_scanner], run, [commands.find]]
-    yield "Edit", [[commands.undo, commands.redo], [commands.previous, commands.next, commands.newest]]
+    yield (
+        "Edit",
+        [[commands.undo, commands.redo, steps.menuAction()], [commands.previous, commands.next, commands.newest]],
+    )
 
 
 def _menus_of_views(views: Sequence[View]) -> list[tuple[str, list[_Group]]]:
@@ -46,5 +60,5 @@ def _menus_of_the_window(commands: Commands, docks: _Group) -> Iterator[tuple[st
     steps = [commands.play, commands.back, commands.forward, commands.previous_scan, commands.next_scan]
     yield "Replay", [[*steps, commands.loop, commands.skip_gaps], [commands.leave_replay]]
     look = [commands.dark, *commands.units.actions(), commands.larger, commands.smaller, commands.default_size]
-    yield "View", [[*commands.views.actions(), commands.fit, commands.sound], docks, look]
-    yield "Help", [[commands.help]]
+    yield "View", [[*commands.views.actions(), commands.fit, commands.sound], [*docks, commands.reset_layout], look]
+    yield "Help", [[commands.help, commands.palette]]

@@ -82,9 +82,13 @@ def activity_text(status: Status) -> str:
         parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
     if status.source is Source.REPLAY:
         parts.append(f"{'following' if status.following else 'replaying'} {status.log_name}")
+    if status.preparing:
+        parts.append(status.preparing)
+    if status.scan_due:
+        parts.append("the scan begins when its prediction is there")
     if status.outdated:
         parts.append("predicting … grey values belong to the previous prediction")
-    elif status.predicting:
+    elif status.predicting and not status.preparing:
         parts.append("predicting …")
     if status.uncompared > _FEW:
         parts.append(f"{status.uncompared} readings to compare")

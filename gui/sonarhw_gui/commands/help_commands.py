@@ -7,6 +7,7 @@ from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.commands.command_palette import CommandPalette
 from sonarhw_gui.commands.help_page import HelpPage
 from sonarhw_gui.commands.one_dialog import close_dialogs
 from sonarhw_gui.session.window_session import WindowSession
@@ -23,6 +24,8 @@ class HelpCommands(QObject):
         self._session = session
         self.page: HelpPage | None = None
         commands.help.triggered.connect(self._open_or_close)
+        commands.palette.triggered.connect(self._open_palette)
+        self.palette: CommandPalette | None = None
 
     @Slot()
     def _open_or_close(self) -> None:
@@ -38,6 +41,13 @@ class HelpCommands(QObject):
         close_dialogs(self._window, but=self.page)
         self.page.show()
 
+    @Slot()
+    def _open_palette(self) -> None:
+        """Open the palette with all commands of window, views and docks."""
+        actions = [action for action in self._window.findChildren(QAction) if _is_command(action)]
+        self.palette = CommandPalette(actions, self._window)
+        self.palette.show()
+
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Let Esc in the window close an open help page first."""
         escape = event.type() is QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
@@ -51,6 +61,10 @@ class HelpCommands(QObject):
     def _forget(self) -> None:
         self.page = None
         self._window.removeEventFilter(self)
+
+
+def _is_command(action: QAction) -> bool:
+    return bool(action.statusTip()) or not action.shortcut().isEmpty()
 
 
 def _with_keys(menu: QMenu) -> list[QAction]:

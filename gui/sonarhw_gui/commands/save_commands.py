@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtWidgets import QFileDialog, QWidget
 from sonarhw_compare.sound.film_file import FILMS
 from sonarhw_compare.sound.moments import PlayedPing
@@ -64,12 +65,23 @@ class SaveCommands(QObject):
                 commands.save_beside[view.entry.name].triggered.connect(partial(self._save_picture, view))
         commands.save_window.triggered.connect(self._save_window)
         commands.export_data.triggered.connect(self._export_data)
+        commands.copy_view.triggered.connect(self._copy_view)
         commands.save_film.triggered.connect(self._save_film)
         commands.report.triggered.connect(self._save_report)
 
     @Slot()
     def _save_view(self) -> None:
         self._save_picture(self._large_view())
+
+    @Slot()
+    def _copy_view(self) -> None:
+        view, shown = self._large_view(), self._session.shown
+        widget = view.picture()
+        if widget is not None:
+            pixels = png_pixels(widget, f"{shown.scene.title} · {view.entry.name.lower()}", shown)
+            height, width = pixels.shape[:2]
+            image = QImage(pixels.data, width, height, 4 * width, QImage.Format.Format_RGBA8888)
+            QGuiApplication.clipboard().setImage(image.copy())  # the pixels belong to the array
 
     def _save_picture(self, view: View) -> None:
         self._ask(Subject(view.entry.name, PICTURES, view.picture()))

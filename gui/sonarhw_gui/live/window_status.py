@@ -43,6 +43,8 @@ class Status:
     log_name: str = ""  # of the replayed log
     following: bool = False  # whether the replayed log is being written
     predicting: bool = False
+    preparing: str = ""  # progress of the compilation at the first start
+    scan_due: bool = False  # whether a scan waits for the prediction
     uncompared: int = 0  # readings that are not compared with the newest prediction yet
     outdated: bool = False  # whether the values shown are of the previous prediction
     scan_settings: ScanSettings | None = None  # settings of the next scan

@@ -26,6 +26,7 @@ class SliderField(QWidget):
         self.field.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
         for part in (self.slider, self.field):
             part.setToolTip(tip)
+            part.setAccessibleName(tip)
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.addWidget(self.slider, stretch=1)

@@ -41,6 +41,7 @@ _LEAST = {
     Column.PATH: "north>pillar",
     Column.SENTENCE: "0.827 m at 270.0°: three reflections",
 }
+_PLURAL: dict[Class, str] = {Kind.MATCH: "matches"}  # for screen readers: "matches: 64"
 _USUAL_PATH = "bottom>top>bottom"
 _HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
 _MARK = 20  # pixels, mark of a class with the gap before the name
@@ -245,6 +246,7 @@ class TableView(QWidget):
         for kind, count in self.model.rows.counts().items():
             button = self.classes[kind]
             button.setText(str(count) if isinstance(kind, Kind) and kind in MARKS else f"{class_name(kind)} {count}")
+            button.setAccessibleName(f"{_PLURAL.get(kind, class_name(kind))}: {count}")
             button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
             least = _MANY if kind is Unclassed.WAITING else 0  # a few are compared within a moment
             button.setVisible(count > least or kind in shown.hidden)

@@ -30,6 +30,11 @@ class History:
         return self._done[-1].label if self._done else ""
 
     @property
+    def steps(self) -> tuple[str, ...]:
+        """The labels of all edits that can be undone, newest first."""
+        return tuple(step.label for step in reversed(self._done))
+
+    @property
     def redo_label(self) -> str:
         """The label of the edit that redo repeats; empty if there is none."""
         return self._undone[-1].label if self._undone else ""

@@ -55,6 +55,11 @@ class ShownModel(QObject):
         if before is not None:
             self._change(before)
 
+    def undo_steps(self, count: int) -> None:
+        """Undo the last `count` edits."""
+        for _ in range(count):
+            self.undo()
+
     @Slot()
     def redo(self) -> None:
         """Repeat the edit that was undone last."""

@@ -60,6 +60,11 @@ class UnsavedRooms:
             elif unsaved.is_of(scene):
                 self.notices.append(_question(path, unsaved, scene))
 
+    @property
+    def changed(self) -> bool:
+        """Whether the scene differs from the one that was opened or saved."""
+        return self._opened is not None and self._now is not None and is_changed(self._opened, self._now)
+
     def change(self, scene: Scene, now: float) -> None:
         """Store a changed scene soon; `now` and the times of `tick` are of one clock, s."""
         self._now = scene

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.compilation import Quiet, watch_compilation
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
@@ -25,6 +26,7 @@ from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerFinder, Sca
 from sonarhw_gui.session.shown_model import ShownModel
 from sonarhw_gui.session.unsaved_rooms import DiscardRoom, RestoreRoom, UnsavedRooms
 from sonarhw_gui.shown.notices import Notice
+from sonarhw_gui.shown.preparation import Preparation
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.sound.sound_control import SoundControl
 from sonarhw_gui.store.documents import Documents
@@ -87,6 +89,9 @@ class WindowSession(QObject):
         self.fitting = FitControl(self)
         self.saver = FileSaver(self)
         self.sound = SoundControl(self)
+        self.preparation = Preparation()
+        watch_compilation(self.preparation)
+        self._scan_due = False  # whether to scan as soon as there is a prediction
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._connect()
@@ -113,14 +118,25 @@ class WindowSession(QObject):
     @Slot()
     def scan(self) -> None:
         """Scan with the chosen scanner, and record."""
+        self._scan_due = False
         if self.live.possible and not self.live.running:
             self._begin()
             self._warn_if_moved()
             self._source.scan(self.shown.scene)
 
+    def scan_when_predicted(self) -> None:
+        """Scan as soon as there is a prediction, so that the readings appear over it; without a room, at once."""
+        self._scan_due = True
+        self._scan_if_due()
+
+    def _scan_if_due(self) -> None:
+        if self._scan_due and (self.shown.scene.room is None or self.shown.outline is not None):
+            self.scan()
+
     @Slot()
     def stop(self) -> None:
         """Stop the job of the scanner, and pause the replay."""
+        self._scan_due = False
         self._source.stop()
 
     def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
@@ -248,6 +264,7 @@ class WindowSession(QObject):
         self.fitting.close()
         self.saver.close()
         self.showing.close()
+        watch_compilation(Quiet())
 
     # updates
 
@@ -266,12 +283,18 @@ class WindowSession(QObject):
         self._ticking = False
         self.sound.advance(elapsed)
         self.showing.tick(self._take_readings())
+        self._scan_if_due()
         self.unsaved.tick(now)
         self._report_messages()
         self._update_status()
 
     def _report_messages(self) -> None:
-        for messages in (self.showing.forecast.failures, self.documents.messages, self.unsaved.messages):
+        for messages in (
+            self.preparation.messages,
+            self.showing.forecast.failures,
+            self.documents.messages,
+            self.unsaved.messages,
+        ):
             for message in messages:
                 self.warned.emit(message)
             messages.clear()
@@ -408,6 +431,8 @@ class WindowSession(QObject):
         status = replace(
             status,
             outdated=self.shown.outdated,
+            preparing=self.preparation.text,
+            scan_due=self._scan_due,
             uncompared=self.showing.forecast.uncompared,
             following=self.files.grows(WatchedFile.LOG, time.monotonic()),
         )

@@ -106,7 +106,7 @@ def open_window(start: WindowStart) -> MainWindow:
     elif restored.source_file is not None:
         window.session.open_file(str(restored.source_file))
     elif restored.autostart:
-        window.session.scan()
+        window.session.scan_when_predicted()
     if problem:
         window.session.warned.emit(problem)
     return window

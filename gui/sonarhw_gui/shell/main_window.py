@@ -17,6 +17,7 @@ from sonarhw_gui.commands.file_commands import FileCommands
 from sonarhw_gui.commands.help_commands import HelpCommands
 from sonarhw_gui.commands.look_commands import LookCommands
 from sonarhw_gui.commands.save_commands import SaveCommands
+from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
@@ -28,6 +29,7 @@ from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.readings.sentence import BounceLine, Sentence
 from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.shell.accessible_names import name_tab_stops
 from sonarhw_gui.shell.command_states import show_history, show_scanner
 from sonarhw_gui.shell.docks import Docks
 from sonarhw_gui.shell.view_area import ViewArea
@@ -76,6 +78,7 @@ class MainWindow(QMainWindow):
         self._connect()
         self._show(session.shown)
         self._show_status(session.status)
+        name_tab_stops(self)
 
     def _arrange(self) -> None:
         self.setAcceptDrops(True)
@@ -97,7 +100,12 @@ class MainWindow(QMainWindow):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
         fill_menus(
-            self.menuBar(), self.commands, self.files, self.views.all, [*self.views.openers, *self.docks.actions]
+            self.menuBar(),
+            self.commands,
+            self.files,
+            UndoList(self.session.showing, self),
+            self.views.all,
+            [*self.views.openers, *self.docks.actions],
         )
         self.resize(_SIZE.boundedTo(self.screen().availableSize() - _FRAME))
 
@@ -120,10 +128,12 @@ class MainWindow(QMainWindow):
         self.toolbar.place.textActivated.connect(session.showing.set_place)
         commands.find.triggered.connect(self._find_pose)
         commands.fit.triggered.connect(views.fit)
+        commands.reset_layout.triggered.connect(views.arrange)
         commands.views.triggered.connect(self._show_view)
         commands.close.triggered.connect(self.close)
         self.closing.connect(self.files.close_recordings)
         session.showing.changed.connect(self._show)
+        session.showing.edited.connect(self._show_title)
         session.status_changed.connect(self._show_status)
         session.room_opened.connect(views.plan.fit)
         session.saver.saved.connect(self.status_bar.show_briefly)
@@ -145,10 +155,15 @@ class MainWindow(QMainWindow):
         self.views.show_state(shown)
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
-        self.setWindowTitle(f"sonarhw — {shown.title}")
+        self._show_title()
         self.legend.show_state(shown.origin, shown.hidden, bool(shown.scene.board.own_body))
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()
+
+    @Slot()
+    def _show_title(self) -> None:
+        changed = " *" if self.session.unsaved.changed else ""  # a star marks unsaved changes
+        self.setWindowTitle(f"sonarhw — {self.session.shown.title}{changed}")
 
     def _update_texts_soon(self) -> None:
         if not self.session.status.scanning:
@@ -167,6 +182,7 @@ class MainWindow(QMainWindow):
     @Slot()
     def _show_again(self) -> None:
         self._show(self.session.shown)
+        name_tab_stops(self)  # tabs and some plots are created when they are first visible
 
     def _show_look(self, look: Look) -> None:
         self._look = look

@@ -114,8 +114,8 @@ class ViewArea(QMainWindow):
         low = self.screen().availableSize().height() < _LOW
         stacks = [first + second, third] if low else [first, second, third]
         for dock in self.docks:
-            self.removeDockWidget(dock)
             dock.setFloating(False)
+            self.removeDockWidget(dock)
         for stack in stacks:
             self.addDockWidget(_RIGHT, stack[0])
             for dock in stack[1:]:

@@ -23,6 +23,9 @@ from sonarhw_gui.work.chosen_trace import ChosenTrace
 from sonarhw_gui.work.comparing import ComparedScan
 from sonarhw_gui.work.outline_chances import OutlineChances
 
+_HINT = "No reading yet: open a log or a room, or connect a scanner."
+_HINT_IN_A_ROOM = "No reading yet. Click the predicted outline to see what the sonar would read there, and why."
+
 
 @dataclass(frozen=True)
 class ClassPoints:
@@ -134,7 +137,7 @@ class Shown:
                 return f"{heading_text(self.asked)} is being computed"
             return explain_heading(self.answer, 0, self.look.unit.text)
         if self.chosen is None:
-            return "No reading yet: press Scan or open a log."
+            return _HINT_IN_A_ROOM if self.scene.room else _HINT
         stretch = self.compared.stretch_of(self.chosen) if self.compared else None
         text = self.sentence_of(self.chosen)
         return f"draft, few bounces: {text}" if stretch is not None and stretch.draft else text

@@ -1,0 +1,138 @@
+"""Names of all tab stops, the command palette, the list of undo steps, copied pictures, and layouts."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication, QImage
+from PySide6.QtWidgets import QApplication, QWidget
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.commands.undo_list import UndoList
+from sonarhw_gui.shell.accessible_names import spoken_name
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.work.prediction_requests import PathsRequest
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenFake, OpenWith
+from tests.system.gui.driving import predicted, until
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith) -> MainWindow:
+    window = open_with()
+    until(qtbot, lambda: predicted(window))
+    return window
+
+
+def tab_stops(window: MainWindow) -> list[QWidget]:
+    """Return the widgets that Tab visits from the menu bar until it comes back, as Qt orders them."""
+    first = stop = window.menuBar()
+    found = []
+    while (stop := stop.nextInFocusChain()) is not first:
+        if stop.focusPolicy() & Qt.FocusPolicy.TabFocus and stop.window() is window:
+            found.append(stop)
+    return found
+
+
+def test_every_tab_stop_has_a_name(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    for action in (*window.docks.actions, *window.commands.views.actions(), window.commands.sound):
+        action.trigger()
+        qtbot.wait(20)
+    stops = tab_stops(window)
+    assert len(stops) > 60
+    assert [f"{type(stop).__name__} in {type(stop.parent()).__name__}" for stop in stops if not spoken_name(stop)] == []
+
+
+def test_class_buttons_say_class_and_count(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    until(qtbot, lambda: any(spoken_name(b).startswith("matches: 3") for b in window.views.table.classes.values()))
+
+
+def test_the_palette_runs_a_command_by_a_part_of_its_name(qtbot: QtBot, window: MainWindow) -> None:
+    keys = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
+    qtbot.keyClick(window, Qt.Key.Key_A, keys)
+    palette = window.help.palette
+    until(qtbot, palette.isVisible)
+    assert len(palette.names) > 50
+    qtbot.keyClicks(palette.words, "side by")
+    assert palette.names == ["Side by side"]
+    qtbot.keyClick(palette.words, Qt.Key.Key_Return)
+    assert window.views.large_view is window.views.side_by_side
+
+
+def test_undo_steps_are_listed_and_undone_together(qtbot: QtBot, window: MainWindow) -> None:
+    room = window.session.shown.scene
+    for key in (Qt.Key.Key_Up, Qt.Key.Key_PageUp):
+        qtbot.keyClick(window, key, Qt.KeyboardModifier.ShiftModifier)
+        window.views.plan.drawing.controller._last_key = -1e9  # the next key press is another step
+    assert window.windowTitle().endswith(" *")
+    steps = window.findChild(UndoList)
+    steps.show_steps()
+    assert [action.text() for action in steps.actions()] == ["turning the sensor", "moving the sensor"]
+    steps.actions()[1].trigger()
+    assert window.session.shown.scene is room
+    assert not window.windowTitle().endswith(" *")
+
+
+def test_a_picture_of_the_large_view_is_copied(qtbot: QtBot, window: MainWindow) -> None:
+    window.commands.copy_view.trigger()
+    image: QImage = QGuiApplication.clipboard().image()
+    assert image.width() == 2 * window.views.plan.drawing.width()
+    assert image.height() > 2 * window.views.plan.drawing.height()  # with title and legend
+
+
+def test_views_are_moved_floated_closed_and_reset(qtbot: QtBot, window: MainWindow) -> None:
+    trace, ranges, table, echoes = window.views.docks
+    trace.setFloating(True)
+    ranges.close()
+    echoes.opener.trigger()
+    until(qtbot, lambda: echoes.in_front and not table.in_front)
+    assert [action.isChecked() for action in window.views.openers] == [True, False, False, True]
+    ranges.opener.trigger()
+    until(qtbot, ranges.isVisible)
+    window.commands.reset_layout.trigger()
+    until(qtbot, lambda: table.in_front and not echoes.in_front)
+    assert not trace.isFloating()
+    tops = [dock.mapTo(window, dock.rect().topLeft()).y() for dock in (trace, ranges, table)]
+    assert tops == sorted(tops)
+    assert len(set(tops)) == 3
+
+
+def test_the_first_window_is_not_larger_than_its_screen(window: MainWindow) -> None:
+    available = QApplication.primaryScreen().availableSize()
+    assert window.width() <= available.width()
+    assert window.height() <= available.height()
+    assert window.minimumSizeHint().width() <= 1008
+
+
+def test_a_demo_scan_waits_for_its_prediction(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hold the answer back: no scan; let it go: the scan begins, over its outline."""
+    held, answer = [True], PathsRequest.answer
+
+    def wait(request: PathsRequest) -> object:
+        while held[0]:
+            qtbot_free.wait(0.01)
+        return answer(request)
+
+    import threading
+
+    qtbot_free = threading.Event()
+    monkeypatch.setattr(PathsRequest, "answer", wait)
+    window = open_with(source=fake("max"), autostart=True)
+    try:
+        until(qtbot, lambda: "the scan begins when its prediction is there" in window.status_bar.activity.text())
+        window.session.preparation.compiling(3, 60)
+        until(qtbot, lambda: "preparing the model (first start only): 3" in window.status_bar.activity.text())
+        assert "press Scan" not in window.sentence.text()
+        assert window.session.live.phase is None
+    finally:
+        held[0] = False
+    window.session.preparation.compiled()
+    until(qtbot, lambda: len(window.session.shown.readings) > 0)
+    assert window.session.shown.outline is not None
+    window.commands.stop.trigger()
