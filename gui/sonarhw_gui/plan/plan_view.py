@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QHBoxLayout, QToolButton, QVBoxLayout, QWidget
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.plan.plan_tools import TOOLS
+from sonarhw_gui.plan.typed_surface import TypedSurface
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 
@@ -34,6 +35,7 @@ class PlanView(QWidget):
         self.drawing = view = PlanDrawing(self.gestures)
         self.tools = QActionGroup(self)
         self.message = ElidedLabel()
+        self.typed: TypedSurface | None = None  # the dialog for coordinates, opened last
         view.message_changed.connect(self.message.setText)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
@@ -87,6 +89,9 @@ class PlanView(QWidget):
         for name, key, degrees in _QUESTIONS:
             action = self._action(name, key, "Explain the next heading on this side, without a scan")
             action.triggered.connect(partial(self._turn_question, math.radians(degrees)))
+        for name, key, post in (("Add wall…", "Ctrl+Alt+W", False), ("Add post…", "Ctrl+Alt+P", True)):
+            action = self._action(name, key, "Type the coordinates")
+            action.triggered.connect(partial(self._type_surface, post))
         for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
             action = self._action(name, key, "About the middle; the mouse wheel zooms about the pointer")
             action.triggered.connect(partial(self.drawing.zoom, scale))
@@ -98,6 +103,15 @@ class PlanView(QWidget):
         action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
         self.addAction(action)
         return action
+
+    def _type_surface(self, post: bool) -> None:
+        shown = self.drawing.shown
+        if shown is None or shown.scene.room is None:
+            self.message.setText("open a room first")
+            return
+        controller = self.drawing.controller
+        self.typed = TypedSurface(lambda: controller.scene, shown.look.unit, self.gestures, post, self)
+        self.typed.show()
 
     def _turn_question(self, by: float) -> None:
         self.gestures.turned_question.emit(by)

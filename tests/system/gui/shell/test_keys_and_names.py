@@ -7,6 +7,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtWidgets import QApplication, QWidget
 from pytestqt.qtbot import QtBot
+from shiboken6 import Shiboken
 from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.shell.accessible_names import spoken_name
 from sonarhw_gui.shell.main_window import MainWindow
@@ -136,3 +137,29 @@ def test_a_demo_scan_waits_for_its_prediction(
     until(qtbot, lambda: len(window.session.shown.readings) > 0)
     assert window.session.shown.outline is not None
     window.commands.stop.trigger()
+
+
+def test_walls_and_posts_are_added_by_typed_coordinates(qtbot: QtBot, window: MainWindow) -> None:
+    keys = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
+    for key, typed in ((Qt.Key.Key_W, ("0.2", "0.5", "0.6", "0.5")), (Qt.Key.Key_P, ("0.3", "0.3", "0.05"))):
+        qtbot.keyClick(window, key, keys)
+        dialog = window.views.plan.typed
+        for field, text in zip(dialog.fields, typed, strict=True):
+            field.selectAll()
+            qtbot.keyClicks(field, text)
+        qtbot.keyClick(dialog.fields[-1], Qt.Key.Key_Return)
+        until(qtbot, lambda dialog=dialog: not Shiboken.isValid(dialog) or not dialog.isVisible())
+    room = window.session.shown.scene.room
+    assert room.walls[-1].tolist() == pytest.approx([0.2, 0.5, 0.6, 0.5])
+    assert room.posts[-1].tolist() == pytest.approx([0.3, 0.3, 0.05])
+    assert window.session.showing.history.steps == ("adding a post", "adding a wall")
+
+
+def test_an_impossible_wall_is_explained_in_the_dialog(qtbot: QtBot, window: MainWindow) -> None:
+    window.views.plan._type_surface(post=True)
+    dialog = window.views.plan.typed
+    dialog.fields[-1].setValue(0.05)
+    dialog._add()  # around the sensor, where the fields begin
+    assert "lies inside post" in dialog.problem.text()
+    assert dialog.isVisible()
+    dialog.close()
