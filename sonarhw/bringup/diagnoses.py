@@ -174,7 +174,7 @@ def _home_advice(failure: str) -> str:
         return (
             "`sonarhw turn URL 5 --jog` must turn counter-clockwise, seen from above, else `sonarhw wiring URL "
             "--invert motor`; 30° counter-clockwise of zero `sonarhw wiring URL` must show the cam high, else "
-            "--invert cam; if the cable is wound by more than a turn, run this again"
+            "`sonarhw wiring URL --invert cam`; if the cable is wound by more than a turn, run this again"
         )
     if "wrong way" in failure:
         return "`sonarhw wiring URL --invert mark`, if the motor turns counter-clockwise for `sonarhw turn URL 5 --jog`"

@@ -71,7 +71,10 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
         return
     yield diagnoses.noise_on_init(around)
     if plate is None:
-        advice = "put a plate 1 m from the transducer, 30° counter-clockwise of zero, and add --plate 30 --distance 1"
+        advice = (
+            "put a plate 1 m from the transducer, 30° counter-clockwise of zero, and run "
+            "`sonarhw doctor URL --plate 30 --distance 1`"
+        )
         yield from (skipped("direction", "no plate"), skipped("plate", "no plate", advice))
         return
     yield from _plate(scanner, plate)
