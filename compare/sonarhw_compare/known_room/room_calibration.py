@@ -253,7 +253,7 @@ def _find_home(result: _Result, scans: Sequence[PlacedScan], fitted: TurntableFi
     if np.abs(away).max() > _SAME_ZERO:
         result.kept["home_angle_deg"] = (
             f"the zero differs by up to {math.degrees(float(np.ptp(away))):.0f} degrees between the logs; "
-            "give headings with --pose"
+            "give the heading of each place"
         )
         return
     # at least the uncertainty of one heading
