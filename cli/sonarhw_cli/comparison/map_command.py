@@ -1,8 +1,8 @@
 """`sonarhw map`: estimate a room from one or several scans."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.map import RoomMap
+    from sonarhw_compare.room_finding.evidence import PoseSpread
+    from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
 
@@ -43,7 +45,16 @@ def map_logs(
     ] = None,
     board: BoardOfLog = None,
     offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
-    out: Annotated[Path | None, typer.Option(help="Draw the maps.", metavar=PICTURE_FILE)] = None,
+    poses_file: Annotated[
+        Path | None, typer.Option("--poses", help="Poses of all logs with their uncertainty.", metavar="FILE.csv")
+    ] = None,
+    out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Draw the maps (picture), find the room (.toml), or both: give the option twice.",
+            metavar=f"ROOM.toml|{PICTURE_FILE}",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     force: Force = False,
 ) -> None:
@@ -52,18 +63,27 @@ def map_logs(
     A map has a certainty grid, and walls, corners and edges from regions of constant depth. Two maps are made: one
     from all readings, and one without the readings that came by several reflections. Those readings are found by
     following sound in the room.
+
+    With --out ROOM.toml, the room is found: walls and posts that explain all echoes and silences, by the model of a
+    fit, with their uncertainties. Sound is then followed in this room.
     """
     from sonarhw_compare.map import map_scans
     from sonarhw_compare.map.features import CONFIRMING
     from sonarhw_sim.board.profile import load_board
 
-    suffix = "" if out is None else checked_out(out, PICTURES, force, room_name, board, *log_files)
+    room_file, picture = _outputs(out or [], force, room_name, board, poses_file, *log_files)
+    if room_file and room_name:
+        raise InputError(f"--out {room_file}, --room {room_name}: a room is found, or given; give only one of them")
     room = None if room_name is None else open_room(room_name)
     given = [open_scan(file, board) for file in log_files]
     chosen = load_board(board) if board else given[0].board()
-    scans = _placed(given, room, places or [], poses or [])
+    scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
+    found_room = None
     with progress_of_share() as show:
+        if room_file:
+            found_room = _found(scans, moved, given, spreads, show)
+            room, scans = found_room.room, found_room.scans
         found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
     if found.places < CONFIRMING:
         warn(
@@ -78,15 +98,86 @@ def map_logs(
             else f"{found.undetermined} of {found.echoes} echoes have no path in this room; check the room, "
             "the board and the places of the scans"
         )
-    if out is not None:
+    if room_file and found_room:
+        with written_file(room_file, overwrite=force) as file:
+            file.write(found_room.room.text.encode())
+    if picture:
         from sonarhw_compare.map.map_picture import draw_map
 
-        with written_file(out, overwrite=force) as file:
-            write_picture(draw_map(found, room), file, suffix)
+        with written_file(picture, overwrite=force) as file:
+            write_picture(draw_map(found, room), file, checked_out(picture, PICTURES, True))
     if as_json:
-        print_json(_figures(found))
-    else:
-        _print(found, room is not None)
+        print_json(_figures(found) | ({} if found_room is None else {"found": found_room.figures}))
+        return
+    _print(found, room is not None)
+    if found_room:
+        print_line(found_room.summary)
+
+
+@dataclass(frozen=True)
+class _FoundRoom:
+    """A found room for the outputs of the command."""
+
+    room: "Room"
+    scans: "list[PlacedScan]"  # from the refined places
+    figures: dict[str, Any]
+    summary: str
+
+
+def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> tuple[Path | None, Path | None]:
+    """Return the names of the room file and of the picture; None for one that is not wanted."""
+    chosen: dict[bool, Path] = {}
+    for path in out:
+        suffix = checked_out(path, [*PICTURES, ".toml"], force, *inputs)
+        if (is_room := suffix == ".toml") in chosen:
+            raise InputError(f"--out {chosen[is_room]}, --out {path}: give one room file and one picture at most")
+        chosen[is_room] = path
+    return chosen.get(True), chosen.get(False)
+
+
+def _found(
+    scans: "list[PlacedScan]",
+    board: "Board",
+    given: "Sequence[GivenScan]",
+    spreads: "Sequence[PoseSpread]",
+    show: Callable[[float, str], None],
+) -> _FoundRoom:
+    from sonarhw_compare.room_finding.finding import find_room
+    from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, open_ends
+    from sonarhw_sim.air import Air
+
+    air = given[0].room().air if given[0].log is not None and given[0].log.metadata.room_text else Air()
+    found = find_room(scans, board, air, spreads, lambda share: show(share, "finding the room"))
+    moved = [replace(scan, place=place) for scan, place in zip(scans, found.draft.places, strict=True)]
+    summary = (
+        f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
+        f"{counted(len(open_ends(found)), 'open end')}; "
+        f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts"
+    )
+    return _FoundRoom(found_room(found, moved, board), moved, found_room_figures(found), summary)
+
+
+def _with_poses(
+    given: "Sequence[GivenScan]",
+    room: "Room | None",
+    places: Sequence[str],
+    poses: Sequence[str],
+    poses_file: Path | None,
+) -> "tuple[list[PlacedScan], list[PoseSpread]]":
+    """Return the scans at their places, and how uncertain these are."""
+    from sonarhw_compare.fit import PlacedScan
+    from sonarhw_compare.room_finding.pose_file import read_poses
+
+    if poses_file is None:
+        return _placed(given, room, places, poses), []
+    if places or poses:
+        raise InputError(f"--poses {poses_file}: contains the poses of all logs; leave out --place and --pose")
+    read = read_poses(poses_file, [Path(scan.where) for scan in given])
+    scans = [
+        PlacedScan(scan.readings, place, Path(scan.where).stem, scan.where)
+        for scan, (place, _) in zip(given, read, strict=True)
+    ]
+    return scans, [spread for _, spread in read]
 
 
 def _placed(

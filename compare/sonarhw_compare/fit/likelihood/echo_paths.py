@@ -102,7 +102,7 @@ def _length_to_edge(paths: Paths) -> FloatArray:
 def _touches(paths: Paths, room: Room, materials: list[str]) -> FloatArray:
     of_surface = np.array([[name == material for material in materials] for name in room.materials], dtype=np.float64)
     # row -1, "no surface", selects the appended zeros
-    rows = np.vstack((of_surface.reshape(len(room.materials), -1), np.zeros((1, len(materials)))))
+    rows = np.vstack((of_surface.reshape(len(room.materials), len(materials)), np.zeros((1, len(materials)))))
     return np.ascontiguousarray(rows[paths.surfaces].sum(axis=1))
 
 

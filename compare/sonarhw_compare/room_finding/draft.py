@@ -1,0 +1,184 @@
+"""A draft of a room: walls on straight lines, whose ends are free or meet other walls, posts, and places of scans."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from sonarhw_sim.air import Air
+from sonarhw_sim.room.edges import find_edges
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.readings import FloatArray
+
+MATERIAL = "found"
+_PARALLEL = math.sin(math.radians(8))  # lines that differ less in direction do not meet in a corner
+_LONGEST = 50.0  # m, from the middle of a wall to an end that meets another wall
+_SHORTEST = 0.02  # m, of a wall
+_SAME_CORNER = 0.05  # m, between the corners that an end may have with two walls on almost one line
+_TOUCHING = 0.01  # m, between a wall and the end of one that reaches it
+
+
+@dataclass(frozen=True)
+class DraftEnd:
+    """An end of a wall: at a distance along it, or where its line meets that of another wall."""
+
+    at: float  # m along the wall from its middle, negative for the first end
+    meets: int | None = None  # key of the other wall
+
+
+@dataclass(frozen=True)
+class DraftWall:
+    """A wall on the line through `middle` along `angle`, turned about `middle` when it is refined."""
+
+    middle: tuple[float, float]  # m
+    angle: float  # rad
+    ends: tuple[DraftEnd, DraftEnd]
+
+    @property
+    def along(self) -> FloatArray:
+        """Unit vector from the first end to the second, (2,)."""
+        return np.array([math.cos(self.angle), math.sin(self.angle)])
+
+    @property
+    def normal(self) -> FloatArray:
+        """Unit vector to the left of the wall, (2,)."""
+        return np.array([-math.sin(self.angle), math.cos(self.angle)])
+
+    def moved(self, left: float, turn: float) -> "DraftWall":
+        """Return the wall moved to its left by `left` (m) and turned about its middle by `turn` (rad)."""
+        x, y = (np.array(self.middle) + left * self.normal).tolist()
+        return replace(self, middle=(x, y), angle=self.angle + turn)
+
+    def with_end(self, which: int, end: DraftEnd) -> "DraftWall":
+        """Return the wall with another first (0) or second (1) end."""
+        return replace(self, ends=(end, self.ends[1]) if which == 0 else (self.ends[0], end))
+
+
+@dataclass(frozen=True)
+class DraftPost:
+    """A round object."""
+
+    center: tuple[float, float]  # m
+    radius: float  # m
+
+
+@dataclass(frozen=True)
+class RoomDraft:
+    """Walls by their keys, posts, and the place of each scan; frozen, so that every change is a new draft."""
+
+    places: tuple[Place, ...]
+    walls: dict[int, DraftWall] = field(default_factory=dict)
+    posts: tuple[DraftPost, ...] = ()
+
+    def with_wall(self, key: int, wall: DraftWall) -> "RoomDraft":
+        """Return the draft with one more or another wall."""
+        return replace(self, walls={**self.walls, key: wall})
+
+    def with_new_wall(self, wall: DraftWall) -> tuple["RoomDraft", int]:
+        """Return the draft with one more wall, and its key."""
+        key = max(self.walls, default=-1) + 1
+        return self.with_wall(key, wall), key
+
+    def without_wall(self, key: int) -> "RoomDraft":
+        """Return the draft without a wall; ends that met it meet another wall there, or stay where they are."""
+        walls = {other: wall for other, wall in self.walls.items() if other != key}
+        kept = {}
+        for other, wall in walls.items():
+            ends = [
+                self._end_elsewhere(wall, at, walls) if end.meets == key else end
+                for end, at in zip(wall.ends, self.extent(other), strict=True)
+            ]
+            kept[other] = replace(wall, ends=(ends[0], ends[1]))
+        return replace(self, walls=kept)
+
+    @staticmethod
+    def _end_elsewhere(wall: DraftWall, at: float, walls: dict[int, DraftWall]) -> DraftEnd:
+        """Return an end at the line of the wall that crosses nearest to `at`, or a free end there."""
+        crossings = [(key, meeting(wall, other)) for key, other in walls.items() if other is not wall]
+        near = [(abs(hit - at), key) for key, hit in crossings if hit is not None and abs(hit - at) < _SAME_CORNER]
+        return DraftEnd(at, min(near)[1] if near else None)
+
+    def with_meeting_moved(self, key: int, other: int, behind: float) -> "RoomDraft":
+        """Return the draft in which walls that meet wall `key` beyond `behind`, m along it, meet `other` instead."""
+        walls = {}
+        for name, wall in self.walls.items():
+            at = meeting(self.walls[key], wall) if name not in (key, other) else None
+            if at is not None and at >= behind:
+                ends = [replace(end, meets=other) if end.meets == key else end for end in wall.ends]
+                wall = replace(wall, ends=(ends[0], ends[1]))
+            walls[name] = wall
+        return replace(self, walls=walls)
+
+    def extent(self, key: int) -> tuple[float, float]:
+        """Return both ends of a wall, m along it from its middle."""
+        wall = self.walls[key]
+        found = []
+        for end in wall.ends:
+            other = None if end.meets is None else self.walls.get(end.meets)
+            at = None if other is None else meeting(wall, other)
+            found.append(end.at if at is None else at)
+        return found[0], found[1]
+
+    def is_free(self, key: int, which: int) -> bool:
+        """Return whether an end of a wall is free: it meets no wall, or one that does not reach as far."""
+        wall = self.walls[key]
+        other = None if (meets := wall.ends[which].meets) is None else self.walls.get(meets)
+        at = None if other is None else meeting(other, wall)
+        if at is None or meets is None:
+            return True
+        first, last = self.extent(meets)
+        return not first - _TOUCHING <= at <= last + _TOUCHING
+
+    def segment(self, key: int) -> FloatArray:
+        """Return start and end of a wall, (4,) m."""
+        wall = self.walls[key]
+        first, last = self.extent(key)
+        return np.concatenate([np.array(wall.middle) + at * wall.along for at in (first, last)])
+
+    @property
+    def segments(self) -> FloatArray:
+        """Start and end of each wall, in the order of `walls`, (n, 4) m."""
+        return np.array([self.segment(key) for key in self.walls], dtype=np.float64).reshape(-1, 4)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether every wall has a length, and its ends are in order."""
+        return all(last - first >= _SHORTEST for first, last in map(self.extent, self.walls))
+
+    def room(self, reflectance: float, air: Air) -> Room:
+        """Return the room in which sound is followed; all surfaces have one reflectance."""
+        segments = self.segments
+        names = (*(wall_name(k) for k in range(len(segments))), *(post_name(k) for k in range(len(self.posts))))
+        return Room(
+            name=MATERIAL,
+            walls=segments,
+            posts=np.array([(*post.center, post.radius) for post in self.posts], dtype=np.float64).reshape(-1, 3),
+            reflectances=np.full(len(names), reflectance),
+            scattered=np.zeros(len(names)),
+            heights=np.tile([-math.inf, math.inf], (len(names), 1)),
+            names=names,
+            materials=(MATERIAL,) * len(names),
+            edges=find_edges(segments, names[: len(segments)]),
+            air=air,
+            places={},
+            text="",
+        )
+
+
+def wall_name(number: int) -> str:
+    """Return the name of a found wall."""
+    return f"wall {number + 1}"
+
+
+def post_name(number: int) -> str:
+    """Return the name of a found post."""
+    return f"post {number + 1}"
+
+
+def meeting(wall: DraftWall, other: DraftWall) -> float | None:
+    """Return where the line of a wall meets that of another, m along it; None if they are almost parallel."""
+    slope = float(wall.along @ other.normal)
+    if abs(slope) < _PARALLEL:
+        return None
+    at = float((np.array(other.middle) - wall.middle) @ other.normal) / slope
+    return at if abs(at) <= _LONGEST else None

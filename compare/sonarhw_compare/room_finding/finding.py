@@ -1,0 +1,81 @@
+"""The room that scans show: growth, refinement, and what the scans do not show."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Board
+
+from sonarhw.errors import InputError
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.given_twice import check_given_once
+from sonarhw_compare.room_finding.candidates import arcs_of_scans
+from sonarhw_compare.room_finding.draft import RoomDraft
+from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Evidence, PoseSpread, Scored, evidence_of, scored
+from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
+from sonarhw_compare.room_finding.refinement import Move, refined
+from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
+from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
+
+_ROUNDS = 3  # of growth and refinement
+
+
+@dataclass(frozen=True)
+class FoundRoom:
+    """A room found from scans."""
+
+    draft: RoomDraft
+    deviations: dict[Move, float]  # m or rad: standard deviations
+    touches: Touches
+    echoes: int  # of all scans
+
+    @property
+    def explained(self) -> int:
+        """The number of echoes within 5 cm of one that the room predicts."""
+        return self.echoes - sum(self.touches.unexplained)
+
+
+def find_room(
+    scans: Sequence[PlacedScan],
+    board: Board,
+    air: Air,
+    spreads: Sequence[PoseSpread] = (),
+    tick: Callable[[float], None] = lambda _share: None,
+) -> FoundRoom:
+    """Return the walls and posts that explain scans.
+
+    `spreads` are the standard deviations of the places, by default exact. `tick` receives the completed share, 0..1.
+    Raises InputError if no reading has an echo, no wall is found, a scan is given twice, or the board is a ring.
+    """
+    echoes = sum(reading.range is not None for scan in scans for reading in scan.readings)
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
+    if echoes == 0:
+        raise InputError("nothing to map: no reading has an echo")
+    check_given_once(scans)
+    evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air)
+    best = scored(evidence, evidence.first)
+    for turn in range(_ROUNDS):
+        tick(turn / (_ROUNDS + 1))
+        placed = [replace(scan, place=place) for scan, place in zip(scans, best.draft.places, strict=True)]
+        longer = pruned(evidence, grown(evidence, arcs_of_scans(placed, board), best))
+        if longer.draft == best.draft:
+            break
+        best = scored(evidence, refined(evidence, longer.draft, ROUGH, 2).draft)
+        best = _cut_back(evidence, with_better_ends(evidence, pruned(evidence, best)), scans, board)
+    tick(_ROUNDS / (_ROUNDS + 1))
+    draft = pruned(evidence, best).draft
+    if not draft.walls:
+        raise InputError("no wall found: expected scans from at least two places that face the same walls")
+    # with less noise, the likelihood is steep and rough, and climbs only near its maximum
+    end = refined(evidence, refined(evidence, draft, ROUGH, 5).draft, FINE, 8)
+    found = FoundRoom(end.draft, end.deviations, touches_of(scans, end.draft, board, air), echoes)
+    tick(1.0)
+    return found
+
+
+def _cut_back(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+    """Return the draft without the parts of walls that sound has not touched, unless they matter to the scans."""
+    touches = touches_of(scans, best.draft, board, evidence.air)
+    cut = scored(evidence, trimmed(best.draft, touches))
+    return with_gaps(evidence, cut if cut.score > best.score - PRICE else best, touches.walls)

@@ -1,0 +1,142 @@
+"""The room file of a found room: walls, posts and places, with uncertainties and what is not known as comments."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import tomlkit
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Room, parse_room
+from tomlkit.items import AoT, Table
+
+from sonarhw.harmless_text import harmless
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.room_finding.draft import MATERIAL, post_name, wall_name
+from sonarhw_compare.room_finding.evidence import REFLECTANCE
+from sonarhw_compare.room_finding.finding import FoundRoom
+
+_DIGITS = 5  # of metres
+
+
+def found_room_text(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> str:
+    """Return the text of a room file with the found walls, posts and places."""
+    file = tomlkit.document()
+    for line in _header(found, scans, board):
+        file.add(tomlkit.comment(line))
+    file["name"] = "Found room"
+    material = tomlkit.table()
+    material["reflectance"] = REFLECTANCE
+    material["reflectance"].comment("assumed; `sonarhw fit --free reflectance` finds it")
+    file["materials"] = tomlkit.table(is_super_table=True).append(MATERIAL, material)
+    file["walls"] = _array([_wall(found, number, key) for number, key in enumerate(found.draft.walls)])
+    if found.draft.posts:
+        file["posts"] = _array([_post(found, row) for row in range(len(found.draft.posts))])
+    places = tomlkit.table(is_super_table=True)
+    for scan, place in zip(scans, found.draft.places, strict=True):
+        at = tomlkit.table()
+        at["position"] = _point(place.position)
+        at["heading_deg"] = round(math.degrees(place.heading), 4) + 0.0
+        places[scan.name or place.name] = at
+    file["places"] = places
+    return tomlkit.dumps(file)
+
+
+def found_room(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> Room:
+    """Return the room of `found_room_text`."""
+    return parse_room(found_room_text(found, scans, board), "the found room")
+
+
+def found_room_figures(found: FoundRoom) -> dict[str, Any]:
+    """Return walls, posts and open ends for JSON, in metres and degrees."""
+    return {
+        "echoes": found.echoes,
+        "explained": found.explained,
+        "walls": [
+            {
+                "points_m": [[x, y], [x2, y2]],
+                "across_sd_m": _deviation(found, "wall", key, 0),
+                "angle_sd_deg": math.degrees(_deviation(found, "wall", key, 1)),
+                "touches": len(found.touches.walls[key]),
+            }
+            for key in found.draft.walls
+            for x, y, x2, y2 in [_rounded(found.draft.segment(key))]
+        ],
+        "posts": [
+            {"center_m": _rounded(post.center), "radius_m": round(post.radius, _DIGITS), "touches": touches}
+            for post, touches in zip(found.draft.posts, found.touches.posts, strict=True)
+        ],
+        "open_ends_m": [_rounded(end) for end in open_ends(found)],
+    }
+
+
+def open_ends(found: FoundRoom) -> list[tuple[float, float]]:
+    """Return the ends of walls (m) beyond which the scans show nothing."""
+    ends = []
+    for key in found.draft.walls:
+        x, y, x2, y2 = found.draft.segment(key).tolist()
+        ends += [at for which, at in enumerate(((x, y), (x2, y2))) if found.draft.is_free(key, which)]
+    return ends
+
+
+def _header(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> list[str]:
+    lines = [
+        f"Found by `sonarhw map` in {len(scans)} scans with board {board.name!r}: "
+        + ", ".join(harmless(scan.title) for scan in scans),
+        f"{found.explained} of {found.echoes} echoes are within 5 cm of one that this room predicts.",
+        "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
+    ]
+    ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(found))
+    if ends:
+        lines.append(f"The walls may continue beyond these points (m): {ends}")
+    return lines
+
+
+def _wall(found: FoundRoom, number: int, key: int) -> Table:
+    across, turned = (_deviation(found, "wall", key, part) for part in (0, 1))
+    table = tomlkit.table()
+    table["name"] = wall_name(number)
+    table["edges"] = [wall_name(number)]  # not "wall 1[0]" in `via`
+    x, y, x2, y2 = found.draft.segment(key).tolist()
+    points = tomlkit.array()
+    points.extend([_point((x, y)), _point((x2, y2))])
+    table["points"] = points
+    touched = len(found.touches.walls[key])
+    table["points"].comment(f"± {across * 1000:.1f} mm across, ± {math.degrees(turned):.2f}°; {touched} touches")
+    table["material"] = MATERIAL
+    return table
+
+
+def _post(found: FoundRoom, row: int) -> Table:
+    post = found.draft.posts[row]
+    x, y, radius = (_deviation(found, "post", row, part) * 1000 for part in range(3))
+    table = tomlkit.table()
+    table["name"] = post_name(row)
+    table["center"] = _point(post.center)
+    table["center"].comment(f"± {x:.1f} mm, ± {y:.1f} mm; {found.touches.posts[row]} touches")
+    table["radius"] = round(post.radius, _DIGITS)
+    table["radius"].comment(f"± {radius:.1f} mm")
+    table["material"] = MATERIAL
+    return table
+
+
+def _deviation(found: FoundRoom, what: str, which: int, part: int) -> float:
+    return next(
+        deviation
+        for move, deviation in found.deviations.items()
+        if (move.what, move.which, move.part) == (what, which, part)
+    )
+
+
+def _point(point: Sequence[float]) -> tomlkit.items.Array:
+    array = tomlkit.array()
+    array.extend(_rounded(point))
+    return array
+
+
+def _rounded(values: Sequence[float] | FloatArray) -> list[float]:
+    return [round(float(at), _DIGITS) + 0.0 for at in values]
+
+
+def _array(tables: Sequence[Table]) -> AoT:
+    return AoT(list(tables))

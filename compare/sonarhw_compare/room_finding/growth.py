@@ -1,0 +1,69 @@
+"""Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not."""
+
+from dataclasses import replace
+
+from scipy.special import expit
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.map.arcs import Arc
+from sonarhw_compare.room_finding.candidates import post_candidates, wall_candidates
+from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, scored
+from sonarhw_compare.room_finding.wall_ends import joined, with_better_ends
+
+PRICE = 10.0  # log-likelihood that a wall or post must add
+_TRIED = 8  # candidates at a time
+_COMPLETED = 2  # of them, whose ends are tried at other walls
+_UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
+
+
+def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
+    """Return the draft to which no wall and no post can be added that is worth its price."""
+    nothing = evidence.by_reading(evidence.first, ROUGH)
+    while True:
+        unexplained = _unexplained(nothing, evidence.by_reading(best.draft, ROUGH))
+        tried = [_with_wall(evidence, best, arcs, unexplained), _with_post(evidence, best, arcs, unexplained)]
+        longer = max(tried, key=lambda one: one.score)
+        if longer.score - best.score < PRICE:
+            return best
+        best = with_better_ends(evidence, longer)
+
+
+def pruned(evidence: Evidence, best: Scored) -> Scored:
+    """Return the draft without walls and posts that are not worth their price."""
+    for key in list(best.draft.walls):
+        without = scored(evidence, best.draft.without_wall(key))
+        if best.score - without.score < PRICE:
+            best = without
+    for post in best.draft.posts:
+        kept = tuple(other for other in best.draft.posts if other is not post)
+        without = scored(evidence, replace(best.draft, posts=kept))
+        if best.score - without.score < PRICE:
+            best = without
+    return best
+
+
+def _unexplained(nothing: list[FloatArray], now: list[FloatArray]) -> list[FloatArray]:
+    """Return a weight of each reading, 0 explained .. 1 like a false echo, by scan."""
+    return [expit(_UNEXPLAINED + none - one) for none, one in zip(nothing, now, strict=True)]
+
+
+def _with_wall(evidence: Evidence, best: Scored, arcs: tuple[Arc, ...], unexplained: list[FloatArray]) -> Scored:
+    """Return the draft with the wall that explains most; the draft itself without a candidate."""
+    tried = [
+        (scored(evidence, best.draft.with_new_wall(wall)[0]), wall)
+        for wall in wall_candidates(arcs, unexplained, _TRIED)
+    ]
+    tried.sort(key=lambda one: -one[0].score)
+    found = [one for one, _ in tried[:1]]
+    for _, wall in tried[:_COMPLETED]:
+        found += [scored(evidence, draft) for draft in joined(best.draft, wall)]
+    return max(found, key=lambda one: one.score, default=best)
+
+
+def _with_post(evidence: Evidence, best: Scored, arcs: tuple[Arc, ...], unexplained: list[FloatArray]) -> Scored:
+    """Return the draft with the post that explains most; the draft itself without a candidate."""
+    tried = [
+        scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)))
+        for post in post_candidates(arcs, unexplained, _TRIED)
+    ]
+    return max(tried, key=lambda one: one.score, default=best)

@@ -1,0 +1,64 @@
+"""Poses of scans with their uncertainty, from a CSV file."""
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from sonarhw_sim.room.model import Place
+
+from sonarhw.errors import InputError
+from sonarhw_compare.room_finding.evidence import PoseSpread
+
+HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
+_MOST_BYTES = 1_000_000
+
+
+def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread]]:
+    """Return place and spread for each of `logs`, by name; an empty standard deviation is exact.
+
+    Raises InputError with file and line if the file is unreadable or not of this form, or lacks a log.
+    """
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise InputError(f"{path}: {path.stat().st_size} bytes; expected a table of poses with the header {HEADER}")
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not a text file"
+        raise InputError(f"{path}: cannot be read: {reason}") from error
+    if not lines or lines[0].strip() != HEADER:
+        raise InputError(f"{path}: line 1: expected the header {HEADER}, got {lines[0] if lines else 'nothing'!r}")
+    poses: dict[str, tuple[Place, PoseSpread]] = {}
+    for number, row in enumerate(csv.reader(lines[1:]), start=2):
+        if row:
+            name, pose = _pose(row, f"{path}: line {number}")
+            if name in poses:
+                raise InputError(f"{path}: line {number}: {name} was given before")
+            poses[name] = pose
+    missing = [log for log in logs if log.name not in poses]
+    if missing:
+        raise InputError(f"{path}: no row for {missing[0].name}; the first column names each log")
+    return [poses[log.name] for log in logs]
+
+
+def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread]]:
+    if len(row) != len(HEADER.split(",")):
+        raise InputError(f"{where}: expected {len(HEADER.split(','))} columns ({HEADER}), got {len(row)}")
+    name, *cells = (cell.strip() for cell in row)
+    if not all(cells[:3]):
+        raise InputError(f"{where}: expected x, y and heading; unknown poses are found by `sonarhw locate`, not here")
+    x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
+    if min(xy, turn) < 0:
+        raise InputError(f"{where}: expected standard deviations of 0 or more, got {min(xy, turn):g}")
+    place = Place(Path(name).stem, (x, y), math.radians(heading))
+    return Path(name).name, (place, PoseSpread(xy, math.radians(turn)))
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text or 0)
+    except ValueError as error:
+        raise InputError(f"{where}: expected a number, got {text!r}") from error
+    if not math.isfinite(value):
+        raise InputError(f"{where}: expected a finite number, got {text}")
+    return value

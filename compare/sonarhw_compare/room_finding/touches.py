@@ -1,0 +1,72 @@
+"""Where the paths that explain the readings touch the walls and posts of a draft."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Board
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE
+
+
+@dataclass(frozen=True)
+class Touches:
+    """The points at which sound has touched each surface on its way to a recorded echo."""
+
+    walls: dict[int, FloatArray]  # by key: m along the wall from its middle
+    posts: tuple[int, ...]  # number of touches of each post
+    unexplained: tuple[int, ...]  # by scan: number of echoes without a path
+
+
+def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air: Air) -> Touches:
+    """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
+    room = draft.room(REFLECTANCE, air)
+    keys = list(draft.walls)
+    walls: dict[int, list[float]] = {key: [] for key in keys}
+    posts, unexplained = [0] * len(draft.posts), []
+    for scan, place in zip(scans, draft.places, strict=True):
+        heading = board.heading_at(0.0, place.heading)
+        comparison = compare_readings(scan.readings, room, place, board, heading=heading, options=FOLLOWED)
+        paths = comparison.prediction.paths
+        unexplained.append(sum(row.measured is not None and row.path is None for row in comparison.rows))
+        for row in comparison.rows:
+            if row.path is None:
+                continue
+            outline = paths.outline(row.path)[1:-1]
+            for point in outline:
+                for number, key in enumerate(keys):
+                    at = _on(draft, key, room.walls[number], point)
+                    if at is not None:
+                        walls[key].append(at)
+                for number, post in enumerate(draft.posts):
+                    posts[number] += bool(abs(np.hypot(*(point - post.center)) - post.radius) < 1e-6)
+    return Touches({key: np.array(at) for key, at in walls.items()}, tuple(posts), tuple(unexplained))
+
+
+def _on(draft: RoomDraft, key: int, segment: FloatArray, point: FloatArray) -> float | None:
+    """Return where a point lies on a wall, m along it from its middle; None if it is elsewhere."""
+    wall = draft.walls[key]
+    away = point - wall.middle
+    at = float(away @ wall.along)
+    first, last = draft.extent(key)
+    return at if abs(float(away @ wall.normal)) < 1e-6 and first - 1e-6 <= at <= last + 1e-6 else None
+
+
+def trimmed(draft: RoomDraft, touches: Touches) -> RoomDraft:
+    """Return the draft with free ends moved back to the outermost touches; walls without touches are removed."""
+    for key in list(draft.walls):
+        at = touches.walls[key]
+        if not len(at):
+            draft = draft.without_wall(key)
+            continue
+        wall = draft.walls[key]
+        for which, outermost in ((0, float(at.min())), (1, float(at.max()))):
+            if draft.is_free(key, which):
+                wall = wall.with_end(which, DraftEnd(outermost))
+        draft = draft.with_wall(key, wall)
+    return replace(draft, posts=tuple(post for post, count in zip(draft.posts, touches.posts, strict=True) if count))

@@ -1,0 +1,93 @@
+"""Ends of the walls of a draft: where they meet other walls, and where the scans say nothing of them."""
+
+from collections.abc import Iterator
+from itertools import pairwise, product
+
+import numpy as np
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, meeting
+from sonarhw_compare.room_finding.evidence import Evidence, Scored, scored
+
+_FARTHEST = 3.0  # m, by which a wall is extended at most to meet another one
+_JUNCTION = 0.3  # m: an end that meets another wall farther than this from its ends does not make a corner
+_WIDEST_CLOSED = 0.4  # m without a touch; wider, a wall may have a gap
+_CLOSED = 1.0  # log-likelihood by which an end at another wall may be worse than one beyond or before it
+
+
+def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[RoomDraft]:
+    """Yield the draft with a new wall whose ends meet its neighbours, in all combinations but that without any."""
+    longer, key = draft.with_new_wall(wall)
+    choices = [[None, *_neighbours(longer, key, which)] for which in (0, 1)]
+    for first, second in product(*choices):
+        made = longer
+        for which, other in ((0, first), (1, second)):
+            made = made if other is None else met(made, key, which, other)
+        if made is not longer:
+            yield made
+
+
+def with_better_ends(evidence: Evidence, best: Scored) -> Scored:
+    """Return the draft with the ends of its walls moved to other walls where the scans do not contradict."""
+    for key in list(best.draft.walls):
+        for which in (0, 1):
+            for other in _neighbours(best.draft, key, which):
+                moved = scored(evidence, met(best.draft, key, which, other))
+                if moved.score > best.score - _CLOSED:
+                    best = moved
+                    break
+    return best
+
+
+def _neighbours(draft: RoomDraft, key: int, which: int) -> list[int]:
+    """Return the walls that an end could meet: at most two that cross the wall on this side, and two beyond it."""
+    wall, end, sign = draft.walls[key], draft.extent(key)[which], 1 if which else -1
+    crossed, beyond = [], []
+    for other, neighbour in draft.walls.items():
+        at = None if other in (key, wall.ends[which].meets) else meeting(wall, neighbour)
+        if at is None:
+            continue
+        first, last = draft.extent(other)
+        hit = meeting(neighbour, wall)
+        if 0 < at * sign <= end * sign and hit is not None and first - _JUNCTION < hit < last + _JUNCTION:
+            crossed.append((at * sign, other))
+        elif wall.ends[which].meets is None and 0 <= (at - end) * sign <= _FARTHEST:
+            beyond.append((at * sign, other))
+    return [other for _, other in (*sorted(crossed)[:2], *sorted(beyond)[:2])]
+
+
+def met(draft: RoomDraft, key: int, which: int, other: int) -> RoomDraft:
+    """Return the draft with an end of a wall at another wall, whose nearer end moves there too if it makes a corner."""
+    wall, neighbour = draft.walls[key], draft.walls[other]
+    moved = draft.with_wall(key, wall.with_end(which, DraftEnd(wall.ends[which].at, other)))
+    at = meeting(neighbour, wall)
+    first, last = draft.extent(other)
+    if at is None or first + _JUNCTION < at < last - _JUNCTION:
+        return moved
+    nearer = 0 if abs(at - first) < abs(at - last) else 1
+    if abs(at - (first, last)[nearer]) > _FARTHEST or neighbour.ends[nearer].meets is not None:
+        return moved
+    return moved.with_wall(other, neighbour.with_end(nearer, DraftEnd(neighbour.ends[nearer].at, key)))
+
+
+def with_gaps(evidence: Evidence, best: Scored, touched: dict[int, FloatArray]) -> Scored:
+    """Return the draft with walls opened where sound does not touch them, if the scans speak for a gap, as for a door.
+
+    `touched` has the touches of each wall, m along it.
+    """
+    for key, at in touched.items():
+        for before, behind in pairwise(np.sort(at).tolist() if key in best.draft.walls else []):
+            if behind - before > _WIDEST_CLOSED:
+                opened = scored(evidence, _opened(best.draft, key, before, behind))
+                best = opened if opened.score > best.score else best
+                if key not in best.draft.walls or opened is best:
+                    break
+    return best
+
+
+def _opened(draft: RoomDraft, key: int, before: float, behind: float) -> RoomDraft:
+    """Return the draft with a wall divided in two, with a gap between these points, m along it."""
+    wall = draft.walls[key]
+    first, last = wall.with_end(1, DraftEnd(before)), wall.with_end(0, DraftEnd(behind))
+    divided, second = draft.with_wall(key, first).with_new_wall(last)
+    return divided.with_meeting_moved(key, second, behind)

@@ -1,0 +1,114 @@
+"""A room is found from scans of it, and predicts scans that it was not found from."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, load_room
+
+# an L: six walls, one of them hidden from each place
+CORNERS = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.4), (1.8, 1.4), (1.8, 2.4), (0.0, 2.4)]
+PLACES = {"a": (0.6, 0.7), "b": (1.2, 1.9), "c": (2.4, 0.6), "d": (1.3, 0.9)}
+OFF = (0.02, -0.015)  # m, error of one place, 25 mm
+NEAR, TURNED = 0.01, math.radians(1)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A room file, and a log from each place."""
+    folder = tmp_path_factory.mktemp("scans")
+    places = "".join(f"[places.{name}]\nposition = {list(at)}\n" for name, at in PLACES.items())
+    (folder / "true.toml").write_text(
+        f'name = "L"\n[materials.wall]\nreflectance = 0.9\n[[walls]]\nname = "w"\nmaterial = "wall"\nclosed = true\n'
+        f"points = {[list(corner) for corner in CORNERS]}\n{places}"
+    )
+    for name in PLACES:
+        command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "3"]
+        assert run([*command, "--out", str(folder / f"{name}.mcap")]) == 0
+    return folder
+
+
+def missing_walls(found: Room) -> list[int]:
+    """Return the true walls whose middle third no found wall covers within 1 cm and 1°."""
+    missing = []
+    for number, (start, end) in enumerate(zip(CORNERS, CORNERS[1:] + CORNERS[:1], strict=True)):
+        points = [np.add(start, share * np.subtract(end, start)) for share in (0.35, 0.5, 0.65)]
+        angle = math.atan2(end[1] - start[1], end[0] - start[0])
+        if not any(covers(wall, points, angle) for wall in found.walls):
+            missing.append(number)
+    return missing
+
+
+def covers(wall: np.ndarray, points: list[np.ndarray], angle: float) -> bool:
+    start, along = wall[:2], wall[2:] - wall[:2]
+    length = float(np.hypot(*along))
+    at = [float((point - start) @ along) / length for point in points]
+    normal = np.array([-along[1], along[0]])
+    away = [abs(float((point - start) @ normal)) / length for point in points]
+    turned = abs(math.remainder(math.atan2(along[1], along[0]) - angle, math.pi))
+    return turned < TURNED and max(away) < NEAR and all(0 <= one <= length for one in at)
+
+
+def logs(folder: Path, names: str = "abcd") -> list[str]:
+    return [str(folder / f"{name}.mcap") for name in names]
+
+
+def test_the_room_is_found_and_predicts_another_scan(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    room_file, picture = tmp_path / "found.toml", tmp_path / "found.png"
+    assert run(["map", *logs(folder), "--out", str(room_file), "--out", str(picture), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)["found"]
+    found = load_room(room_file)
+    assert missing_walls(found) == []
+    assert figures["explained"] >= 0.9 * figures["echoes"]
+    assert len(figures["walls"]) == len(found.walls)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert list(found.places) == list(PLACES)
+    assert "±" in room_file.read_text(encoding="utf-8")
+
+    board, headings = load_board("polaroid-6500"), np.radians(np.arange(0.0, 360.0, 3.0))
+    elsewhere = Place("", (0.9, 1.3))
+    ranges = [
+        predict_scan(room, elsewhere, board, headings).ranges for room in (load_room(folder / "true.toml"), found)
+    ]
+    assert np.nanmean(np.abs(ranges[0] - ranges[1]) < 0.05) > 0.85
+
+
+def test_a_place_that_is_roughly_known_is_found_with_the_room(folder: Path, tmp_path: Path) -> None:
+    rows = [f"{name}.mcap,{x},{y},0,," for name, (x, y) in PLACES.items() if name != "d"]
+    x, y = np.add(PLACES["d"], OFF)
+    poses = tmp_path / "poses.csv"
+    header = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
+    poses.write_text("\n".join([header, *rows, f"d.mcap,{x},{y},0,0.03,1"]))
+    room_file = tmp_path / "found.toml"
+    assert run(["map", *logs(folder), "--poses", str(poses), "--out", str(room_file)]) == 0
+    assert math.dist(load_room(room_file).places["d"].position, PLACES["d"]) < NEAR
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--out", "a.toml", "--room", "simple"], "a room is found, or given"),
+        (["--out", "a.toml", "--out", "b.toml"], "one room file and one picture at most"),
+        (["--poses", "none.csv", "--pose", "0,0,0"], "contains the poses of all logs"),
+        (["--out", "a.txt"], "expected a name ending in"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["map", *logs(folder, "a"), *options]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

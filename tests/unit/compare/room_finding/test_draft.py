@@ -1,0 +1,62 @@
+"""Walls of a draft meet where their lines cross, and keep their corners when a wall moves or goes."""
+
+import math
+
+import numpy as np
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, meeting
+from sonarhw_sim.air import Air
+
+FLAT = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(0.5, 1)))
+UPRIGHT = DraftWall((2.0, 1.0), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(1.0)))
+CORNER = RoomDraft((), {0: FLAT, 1: UPRIGHT})
+
+
+def test_ends_meet_where_the_lines_cross() -> None:
+    assert np.allclose(CORNER.segments, [[0, 0, 2, 0], [2, 0, 2, 2]])
+
+
+def test_a_corner_follows_a_moved_wall() -> None:
+    moved = CORNER.with_wall(1, UPRIGHT.moved(0.25, 0.0))  # to its left: towards smaller x
+    assert np.allclose(moved.segments, [[0, 0, 1.75, 0], [1.75, 0, 1.75, 2]])
+
+
+def test_a_turned_wall_turns_about_its_middle() -> None:
+    turned = CORNER.with_wall(1, UPRIGHT.moved(0.0, math.radians(45)))
+    assert np.allclose(turned.segments[0], [0, 0, 3, 0])
+
+
+def test_parallel_walls_do_not_meet() -> None:
+    assert meeting(FLAT, FLAT.moved(1.0, math.radians(3))) is None
+
+
+def test_ends_stay_where_they_are_when_the_wall_that_they_met_goes() -> None:
+    alone = CORNER.without_wall(1)
+    assert np.allclose(alone.segments, [[0, 0, 2, 0]])
+    assert alone.is_free(0, 1)
+
+
+def test_ends_meet_the_twin_of_a_wall_that_goes() -> None:
+    twins = CORNER.with_wall(2, UPRIGHT.moved(0.02, 0.0))
+    assert twins.without_wall(1).walls[0].ends[1].meets == 2
+
+
+def test_an_end_at_a_wall_that_does_not_reach_it_is_free() -> None:
+    short = CORNER.with_wall(1, UPRIGHT.with_end(0, DraftEnd(-0.5)))
+    assert short.is_free(0, 1)
+    assert not CORNER.is_free(0, 1)
+
+
+def test_a_gap_divides_a_wall_and_its_corners() -> None:
+    divided, behind = CORNER.with_wall(0, FLAT.with_end(1, DraftEnd(-0.2))).with_new_wall(
+        FLAT.with_end(0, DraftEnd(0.2))
+    )
+    opened = divided.with_meeting_moved(0, behind, 0.2)
+    assert opened.walls[1].ends[0].meets == behind
+    assert np.allclose(opened.segments, [[0, 0, 0.8, 0], [2, 0, 2, 2], [1.2, 0, 2, 0]])
+
+
+def test_a_draft_is_a_room_with_its_corner() -> None:
+    room = CORNER.room(0.9, Air())
+    assert room.names == ("wall 1", "wall 2")
+    assert set(room.reflectances) == {0.9}
+    assert "wall 1/wall 2" in room.edges.names

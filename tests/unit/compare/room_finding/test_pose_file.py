@@ -1,0 +1,50 @@
+"""Poses of logs are read from a table; what is wrong with it is reported with its line."""
+
+import math
+from pathlib import Path
+
+import pytest
+from sonarhw_compare.room_finding.pose_file import HEADER, read_poses
+
+from sonarhw.errors import InputError
+
+LOGS = [Path("folder/a.mcap"), Path("b.mcap")]
+
+
+def table(folder: Path, *lines: str) -> Path:
+    path = folder / "poses.csv"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_poses_come_in_the_order_of_the_logs(tmp_path: Path) -> None:
+    read = read_poses(table(tmp_path, HEADER, "b.mcap,3,4,90,,", "a.mcap,1,2,0,0.03,2"), LOGS)
+    (first, first_spread), (second, second_spread) = read
+    assert (first.position, second.position) == ((1.0, 2.0), (3.0, 4.0))
+    assert second.heading == pytest.approx(math.pi / 2)
+    assert (first_spread.xy, first_spread.heading) == (0.03, pytest.approx(math.radians(2)))
+    assert (second_spread.xy, second_spread.heading) == (0.0, 0.0)  # an empty standard deviation is exact
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["log,x,y"], "line 1: expected the header log,x_m"),
+        ([], "line 1: expected the header log,x_m"),
+        ([HEADER, "a.mcap,1,2,0,,"], "no row for b.mcap"),
+        ([HEADER, "a.mcap,1,2,0,,", "a.mcap,1,2,0,,"], "line 3: a.mcap was given before"),
+        ([HEADER, "a.mcap,,,,,"], "line 2: expected x, y and heading"),
+        ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
+        ([HEADER, "a.mcap,1,two,0,,"], "line 2: expected a number, got 'two'"),
+        ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
+        ([HEADER, "a.mcap,1,2,0,-1,"], "line 2: expected standard deviations of 0 or more"),
+    ],
+)
+def test_a_wrong_table_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_poses(table(tmp_path, *lines), LOGS)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"poses\.csv: cannot be read"):
+        read_poses(tmp_path / "poses.csv", LOGS)
