@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 from sonarhw_compare.matching.match import compare_readings
-from sonarhw_compare.room_finding.finding import FoundRoom, find_room
+from sonarhw_compare.room_finding.room_search import FoundRoom, find_room
 from sonarhw_sim.board.profile import Board, load_board
 
 from benchmarks.cases.random_rooms import RandomRoom, random_room

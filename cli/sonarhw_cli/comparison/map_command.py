@@ -142,8 +142,8 @@ def _found(
     spreads: "Sequence[PoseSpread]",
     show: Callable[[float, str], None],
 ) -> _FoundRoom:
-    from sonarhw_compare.room_finding.finding import find_room
     from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, open_ends
+    from sonarhw_compare.room_finding.room_search import find_room
     from sonarhw_sim.air import Air
 
     air = given[0].room().air if given[0].log is not None and given[0].log.metadata.room_text else Air()

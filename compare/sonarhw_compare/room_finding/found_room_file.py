@@ -14,7 +14,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.room_finding.draft import MATERIAL, post_name, wall_name
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
-from sonarhw_compare.room_finding.finding import FoundRoom
+from sonarhw_compare.room_finding.room_search import FoundRoom
 
 _DIGITS = 5  # of metres
 

@@ -6,8 +6,8 @@ from scipy.special import expit
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.map.arcs import Arc
-from sonarhw_compare.room_finding.candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, scored
+from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import joined, with_better_ends
 
 PRICE = 10.0  # log-likelihood that a wall or post must add

@@ -9,11 +9,11 @@ from sonarhw_sim.board.profile import Board
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
-from sonarhw_compare.room_finding.candidates import arcs_of_scans
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Evidence, PoseSpread, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
 from sonarhw_compare.room_finding.refinement import Move, refined
+from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
 
