@@ -36,7 +36,11 @@ ARENA = load_room("rooms/arena.toml")
 BOARD = load_board("polaroid-6500")
 HERE, THERE = (0.9, 0.5), (0.912, 0.491)
 BY = (0.012, -0.009)
-SEARCH = search_for(ARENA, BOARD, PredictionOptions(max_bounces=5, edge_strength=EdgeStrength.PAPER))
+SEARCH = replace(
+    search_for(ARENA, BOARD, PredictionOptions(max_bounces=5, edge_strength=EdgeStrength.PAPER)),
+    # without the many faint paths that come and go as walls move
+    faintest_diffraction=10 ** ((BOARD.threshold_db - 3) / 20),
+)
 
 
 def same_paths(some: Paths, others: Paths, there: Room = ARENA) -> list[tuple[int, int]]:
