@@ -92,7 +92,7 @@ def test_fit_finds_offset_and_position(log: Path, readings: list[Reading]) -> No
     assert result.estimates["x"].value == pytest.approx(1.38, abs=0.005)
     assert result.estimates["offset"].value == pytest.approx(-0.007, abs=0.002)
     near = sonarhw.fit(readings, "arena", "p3", "lego-nxt", free=["offset"], priors=["offset=0..1"], samples=0)
-    assert near.estimates["offset"].value == pytest.approx(0.0, abs=1e-6)
+    assert near.estimates["offset"].value == pytest.approx(0.0, abs=5e-5)  # at the bound
 
 
 def test_fit_of_two_scans_gives_each_its_own_place(log: Path, readings: list[Reading]) -> None:
