@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
@@ -198,6 +199,10 @@ def test_lost_readings_are_those_made_but_missing(log: Log) -> None:
     assert lost_in(replace(scan, readings=scan.readings[:10], finished=None)) == 0
 
 
+# pixels at the edges of dots that round differently if only a part is drawn; a mark of an earlier frame has over 40
+ROUNDED = 20
+
+
 def test_nothing_of_earlier_frames_remains_on_the_screen(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: predicted(window))
     window.session.showing.choose(20)
@@ -208,7 +213,14 @@ def test_nothing_of_earlier_frames_remains_on_the_screen(qtbot: QtBot, window: M
     until(qtbot, lambda: predicted(window))
     QApplication.processEvents()
     for view in (window.views.ranges, window.views.plan.drawing):
-        until(qtbot, lambda view=view: _on_screen(window, view) == _redrawn(view))
+        until(qtbot, lambda view=view: _differing(_on_screen(window, view), _redrawn(view)) <= ROUNDED)
+
+
+def _differing(one: QImage, other: QImage) -> int:
+    """Return the number of different pixels of two images of one size and 4 bytes a pixel."""
+    assert one.size() == other.size()
+    pixels = [np.frombuffer(image.constBits(), np.uint32) for image in (one, other)]
+    return int((pixels[0] != pixels[1]).sum())
 
 
 def _on_screen(window: MainWindow, view: QGraphicsView) -> QImage:
