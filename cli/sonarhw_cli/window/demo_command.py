@@ -66,6 +66,8 @@ def _can_open_window() -> bool:
 
 
 def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
+    from sonarhw_compare.matching.probability_score import score_comparison
+
     from sonarhw_cli.comparison.compare_command import compare_log, save_comparison, summary_lines
     from sonarhw_cli.instrument.scan_command import scan
 
@@ -75,7 +77,7 @@ def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
     with atomic_file(picture, OPTION, overwrite=force) as file:
         save_comparison(comparison, file)
     with atomic_file(figures, OPTION, overwrite=force) as file:
-        file.write((json_text(asdict(comparison.summary())) + "\n").encode())
+        file.write((json_text(asdict(comparison.summary()) | asdict(score_comparison(comparison))) + "\n").encode())
     for line in summary_lines(comparison.summary()):
         print_line(line)
     print_line(f"The picture is in {picture}, the scan in {log}, the summary in {figures}.")

@@ -133,7 +133,7 @@ def _faults(case: Case, ended: Ended) -> Iterator[str]:
         yield f"needs {ended.memory / 1e9:.1f} GB"
     if found := _PYTHON.search(ended.error):
         yield f"prints {found[0]!r}"
-    elif ended.status in (1, 2) and not _one_error(ended.error) and case.arguments[:2] != ["room", "check"]:
+    elif ended.status in (1, 2) and not _one_error(ended.error) and not _explains(case):
         yield "does not print one line about the error"
     raw = {character for character in ended.output + ended.error if not character.isprintable()} - {"\n"}
     if raw and "-" not in case.outputs:
@@ -142,6 +142,11 @@ def _faults(case: Case, ended: Ended) -> Iterator[str]:
         yield "prints a very long line"
     if ended.status == 0 and "--json" in case.arguments and not _is_json(ended.output):
         yield "prints invalid JSON"
+
+
+def _explains(case: Case) -> bool:
+    """Return whether a command prints more than one line: each finding, or what it does before it fails."""
+    return case.arguments[:2] in (["room", "check"], ["profile", "check"]) or case.arguments[:1] == ["flash"]
 
 
 def _one_error(error: str) -> bool:

@@ -47,9 +47,16 @@ def test_figures_are_drawn_in_the_requested_format(tmp_path: Path, monkeypatch: 
     assert f"]({picture.name})" in (tmp_path / "figures.md").read_text()
 
 
-@pytest.mark.parametrize(("command", "option"), [("compare", "--plot"), ("map", "--out"), ("locate", "--out")])
+@pytest.mark.parametrize(
+    ("command", "option", "suffixes"),
+    [
+        ("compare", "--plot", ".png, .pdf or .svg"),
+        ("map", "--out", ".png, .pdf, .svg or .toml"),
+        ("locate", "--out", ".png, .pdf or .svg"),
+    ],
+)
 def test_another_suffix_is_refused_with_the_list(
-    command: str, option: str, log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: str, option: str, suffixes: str, log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run([command, log, option, str(tmp_path / "plot.jpg")]) == 2
-    assert "expected a name ending in .png, .pdf or .svg" in capsys.readouterr().err
+    assert f"expected a name ending in {suffixes}" in capsys.readouterr().err

@@ -128,7 +128,7 @@ def post(distance: float, radius: float) -> str:
     return f'[[posts]]\nname = "post"\ncenter = [{distance + radius}, 0.0]\nradius = {radius}\nmaterial = "steel"\n'
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [2, 4])
 @pytest.mark.parametrize("tilt", [0.0, 3.0, -6.0])
 def test_a_plate_in_a_simulated_room_gives_right_values(tmp_path: Path, tilt: float, seed: int) -> None:
     """The fake stands some millimetres from its place, and its thermometer is wrong by some tenths of a degree."""
