@@ -13,7 +13,6 @@ TRUE = (
     + """
 home_angle_deg = 6.0
 range_offset = -0.02
-turntable_scale = 1.05
 [[own_body]]
 from_deg = 40.0
 to_deg = 70.0
@@ -47,7 +46,7 @@ def test_the_board_of_simulated_scans_is_found(
     found = load_board(out)
     assert found.threshold_db == pytest.approx(-14.5, abs=1.5)
     assert found.aperture_radius == pytest.approx(0.00375, rel=0.4)  # a smaller one with a lower threshold is alike
-    assert found.turntable_scale == pytest.approx(1.05, abs=0.01)
+    assert found.turntable_scale == pytest.approx(1.0, abs=0.01)
     assert found.home_angle_deg == pytest.approx(6.0, abs=1.5)
     assert found.range_offset == pytest.approx(-0.02, abs=0.008)
     (part,) = found.own_body
