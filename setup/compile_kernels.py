@@ -34,6 +34,8 @@ def compile_kernels() -> None:
     for options in OPTIONS:
         predict_scan(room, place, board, headings, options)
     predict_scan(with_material(room, room.materials[0], 0.9, scatter=0.1), place, board, headings)
+    with_heights = load_room("doorstep")
+    predict_scan(with_heights, with_heights.place("robot"), board, headings)
     scan.echo_times_at(0)
     scan.signal_at(0, 0.01).rf(RATE)
     RoomEchoes(room, place, board).prepare()
