@@ -38,12 +38,6 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "both coordinates are NaN in padding",
     ),
     (
-        "sim/sonarhw_sim/vertical/lifting.py",
-        "points = np.full((len(paths), bounces + 3, 2), np.nan)",
-        ("3 → (4)",),
-        "one more column of padding",
-    ),
-    (
         "sim/sonarhw_sim/rays/kernel.py",
         "leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number",
         ("1.0 → (1.5)",),
