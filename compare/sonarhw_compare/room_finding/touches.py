@@ -26,8 +26,7 @@ class Touches:
 def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air: Air) -> Touches:
     """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
     room = draft.room(REFLECTANCE, air)
-    keys = list(draft.walls)
-    walls: dict[int, list[float]] = {key: [] for key in keys}
+    walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, unexplained = [0] * len(draft.posts), []
     for scan, place in zip(scans, draft.places, strict=True):
         heading = board.heading_at(0.0, place.heading)
@@ -39,8 +38,8 @@ def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air:
                 continue
             outline = paths.outline(row.path)[1:-1]
             for point in outline:
-                for number, key in enumerate(keys):
-                    at = _on(draft, key, room.walls[number], point)
+                for key in draft.walls:
+                    at = _on(draft, key, point)
                     if at is not None:
                         walls[key].append(at)
                 for number, post in enumerate(draft.posts):
@@ -48,7 +47,7 @@ def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air:
     return Touches({key: np.array(at) for key, at in walls.items()}, tuple(posts), tuple(unexplained))
 
 
-def _on(draft: RoomDraft, key: int, segment: FloatArray, point: FloatArray) -> float | None:
+def _on(draft: RoomDraft, key: int, point: FloatArray) -> float | None:
     """Return where a point lies on a wall, m along it from its middle; None if it is elsewhere."""
     wall = draft.walls[key]
     away = point - wall.middle
