@@ -161,7 +161,7 @@ def test_deviations_along_a_long_ridge_give_a_warning() -> None:
     room = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     at = Place("", (0.7, 0.9))
     scan = PlacedScan(synthetic_scan(room, at, BOARD, 7, 60), at)
-    options = replace(QUICKLY, global_search=False)
+    options = replace(QUICKLY, global_search=False, exact=True)
     free = {
         word: fit_scans([scan], room, BOARD, free_parameters((word,), [""], room, BOARD), options=options).warnings
         for word in ("position", "walls")
@@ -173,7 +173,7 @@ def test_deviations_along_a_long_ridge_give_a_warning() -> None:
     assert {"x", "y"} & set(ridge_warning.replace(",", "").split())
     assert not any("cannot be trusted" in warning for warning in free["walls"])
     # with enough samples, ± follows from the bounds: uniform from -10 to 10 cm
-    drawn = fit_scans([scan], room, BOARD, freed, options=replace(options, samples=4000))
+    drawn = fit_scans([scan], room, BOARD, freed, options=replace(options, samples=20_000))
     assert not any("cannot be trusted" in warning for warning in drawn.warnings)
     for estimate in drawn.estimates.values():
         assert estimate.deviation == pytest.approx(0.1 / math.sqrt(3), rel=0.15)

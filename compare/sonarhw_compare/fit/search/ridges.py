@@ -1,8 +1,8 @@
 """Detection of parameters whose deviations are too small because the posterior has a long, narrow ridge.
 
 The sampler starts around the maximum and follows such a ridge too slowly to reach its end. As a test, one parameter is
-fixed several deviations from the maximum, and the others are optimized. A normal distribution loses half the square of
-that distance in log-likelihood; a long ridge loses almost nothing.
+fixed several deviations from the maximum, within the bounds, and the others are optimized. A normal distribution loses
+half the square of that distance in log-likelihood; a long ridge loses almost nothing.
 """
 
 import numpy as np
@@ -13,8 +13,9 @@ from sonarhw_compare.fit.search.refine import climb
 from sonarhw_compare.fit.values.parameters import Parameter
 
 _TOGETHER = 1.9  # smallest eigenvalue of the correlations that is tested; 1 without correlation
-_FAR = 6.0  # standard deviations; a normal distribution loses 18 there
-_LITTLE = 4.5  # of the logarithm; a normal distribution loses this at 3 standard deviations
+_FAR = 6.0  # standard deviations from the maximum; nearer where a bound is nearer
+_NEAREST = 3.5  # standard deviations; nothing is tested nearer, since a uniform distribution is 3.46 of them wide
+_LITTLE = 0.25  # of the log-likelihood that a normal distribution loses at the same distance
 _TAKES_PART = 0.5  # of the largest component of an eigenvector
 _CLIMBS = 2
 
@@ -34,20 +35,30 @@ def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) ->
     for value, vector in zip(values, vectors.T, strict=True):
         if value < _TOGETHER:
             continue
-        if any(best - _with_one_fixed(problem, top, sign * vector, deviations) < _LITTLE for sign in (1, -1)):
-            found.update(np.flatnonzero(np.abs(vector) > _TAKES_PART * np.abs(vector).max()).tolist())
+        takes_part = np.abs(vector) > _TAKES_PART * np.abs(vector).max()
+        for direction in (vector, -vector):
+            change = np.where(takes_part, deviations * direction / np.abs(vector).max(), 0.0)
+            far = _distance(problem, top[:count], change)
+            if far >= _NEAREST:
+                lost = best - _with_one_fixed(problem, top, far * change, int(np.abs(vector).argmax()))
+                if lost < _LITTLE * far**2 / 2:
+                    found.update(np.flatnonzero(takes_part).tolist())
     return tuple(problem.parameters[row] for row in sorted(found))
 
 
-def _with_one_fixed(problem: Problem, top: FloatArray, vector: FloatArray, deviations: FloatArray) -> float:
-    """Return the maximum with the main parameter of `vector` fixed 6 deviations away; -inf outside its bounds."""
-    row = int(np.abs(vector).argmax())
+def _distance(problem: Problem, top: FloatArray, change: FloatArray) -> float:
+    """Return how many times `change` (count,) can be added within the bounds, at most 6."""
+    lower, upper = (bound[: len(top)] for bound in problem.bounds)
+    room = np.where(change > 0, upper - top, top - lower)
+    moved = change != 0
+    return min(_FAR, float((room[moved] / np.abs(change[moved])).min()))
+
+
+def _with_one_fixed(problem: Problem, top: FloatArray, change: FloatArray, row: int) -> float:
+    """Return the maximum near `top` plus `change`, with the parameter `row` fixed there."""
     moved = top.copy()
-    moved[: len(vector)] += _FAR * deviations * vector / abs(vector[row])
-    lower, upper = problem.bounds
-    if not lower[row] <= moved[row] <= upper[row]:
-        return -np.inf
-    moved = np.clip(moved, lower, upper)
+    moved[: len(change)] += change
+    moved = np.clip(moved, *problem.bounds)  # at a bound, rounding could put it outside
     movable = np.ones(len(top), np.bool_)
     movable[row] = False
     movable[len(problem.parameters) :] = False

@@ -127,7 +127,8 @@ def test_no_ridge_is_found_among_independent_values_outside_bounds_or_without_de
     stated = np.linalg.inv(ridge(1.0).precision)
     assert underestimated(problem, TOP, stated * [[1, 1, 0], [1, 1, 0], [0, 0, 0]]) == ()
     narrow = ridge(20.0)
-    narrow.problem.bounds = TOP - 4.0, TOP + 4.0
+    # the given deviations are √0.5; a uniform distribution has √12 of its own between its bounds
+    narrow.problem.bounds = TOP - 2.4, TOP + 2.4
     assert underestimated(cast(Problem, narrow.problem), TOP, stated) == ()
-    narrow.problem.bounds = TOP - 4.0, TOP + 5.0
+    narrow.problem.bounds = TOP - 2.4, TOP + 2.6
     assert underestimated(cast(Problem, narrow.problem), TOP, stated) == ("a", "b")
