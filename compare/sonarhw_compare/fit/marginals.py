@@ -6,7 +6,7 @@ with the solution, and then sampled with it. `fitting` reports the marginal dist
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -69,8 +69,8 @@ def marginals_of(
     start = averaged(top, covariance_of(whole.near(top), top), whole.tolerance_prior)
     if not options.samples:
         reach = _NORMAL_INTERVAL * whole.widenings * np.sqrt(np.diag(start.covariance))
-        ends = np.clip((start.mean - reach, start.mean + reach), *whole.bounds)
-        return _marginals(whole, tolerated, start.mean, ends, start.covariance, np.empty((0, whole.size)))
+        middle, *ends = np.clip((start.mean, start.mean - reach, start.mean + reach), *whole.bounds)
+        return _marginals(whole, tolerated, middle, ends, start.covariance, np.empty((0, whole.size)))
     objective = replace(whole, averages=True).near(top)
     samples = samples_of(objective, start, options.samples, options.seed, tick)
     middle, narrow = np.median(samples, axis=0), np.cov(samples, rowvar=False)
@@ -117,7 +117,7 @@ def _marginals(
     whole: Problem,
     tolerated: tuple[Parameter, ...],
     middle: FloatArray,
-    ends: FloatArray,
+    ends: Sequence[FloatArray],
     narrow: FloatArray,
     samples: FloatArray,
 ) -> Marginals:

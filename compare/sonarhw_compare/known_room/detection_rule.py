@@ -73,9 +73,9 @@ def choose_detection(
     """
     found = _outcomes(scans, room, board, places, tick)
     everything = np.ones((1, len(found.sounding)))
-    a, t = _best(_scores(found, everything))[0]
+    a, t = best_pairs(_scores(found, everything))[0]
     random = np.random.default_rng(0)
-    drawn = np.array(_best(_scores(found, _drawn(len(found.sounding), redundancy, random))))
+    drawn = np.array(best_pairs(_scores(found, drawn_blocks(len(found.sounding), redundancy, random))))
     thresholds, apertures = board.threshold_db + THRESHOLDS, board.aperture_radius * APERTURES
     both = bool(found.sounding.any() and not found.sounding.all())
     return DetectionChoice(
@@ -137,13 +137,13 @@ def _scores(found: _Outcomes, weights: FloatArray) -> FloatArray:
     return np.asarray(uniform_filter(scores, (1, 3, 3), mode="nearest") - _NEAREST_FIRST * away)
 
 
-def _best(scores: FloatArray) -> list[tuple[int, int]]:
+def best_pairs(scores: FloatArray) -> list[tuple[int, int]]:
     """Return row and column of the largest score of each (a, t) table."""
     rows, columns = np.unravel_index(scores.reshape(len(scores), -1).argmax(axis=1), scores.shape[1:])
     return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
-def _drawn(readings: int, redundancy: float, random: np.random.Generator) -> FloatArray:
+def drawn_blocks(readings: int, redundancy: float, random: np.random.Generator) -> FloatArray:
     """Return how often each reading is drawn, (draws, readings), if blocks of neighbours are drawn with replacement."""
     length = max(1, round(redundancy))
     starts = random.integers(0, readings, (_DRAWS, max(1, readings // length)))

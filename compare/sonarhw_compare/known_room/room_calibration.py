@@ -227,14 +227,15 @@ def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
 
 
 def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:
-    """Add what the scans determine; the rest stays."""
+    """Add what the scans determine, or what they show to be other than before; the rest stays."""
     for key, most in _DETERMINED.items():
         found, before = fitted.shared[key], float(getattr(start, key))
-        if Z95 * found.deviation <= most:
+        reach = Z95 * found.deviation
+        if reach <= most or abs(found.value - before) > reach:
             result.add_measured(key, found, before, _UNITS[key])
         else:
             unit = f" {_UNITS[key]}" if _UNITS[key] else ""
-            half = f"±{Z95 * found.deviation:.2g}{unit}"
+            half = f"±{reach:.2g}{unit}"
             result.kept[key] = f"the scans determine it only to {half}, and not to ±{most:g}{unit}"
             result.board = replace(result.board, **{key: before})  # type: ignore[arg-type]
     result.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"

@@ -98,6 +98,9 @@ def fit_turntable(
         for row, parameter in enumerate(problem.parameters)
         if isinstance(quantity := parameter.quantity, BoardQuantity)
     }
+    # between the steps of the likelihood the curvature along the scale is that of the prior
+    scale = shared[SCALE.key]
+    shared[SCALE.key] = replace(scale, deviation=min(scale.deviation, start.scale_deviation))
     return TurntableFit(shared, problem.setting(values)[1])
 
 
@@ -109,7 +112,7 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Start
             parameters.append(Parameter(quantity, "", k, at - _REACH, at + _REACH, at, POSITION_SD, str(k)))
         parameters.append(Parameter(HEADING, "", k, heading - _TURN, heading + _TURN, label=str(k)))
         placed.append(replace(scan, place=replace(scan.place, heading=heading)))
-    begin = {SCALE: start.scale}
+    begin = {SCALE: start.scale, THRESHOLD: start.threshold_db}
     for shared, deviation in SHARED:
         lower, upper = shared.bounds(room, board)
         expected = None if deviation is None else begin.get(shared, shared.value(board))

@@ -24,7 +24,7 @@ ARENA = load_room("rooms/arena.toml")
 BOARD = board_of(ARENA)
 TRUTH = Place("truth", (1.3, 0.55), 2.0)
 NOWHERE = Place("nowhere", (1.0, 0.5))
-QUICKLY = FitOptions(samples=600)
+QUICKLY = FitOptions(samples=600, exact=True)
 
 
 def fitted(
@@ -68,7 +68,7 @@ def test_a_heading_around_zero_has_its_interval_around_it() -> None:
 
 def test_a_room_that_explains_few_echoes_gives_a_warning(readings: list[Reading]) -> None:
     square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
-    result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0))
+    result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0, exact=True))
     assert "check the room, the place and the board" in result.warnings[0]
 
 
@@ -79,7 +79,7 @@ def test_noise_of_readings_is_fitted(pose: FitResult) -> None:
 
 
 def test_the_same_seed_gives_the_same_result(readings: list[Reading]) -> None:
-    options = FitOptions(samples=100, seed=5, global_search=False)
+    options = FitOptions(samples=100, seed=5, global_search=False, exact=True)
     one, other = (fitted(readings, "position", start=TRUTH, options=options) for _ in range(2))
     assert np.array_equal(one.samples, other.samples)
     assert not np.array_equal(
@@ -88,7 +88,9 @@ def test_the_same_seed_gives_the_same_result(readings: list[Reading]) -> None:
 
 
 def test_deviations_from_curvature_are_similar_to_those_from_samples(pose: FitResult, readings: list[Reading]) -> None:
-    quick = fitted(readings, "position", "heading", start=TRUTH, options=FitOptions(samples=0, global_search=False))
+    quick = fitted(
+        readings, "position", "heading", start=TRUTH, options=FitOptions(samples=0, global_search=False, exact=True)
+    )
     for name in ("x", "y"):
         assert quick.estimates[name].deviation == pytest.approx(pose.estimates[name].deviation, rel=0.5)
         assert abs(quick.estimates[name].value - pose.estimates[name].value) < 3 * pose.estimates[name].deviation
@@ -100,7 +102,7 @@ def test_in_a_symmetric_room_both_solutions_are_reported() -> None:
     place = Place("", (0.6, 0.35), 0.7)
     scan = PlacedScan(synthetic_scan(room, place, board, 2), place)
     free = free_parameters(("position", "heading"), [""], room, board)
-    result = fit_scans([scan], room, board, free, options=FitOptions(samples=0))
+    result = fit_scans([scan], room, board, free, options=FitOptions(samples=0, exact=True))
     assert len(result.modes) == 2
     assert "symmetric" in result.warnings[0]
     mirrored = {(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes}
@@ -141,7 +143,7 @@ def test_the_offset_is_added_to_measured_ranges(readings: list[Reading]) -> None
         replace(one, echo_times=tuple(time - 0.024 / one.speed_of_sound for time in one.echo_times)) for one in readings
     ]
     free = near_the_truth("position", "heading", "offset")
-    result = fit_scans([PlacedScan(short, TRUTH)], ARENA, BOARD, free, options=FitOptions(samples=0))
+    result = fit_scans([PlacedScan(short, TRUTH)], ARENA, BOARD, free, options=FitOptions(samples=0, exact=True))
     assert result.estimates["offset"].value == pytest.approx(0.012, abs=0.001)
     assert result.board.range_offset == pytest.approx(-0.012, abs=0.001)
 
@@ -161,7 +163,7 @@ def test_deviations_along_a_long_ridge_give_a_warning() -> None:
     room = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     at = Place("", (0.7, 0.9))
     scan = PlacedScan(synthetic_scan(room, at, BOARD, 7, 60), at)
-    options = replace(QUICKLY, global_search=False, exact=True)
+    options = replace(QUICKLY, global_search=False)
     free = {
         word: fit_scans([scan], room, BOARD, free_parameters((word,), [""], room, BOARD), options=options).warnings
         for word in ("position", "walls")
@@ -206,7 +208,9 @@ def test_more_readings_with_equal_rounding_add_little_evidence() -> None:
 def test_readings_with_equal_rounding_do_not_exclude_a_similar_solution() -> None:
     # the arena has nearly the same echoes at p1 and, rotated by 90°, at 1.38, 1.80 m
     free = free_parameters(("position", "heading"), [""], ARENA, LEGO)
-    result = fit_scans([lego_scan(ARENA.place("p1"), 120)], ARENA, LEGO, free, options=FitOptions(samples=0))
+    result = fit_scans(
+        [lego_scan(ARENA.place("p1"), 120)], ARENA, LEGO, free, options=FitOptions(samples=0, exact=True)
+    )
     x, y = result.places[0].position
     assert math.dist((x, y), ARENA.place("p1").position) < 0.01
     assert [(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes[1:]] == [(1.38, 1.8)]
@@ -217,7 +221,7 @@ def test_a_wrong_thermometer_does_not_change_the_offset() -> None:
     # one kelvin is 0.17 %: millimetres at the longest ranges, which could be mistaken for an offset
     scan = synthetic_scan(ARENA, TRUTH, BOARD, 8, warmer=1.0)
     free = near_the_truth("position", "heading", "offset")
-    result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, BOARD, free, options=FitOptions(samples=0))
+    result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, BOARD, free, options=FitOptions(samples=0, exact=True))
     stretch = replace(ARENA.air, temperature_c=ARENA.air.temperature_c + 1.0).speed_of_sound / ARENA.air.speed_of_sound
     assert result.noise["stretch"] == pytest.approx(stretch, abs=6e-4)
     for name, true in (("x", TRUTH.position[0]), ("y", TRUTH.position[1]), ("offset", 0.0)):
@@ -242,7 +246,7 @@ def test_walls_are_found_from_two_places() -> None:
     places = [Place("", (1.53, 0.24), 2.4), Place("", (1.08, 0.9), 3.6)]
     scans = [PlacedScan(synthetic_scan(real, one, BOARD, k, 60), one, f"s{k}") for k, one in enumerate(places)]
     free = free_parameters([f"wall:{name}" for name in moved], ["s0", "s1"], ARENA, BOARD)
-    result = fit_scans(scans, ARENA, BOARD, free, options=FitOptions(samples=400))
+    result = fit_scans(scans, ARENA, BOARD, free, options=FitOptions(samples=400, exact=True))
     for name, by in moved.items():
         assert result.estimates[f"wall:{name}"].value == pytest.approx(by, abs=0.001)
     assert np.abs(result.room.walls - real.walls).max() < 0.001
@@ -253,7 +257,7 @@ def test_reflectance_is_found_to_a_hundredth() -> None:
     assert BOARD.sum_arrivals
     real = replace(ARENA, reflectances=np.full(len(ARENA.names), 0.8))
     scan = synthetic_scan(real, TRUTH, BOARD, 5, echoes=5)
-    result = fitted(scan, "reflectance", start=TRUTH, options=FitOptions(samples=300))
+    result = fitted(scan, "reflectance", start=TRUTH, options=FitOptions(samples=300, exact=True))
     assert result.estimates["reflectance:board"].value == pytest.approx(0.8, abs=0.01)
 
 
@@ -261,7 +265,7 @@ def test_progress_grows_to_one_and_a_cancelled_fit_raises(readings: list[Reading
     shares: list[float] = []
     free = free_parameters(("heading",), [""], ARENA, BOARD)
     scan = PlacedScan(readings, TRUTH)
-    options = FitOptions(samples=50)
+    options = FitOptions(samples=50, exact=True)
     fit_scans([scan], ARENA, BOARD, free, options=options, progress=lambda share, _: shares.append(share))
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -312,7 +316,7 @@ def test_a_fit_models_the_late_detection_of_the_boards_own_receiver() -> None:
             ARENA,
             board,
             free,
-            options=FitOptions(PredictionOptions(receiver=receiver), samples=0, global_search=False),
+            options=FitOptions(PredictionOptions(receiver=receiver), samples=0, global_search=False, exact=True),
         )
         for receiver in Receiver
     }
@@ -326,7 +330,10 @@ def test_intervals_of_the_heading_are_wider_with_the_boards_own_receiver(
     monkeypatch: pytest.MonkeyPatch, readings: list[Reading], samples: int
 ) -> None:
     board = replace(BOARD, receiver=Receiver.BOARD)
-    free, options = free_parameters(("position", "heading"), [""], ARENA, board), FitOptions(samples=samples)
+    free, options = (
+        free_parameters(("position", "heading"), [""], ARENA, board),
+        FitOptions(samples=samples, exact=True),
+    )
 
     def deviations() -> list[float]:
         found = fit_scans([PlacedScan(readings, TRUTH)], ARENA, board, free, options=options)
@@ -340,6 +347,6 @@ def test_intervals_of_the_heading_are_wider_with_the_boards_own_receiver(
 def test_a_prior_of_a_heading_may_differ_by_a_whole_turn(readings: list[Reading]) -> None:
     (heading,) = free_parameters(("heading",), [""], ARENA, BOARD)
     known = replace(heading, expected=TRUTH.heading - math.tau, deviation=1.0)
-    result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, [known], options=FitOptions(samples=0))
+    result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, [known], options=FitOptions(samples=0, exact=True))
     # still reported near the heading of the given place
     assert result.estimates["heading"].value == pytest.approx(TRUTH.heading, abs=math.radians(0.3))

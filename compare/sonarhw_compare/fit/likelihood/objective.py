@@ -177,7 +177,8 @@ class Problem:
     def near(self, values: FloatArray, prediction: PredictionOptions | None = None) -> "Objective":
         """Return the objective near these values. Paths are searched with `prediction` or the problem's own options."""
         room, places, board = self.setting(values)
-        search = search_for(room, self.board, prediction or self.prediction)
+        # the likelihood weighs each path alone, so it needs no faint paths that are loud together
+        search = search_for(room, replace(self.board, sum_arrivals=False), prediction or self.prediction)
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
         found = []
         for place in places:

@@ -75,7 +75,8 @@ def score_positions(
     scores = np.full((len(positions), HEADINGS), -math.inf)
     first = np.ascontiguousarray(scan.ranges[:, 0])  # one type of array, so one kernel
     farthest = min(board.max_range, float(np.nanmax(first, initial=0.0)) + 3 * spacing)
-    search = replace(search_for(room, board, QUICK), max_length=2 * farthest)
+    # scores weigh each path alone, so they need no faint paths that are loud together
+    search = replace(search_for(room, replace(board, sum_arrivals=False), QUICK), max_length=2 * farthest)
     ka = board.wavenumber(room.air) * board.aperture_radius
     bins = np.round(board.heading_at(scan.angles, 0.0) * (HEADINGS / math.tau)).astype(np.int64) % HEADINGS
     width = max(0.7 * spacing, 0.03)

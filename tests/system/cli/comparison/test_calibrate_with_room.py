@@ -11,6 +11,7 @@ NXT = load_board("lego-nxt").text
 TRUE = (
     NXT.replace("threshold_db = -17.5", "threshold_db = -14.5")
     + """
+turntable_scale = 1.05
 home_angle_deg = 6.0
 range_offset = -0.02
 [[own_body]]
@@ -45,8 +46,8 @@ def test_the_board_of_simulated_scans_is_found(
     printed = capsys.readouterr().out
     found = load_board(out)
     assert found.threshold_db == pytest.approx(-14.5, abs=1.5)
-    assert found.aperture_radius == pytest.approx(0.00375, rel=0.4)  # a smaller one with a lower threshold is alike
-    assert found.turntable_scale == pytest.approx(1.0, abs=0.01)
+    assert found.aperture_radius == pytest.approx(0.00375, rel=0.15)
+    assert found.turntable_scale == pytest.approx(1.05, abs=0.01)
     assert found.home_angle_deg == pytest.approx(6.0, abs=1.5)
     assert found.range_offset == pytest.approx(-0.02, abs=0.008)
     (part,) = found.own_body

@@ -13,7 +13,7 @@ from sonarhw_compare.fit.values.quantities import OFFSET, THRESHOLD
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
-QUICKLY = ["--samples", "200"]
+QUICKLY = ["--samples", "200", "--exact"]
 
 
 @pytest.fixture(scope="module")
