@@ -1,4 +1,4 @@
-"""Headings, places, turntable scale and threshold to begin a calibration with, by a search for the most matching readings."""
+"""Headings, places, turntable scale and threshold to begin a calibration with: those that most readings match."""
 
 import math
 from collections.abc import Callable, Sequence
