@@ -12,6 +12,7 @@ from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError
+from sonarhw_cli.comparison.compare_two import compare_two
 from sonarhw_cli.comparison.plain_fit_option import FitOption
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, open_in_room
@@ -58,12 +59,47 @@ def compare(
     ] = None,
     pings: PingsOfMedian = None,
     room_tolerance: RoomTolerance = None,
+    other: Annotated[
+        Path | None,
+        typer.Option("--with", help="Compare with another scan, by heading and without a room.", metavar="LOG"),
+    ] = None,
+    sweep: Annotated[
+        int | None, typer.Option(help="With --with or --with-sweep: only this sweep of LOG, from 1.", min=1)
+    ] = None,
+    other_sweep: Annotated[
+        int | None,
+        typer.Option(
+            "--with-sweep", help="Only this sweep of the other scan, from 1; without --with: of LOG itself.", min=1
+        ),
+    ] = None,
+    csv: Annotated[
+        str | None,
+        typer.Option(
+            help="Write the differences of two scans by heading, or - to standard output.", metavar="FILE.csv"
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Compare a log with its prediction. The class and path of every reading are printed, then a summary.
 
     The log score and the calibration judge the predicted probabilities of the readings (`simulate --probability`).
+    With --with, the log is compared with another scan instead.
     """
+    if other is not None or other_sweep is not None:
+        given = {
+            "--room": room_name, "--place": place, "--board": board, "--receiver": receiver, "--fit": fit,
+            "--explain": explained, "--pings": pings, "--room-tolerance": room_tolerance,
+        }  # fmt: skip
+        for option, value in given.items():
+            if value:
+                raise InputError(f"{option}: not used with --with, which compares two scans without a prediction")
+        if other is None and sweep is None:
+            raise InputError("--with-sweep: without --with, give the other sweep of the log with --sweep")
+        compare_two(log_file, other or log_file, (sweep, other_sweep), as_json=as_json, csv=csv, plot=plot, force=force)
+        return
+    for option, value in (("--sweep", sweep), ("--csv", csv)):
+        if value is not None:
+            raise InputError(f"{option}: needs --with LOG or --with-sweep N")
     if explained and not as_json:
         raise InputError("--explain: needs --json; without both, every reading is explained in a sentence")
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")

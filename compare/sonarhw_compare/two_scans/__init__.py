@@ -1,0 +1,1 @@
+"""Two scans from one place, compared by heading without a room."""

@@ -1,0 +1,224 @@
+"""Differences of two scans by heading: medians, readings that changed by more than their noise, and what fell silent.
+
+No room is needed. The noise of a ping is estimated from the scans themselves, see `noise_of`.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+
+CHANGED = 4.0  # standard deviations; by chance, 1 heading in 16 000 differs more
+LEAST_NOISE = 0.002  # m, of a ping; less is not credible, because air moves
+_TO_DEVIATION = 1.4826  # standard deviation of a normal distribution by its median absolute deviation
+_SAME_HEADING = 1e-4  # rad
+_FEWEST = 8  # headings, for an estimate of noise
+_NO_ESTIMATE = 0.01  # m, the noise of a ping where nothing shows it, assumed
+
+
+class ScanChange(StrEnum):
+    """What happened to the reading at a heading from the first scan to the second."""
+
+    SAME = "same"  # a difference that noise explains
+    NEARER = "nearer"
+    FARTHER = "farther"
+    FELL_SILENT = "fell silent"  # an echo in the first scan only
+    APPEARED = "appeared"  # an echo in the second scan only
+    BOTH_SILENT = "both silent"
+
+
+@dataclass(frozen=True)
+class HeadingSeries:
+    """The first echoes of a scan, in order of their pings; m, NaN without an echo."""
+
+    headings: FloatArray  # (n,) rad
+    ranges: FloatArray  # (n,) m
+    rounding: float = 0.0  # m, of the board
+
+
+@dataclass(frozen=True)
+class AtHeading:
+    """The pings of one scan at one heading."""
+
+    heading: float  # rad, 0 to 2π
+    ranges: FloatArray  # (n,) m, NaN without an echo
+
+    @property
+    def pings(self) -> int:
+        """The number of pings."""
+        return len(self.ranges)
+
+    @property
+    def heard(self) -> int:
+        """The number of pings with an echo."""
+        return int(np.isfinite(self.ranges).sum())
+
+    @property
+    def median(self) -> float | None:
+        """The median range, m; None if most pings are without an echo."""
+        return float(np.nanmedian(self.ranges)) if self.heard and 2 * self.heard >= self.pings else None
+
+
+@dataclass(frozen=True)
+class HeadingDifference:
+    """The readings of two scans at one heading."""
+
+    first: AtHeading
+    second: AtHeading
+    limit: float  # m, largest difference that noise and rounding explain
+
+    @property
+    def heading(self) -> float:
+        """Heading in the first scan, rad."""
+        return self.first.heading
+
+    @property
+    def difference(self) -> float | None:
+        """Median of the second scan minus that of the first, m; None unless both have an echo."""
+        first, second = self.first.median, self.second.median
+        return None if first is None or second is None else second - first
+
+    @property
+    def change(self) -> ScanChange:
+        """The class of the difference."""
+        difference = self.difference
+        if difference is not None:
+            if abs(difference) <= self.limit:
+                return ScanChange.SAME
+            return ScanChange.NEARER if difference < 0 else ScanChange.FARTHER
+        if self.first.median is not None:
+            return ScanChange.FELL_SILENT
+        return ScanChange.BOTH_SILENT if self.second.median is None else ScanChange.APPEARED
+
+
+@dataclass(frozen=True)
+class ScanDifference:
+    """Two scans by heading, counter-clockwise from 0."""
+
+    rows: tuple[HeadingDifference, ...]
+    noises: tuple[float, float]  # m, standard deviation of a ping of each scan
+    unpaired: tuple[int, int]  # headings of each scan without one of the other
+
+    @property
+    def changes(self) -> dict[ScanChange, int]:
+        """The number of headings by change."""
+        counts = Counter(row.change for row in self.rows)
+        return {change: counts[change] for change in ScanChange}
+
+    @property
+    def median(self) -> float | None:
+        """Median of the differences, m; None without one."""
+        differences = [row.difference for row in self.rows if row.difference is not None]
+        return float(np.median(differences)) if differences else None
+
+    @property
+    def stretches(self) -> tuple[tuple[HeadingDifference, ...], ...]:
+        """Neighbouring headings with the same change, without those that are the same or silent in both."""
+        runs: list[list[HeadingDifference]] = []
+        for row in self.rows:
+            if runs and runs[-1][-1].change == row.change:
+                runs[-1].append(row)
+            else:
+                runs.append([row])
+        if len(runs) > 1 and runs[0][0].change == runs[-1][0].change and self._is_whole_turn:
+            runs[0] = runs.pop() + runs[0]
+        unchanged = (ScanChange.SAME, ScanChange.BOTH_SILENT)
+        return tuple(tuple(run) for run in runs if run[0].change not in unchanged)
+
+    @property
+    def _is_whole_turn(self) -> bool:
+        """Whether the last heading is a neighbour of the first."""
+        headings = np.array([row.heading for row in self.rows])
+        steps = np.diff(headings)
+        return len(steps) > 0 and bool(headings[0] + math.tau - headings[-1] < 1.5 * np.median(steps))
+
+
+def scan_difference(first: HeadingSeries, second: HeadingSeries) -> ScanDifference:
+    """Return the differences of two scans at the headings of the one with fewer headings.
+
+    A heading is paired with the nearest one of the other scan, at most half of its step away. Raises InputError if no
+    heading is in both.
+    """
+    scans = at_headings(first), at_headings(second)
+    pairs = _pairs(*(np.array([one.heading for one in scan]) for scan in scans))
+    if not len(pairs):
+        raise InputError("the scans have no heading in common; give scans of the same sector")
+    between = _noise_between([(scans[0][a], scans[1][b]) for a, b in pairs])
+    noises = tuple(
+        max(noise_of(scan, between), series.rounding / math.sqrt(12), LEAST_NOISE)
+        for series, scan in zip((first, second), scans, strict=True)
+    )
+    rounding = max(first.rounding, second.rounding)
+    rows = []
+    for one, other in ((scans[0][a], scans[1][b]) for a, b in pairs):
+        noise = math.hypot(noises[0] * _of_median(one.heard), noises[1] * _of_median(other.heard))
+        rows.append(HeadingDifference(one, other, CHANGED * max(noise, LEAST_NOISE) + rounding))
+    lonely = tuple(len(scan) - len({pair[k] for pair in pairs}) for k, scan in enumerate(scans))
+    rows.sort(key=lambda row: row.heading)
+    return ScanDifference(tuple(rows), (noises[0], noises[1]), (lonely[0], lonely[1]))
+
+
+def at_headings(series: HeadingSeries) -> tuple[AtHeading, ...]:
+    """Return the pings of a scan by heading, counter-clockwise from 0."""
+    turned = np.remainder(series.headings, math.tau)
+    turned[turned > math.tau - _SAME_HEADING] = 0.0
+    order = np.argsort(turned, kind="stable")
+    starts = np.flatnonzero(np.diff(turned[order]) > _SAME_HEADING) + 1
+    return tuple(AtHeading(float(turned[rows[0]]), series.ranges[rows]) for rows in np.split(order, starts))
+
+
+def noise_of(scan: Sequence[AtHeading], between: float) -> float:
+    """Return the standard deviation of a ping, m.
+
+    Several pings at a heading show it. Else it is the smaller of two estimates, which real changes can only enlarge:
+    differences of neighbouring headings, most of which meet the same target, and `between`, differences of the scans.
+    """
+    repeated = [np.diff(one.ranges[np.isfinite(one.ranges)]) for one in scan]
+    steps = np.concatenate(repeated) if repeated else np.empty(0)
+    if len(steps) >= _FEWEST:
+        return _spread(steps) / math.sqrt(2)
+    neighbours = np.diff([math.nan if one.median is None else one.median for one in scan])
+    neighbours = neighbours[np.isfinite(neighbours)]
+    estimates = [between] + ([_spread(neighbours) / math.sqrt(2)] if len(neighbours) >= _FEWEST else [])
+    return min(estimates)
+
+
+def _noise_between(pairs: Sequence[tuple[AtHeading, AtHeading]]) -> float:
+    """Return the standard deviation of a ping from the differences of two scans, m."""
+    medians = [(one.median, other.median) for one, other in pairs]
+    apart = np.array([b - a for a, b in medians if a is not None and b is not None])
+    return _spread(apart - np.median(apart)) / math.sqrt(2) if len(apart) >= _FEWEST else _NO_ESTIMATE
+
+
+def _spread(values: FloatArray) -> float:
+    """Return the standard deviation of values about 0, from their median absolute value."""
+    return _TO_DEVIATION * float(np.median(np.abs(values)))
+
+
+def _of_median(pings: int) -> float:
+    """Return the standard deviation of the median of pings by that of one."""
+    return math.sqrt((math.pi / 2 if pings > 2 else 1.0) / max(pings, 1))
+
+
+def _pairs(first: FloatArray, second: FloatArray) -> list[tuple[int, int]]:
+    """Return pairs of nearest headings (rows of both), at most half a step of the finer scan apart."""
+    swapped = len(first) > len(second)
+    few, many = (second, first) if swapped else (first, second)
+    apart = np.abs(np.remainder(few[:, None] - many + math.pi, math.tau) - math.pi)
+    nearest = apart.argmin(axis=1)
+    near = np.flatnonzero(apart[np.arange(len(few)), nearest] <= _step(many) / 2 + _SAME_HEADING)
+    pairs = list(zip(near.tolist(), nearest[near].tolist(), strict=True))
+    return [(b, a) for a, b in pairs] if swapped else pairs
+
+
+def _step(headings: FloatArray) -> float:
+    """Return the usual step between headings, rad; 0 with one heading."""
+    steps: NDArray[np.float64] = np.diff(headings)
+    return float(np.median(steps)) if len(steps) else 0.0
