@@ -19,6 +19,7 @@ from sonarhw_sim.compiled import compiled, compiled_part, inlined
 
 BoolArray = NDArray[np.bool_]
 
+FAINT_DB = 20.0  # below the threshold: fainter paths begin no arrival
 SAME_LENGTH = 1e-9  # m: lengths that differ less, by rounding, are equal
 _NODES_PER_UNIT = 32  # of x = ka sin α
 _SEPARATIONS = 721  # angles between departure and arrival for which the loudest heading is searched
@@ -101,20 +102,23 @@ class Together(NamedTuple):
     begins: NDArray[np.intp]  # (p,): the first of them
     ends: NDArray[np.intp]  # (p,): the row after the last
     phasors: ComplexArray  # (p,), of the carrier at arrival, magnitude 1
+    faintest: float  # amplitude of a path that begins an arrival
 
 
 def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: Board) -> Together:
     """Return which paths arrive together: those of the same length and up to one wavelength longer.
 
     `lengths` (p,) m are in order, `phases` (p,) rad are beyond those of the lengths. If the board does not sum
-    arrivals, every path is alone.
+    arrivals, every path is alone. A path more than 20 dB below the threshold belongs to the arrivals of others, but
+    begins none: else a sum could end before a loud path, only because there is sound that nobody can detect.
     """
     phasors = np.exp(1j * (phases - math.tau / wavelength * lengths))
     if not board.sum_arrivals:
         rows = np.arange(len(lengths))
-        return Together(rows, rows + 1, phasors)
+        return Together(rows, rows + 1, phasors, 0.0)
     begins = np.searchsorted(lengths, lengths - SAME_LENGTH)
-    return Together(begins, np.searchsorted(lengths, lengths + wavelength, side="right"), phasors)
+    ends = np.searchsorted(lengths, lengths + wavelength, side="right")
+    return Together(begins, ends, phasors, 10 ** ((board.threshold_db - FAINT_DB) / 20))
 
 
 def sum_of_arrival(amplitudes: FloatArray, sets: Together, path: int) -> float:
@@ -145,10 +149,16 @@ def _loudest_of(amplitudes: FloatArray, begin: int, end: int) -> int:
 
 @compiled
 def sums_of_arrivals(amplitudes: FloatArray, sets: Together) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return the amplitude of the arrival that begins with each path, (p,), and the loudest path of each, (p,)."""
+    """Return the amplitude of the arrival that begins with each path, (p,), and the loudest path of each, (p,).
+
+    A path that is too faint to begin one has its own amplitude.
+    """
     sums, loudest = np.empty(len(amplitudes)), np.empty(len(amplitudes), np.intp)
     for path in range(len(amplitudes)):
         begin, end = sets.begins[path], sets.ends[path]
+        if abs(amplitudes[path]) < sets.faintest:
+            sums[path], loudest[path] = abs(amplitudes[path]), path
+            continue
         sums[path] = _sum_of(amplitudes, sets.phasors, begin, end)
         loudest[path] = _loudest_of(amplitudes, begin, end)
     return sums, loudest
@@ -193,6 +203,8 @@ def first_detected(
                     amplitude = 0.0
                 amplitudes[member] = amplitude
             known = max(known, end)
+            if abs(amplitudes[path]) < sets.faintest:
+                continue
             level = _sum_of(amplitudes, sets.phasors, begin, end)
             if level >= threshold and level > 0.0:
                 first[k] = _loudest_of(amplitudes, begin, end)

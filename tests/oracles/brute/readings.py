@@ -10,6 +10,7 @@ from scipy.special import j1, modfresnelm
 from tests.oracles.brute.exhaustive import Floats, Scene, Way, all_ways
 
 TIE_DB = 0.01  # to each side of the threshold, where a reading is unsure
+_FAINT_DB = 20.0  # below the threshold: a fainter path begins no arrival
 _SAME = 1e-9  # m
 
 
@@ -137,7 +138,9 @@ def readings(scene: Scene, sensor: Sensor, sound: Sound, headings: Floats) -> Fl
         sums = np.append(0j, np.cumsum(arriving))
         levels = np.abs(sums[ends] - sums[begins])
         for column, tie in enumerate((-TIE_DB, 0.0, TIE_DB)):
-            over = np.flatnonzero(levels >= 10 ** ((sensor.threshold_db + tie) / 20))
+            threshold = 10 ** ((sensor.threshold_db + tie) / 20)
+            begin = np.abs(arriving) >= threshold * 10 ** (-_FAINT_DB / 20)
+            over = np.flatnonzero(begin & (levels >= threshold))
             if len(over):
                 members = np.abs(arriving[begins[over[0]] : ends[over[0]]])
                 loudest = int((members >= members.max() * (1 - 1e-9)).argmax())
