@@ -33,8 +33,8 @@ $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/b
 	$(BIN)/python setup/compile_kernels.py
 	touch $@
 
-$(VENV)/tools: $(VENV)/installed requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
-	$(call locked,base gui ros study video dev)
+$(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
+	$(call locked,base foxglove gui ros study video dev)
 	touch $@
 
 # with a window if there is a display; otherwise writes the same results to a new folder

@@ -30,9 +30,10 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"
 EXTRAS = {
     "gui": ("base",),
     "study": ("base",),
+    "foxglove": ("base",),
     "ros": ("base",),
     "video": ("base",),
-    "dev": ("base", "gui", "ros", "study", "video"),
+    "dev": ("base", "foxglove", "gui", "ros", "study", "video"),
     "docs": ("base", "gui"),
     "audit": ("base",),
     "benchmarks": ("base",),

@@ -106,7 +106,7 @@ class NoPlate(SonarError):
 
 
 class MissingExtra(SonarError):
-    """A part of the product is missing, because it was installed without the extra `gui`, `ros`, `study` or `video`."""
+    """A part of the product is missing, because it was installed without an extra, such as `gui`."""
 
     def __init__(self, need: str, extra: str) -> None:
         install = f"run pip install '.[{extra}]' in the source folder of sonarhw"

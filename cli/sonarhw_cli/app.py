@@ -37,6 +37,7 @@ from sonarhw_cli.instrument import ping_command as ping
 from sonarhw_cli.instrument import ports_command as ports
 from sonarhw_cli.instrument import replay_command as replay
 from sonarhw_cli.instrument import scan_command as scan
+from sonarhw_cli.instrument import serve_command as serve
 from sonarhw_cli.option_names import with_options
 from sonarhw_cli.prediction import figures_command as figures
 from sonarhw_cli.prediction import paths_command as paths
@@ -66,6 +67,7 @@ app.command("demo")(demo.demo)
 app.command("ports")(ports.ports)
 app.command("info")(info.info)
 app.command("scan")(scan.scan)
+app.command("serve")(serve.serve)
 app.command("home")(bench.home)
 app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
 app.command("stop")(bench.stop)

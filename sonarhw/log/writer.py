@@ -5,20 +5,15 @@ its frames. Otherwise each frame is written at once. So a killed process loses a
 reading. Closing adds the index, with which a log of an hour opens at once.
 """
 
-import json
-import math
 import threading
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, BinaryIO, Self, cast
+from typing import IO, BinaryIO, Self, cast
 
-from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
-from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import register_schema
 
 from sonarhw.disk_space import DiskSpaceMonitor
 from sonarhw.errors import LogError
@@ -29,36 +24,20 @@ from sonarhw.log.contents import (
     FRAMES_SENT,
     METADATA_NAME,
     PROFILE,
-    READINGS,
     SWEEPS,
     TOPICS,
-    TRACES,
     LogMetadata,
     RecordedFrame,
 )
 from sonarhw.log.index import MEDIA_TYPE, NAME, index_of, pack_index
-from sonarhw.log.laser_scan import laser_scan
 from sonarhw.log.recorded_scans import ScanDecoder
-from sonarhw.log.trace_message import TraceMessage, trace_message
+from sonarhw.log.viewer.channels import DECODED, reading_messages
+from sonarhw.log.viewer.laser_scan import laser_scan
+from sonarhw.log.viewer.open_sweeps import OpenSweeps
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import frame_type
-from sonarhw.wire.limits import KEPT_READINGS
 from sonarhw.wire.messages import Finished, Info, Started
 
-_READING_SCHEMA = {
-    "type": "object",
-    "properties": {
-        "time": {"type": "number", "description": "start of transmission on the device's clock, s"},
-        "sweep": {"type": "integer"},
-        "ping": {"type": "integer"},
-        "number": {"type": "integer"},
-        "angle_deg": {"type": "number", "description": "turntable angle, counter-clockwise"},
-        "range_m": {"type": ["number", "null"]},
-        "echo_times_s": {"type": "array", "items": {"type": "number"}},
-        "speed_of_sound": {"type": ["number", "null"], "description": "m/s"},
-        "temperature_c": {"type": ["number", "null"]},
-    },
-}
 _FRAME_ENCODING = "application/x-sonarhw-frame"
 
 
@@ -88,7 +67,7 @@ class LogWriter:
         self._scanning = False
         self._scans = 0  # number of scans at the newest Started
         self._decoder = ScanDecoder()
-        self._sweeps: dict[int, list[Reading]] = {}  # not yet written, without traces, by number
+        self._sweeps = OpenSweeps()  # not yet written
         self._time = metadata.started
         self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE, enable_data_crcs=True)
         self._writer.start(PROFILE)
@@ -165,23 +144,12 @@ class LogWriter:
             self._reading(reading)
 
     def _reading(self, reading: Reading) -> None:
-        self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
-        for sweep in [*self._sweeps]:
-            if self._is_over(sweep, reading):
-                self._end_sweep(sweep)
-        self._add(READINGS, json.dumps(reading_record(reading)).encode())
-        if reading.trace is not None:
-            message = trace_message(reading.number, math.degrees(reading.angle), reading.trace)
-            self._add(TRACES, message.SerializeToString())
+        for sweep in self._sweeps.add(reading, self._decoder.readings_per_sweep):
+            self._end_sweep(sweep)
+        for topic, data in reading_messages(reading):
+            self._add(topic, data)
         self._file.replace_old_file()
         self._commit()
-
-    def _is_over(self, sweep: int, newest: Reading) -> bool:
-        readings, all_of_it = self._sweeps[sweep], self._decoder.readings_per_sweep
-        if all_of_it is not None:  # readings of any sweep may be measured again until it is complete
-            return len(readings) >= all_of_it
-        # the device can no longer send a reading of that sweep again
-        return sweep < newest.sweep and newest.number - readings[-1].number >= KEPT_READINGS
 
     def close(self) -> None:
         """Write the last sweep and the index, and close the file. A second call does nothing. Raises LogError."""
@@ -207,11 +175,10 @@ class LogWriter:
             self._file.drop()
 
     def _end_sweeps(self) -> None:
-        for sweep in sorted(self._sweeps):
+        for sweep in self._sweeps.end():
             self._end_sweep(sweep)
 
-    def _end_sweep(self, sweep: int) -> None:
-        readings = self._sweeps.pop(sweep)
+    def _end_sweep(self, readings: list[Reading]) -> None:
         times = [reading.host_time for reading in readings if reading.host_time is not None] or [self._time]
         self._add(SWEEPS, laser_scan(readings, min(times)).SerializeToString(), min(times))
 
@@ -246,29 +213,13 @@ def metadata_record(metadata: LogMetadata) -> dict[str, str]:
     return {name: text.encode("utf-8", "backslashreplace").decode() for name, text in fields.items()}
 
 
-def reading_record(reading: Reading) -> dict[str, Any]:
-    """Return the JSON fields of a reading on the channel of decoded readings, in degrees, metres, seconds and °C."""
-    return {
-        "time": reading.time,
-        "sweep": reading.sweep,
-        "ping": reading.ping,
-        "number": reading.number,
-        "angle_deg": math.degrees(reading.angle),
-        "range_m": reading.range if reading.range is not None and math.isfinite(reading.range) else None,
-        "echo_times_s": reading.echo_times,
-        "speed_of_sound": reading.speed_of_sound if math.isfinite(reading.speed_of_sound) else None,
-        "temperature_c": reading.temperature_c,
-    }
-
-
 def _register_channels(writer: Writer) -> dict[str, int]:
-    decoded = writer.register_schema("sonarhw.Reading", SchemaEncoding.JSONSchema, json.dumps(_READING_SCHEMA).encode())
     encodings = {
         FRAMES_RECEIVED: (_FRAME_ENCODING, 0),
         FRAMES_SENT: (_FRAME_ENCODING, 0),
-        READINGS: (MessageEncoding.JSON, decoded),
-        SWEEPS: (MessageEncoding.Protobuf, register_schema(writer, LaserScan)),
         BYTES: ("application/octet-stream", 0),
-        TRACES: (MessageEncoding.Protobuf, register_schema(writer, TraceMessage)),
     }
+    for topic, channel in DECODED.items():
+        schema = writer.register_schema(channel.schema_name, channel.schema_encoding, channel.schema)
+        encodings[topic] = (channel.encoding, schema)
     return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}

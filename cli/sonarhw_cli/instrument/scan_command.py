@@ -39,6 +39,7 @@ from sonarhw_cli.console.warning_line import warn
 if TYPE_CHECKING:
     from sonarhw_sim.air import Air
     from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.room.model import Place, Room
 
     from sonarhw.host.connected_scanner import ConnectedScanner
     from sonarhw.log import LogMetadata, LogWriter
@@ -59,12 +60,10 @@ _ORDERS = {
 
 
 @dataclass(frozen=True)
-class _Request:
+class ScanRequest:
     """The options of a scan."""
 
     order: "ScanOrder"
-    out: Path
-    force: bool
     board: str | None
     max_range: float | None  # m
     temperature: float | None  # °C
@@ -110,17 +109,18 @@ def scan(
     from sonarhw.plugins.plugin_list import takes_orders
 
     if not takes_orders(url):
-        _refuse_orders(context)
+        refuse_orders(context)
     order = order_in_degrees(start, stop, step, sweeps, pings)
-    request = _Request(order, out, force, board, max_range, temperature, traces, show, zero_here, not takes_orders(url))
+    request = ScanRequest(order, board, max_range, temperature, traces, show, zero_here, not takes_orders(url))
     checked_out(out, (LOG,), force, url, room, board)
-    _check(request)
-    metadata, air = _room(room, place, out)
+    check_request(request)
+    where = room_and_place(room, place, out)
     with connect(url, reconnect) as scanner:
-        _record(scanner, request, metadata, air)
+        metadata, air = log_metadata(room, where), where[0].air if where else None
+        _record(scanner, request, out, force, metadata, air)
 
 
-def _refuse_orders(context: typer.Context) -> None:
+def refuse_orders(context: typer.Context) -> None:
     """Raise InputError for an option that a device cannot obey which turns and measures by itself."""
     for name, option in _ORDERS.items():
         source = context.get_parameter_source(name)
@@ -130,7 +130,8 @@ def _refuse_orders(context: typer.Context) -> None:
             )
 
 
-def _check(request: _Request) -> None:
+def check_request(request: ScanRequest) -> None:
+    """Raise InputError for an impossible option. The scanner checks the limits of the turntable."""
     from sonarhw_sim.board.profile import MOST_RANGE, load_board
 
     _check_order(request.order)
@@ -144,7 +145,7 @@ def _check(request: _Request) -> None:
 
 
 def _check_order(order: "ScanOrder") -> None:
-    """Raise InputError for an order that does not fit into a frame. The scanner checks the limits of the turntable."""
+    """Raise InputError for an order that does not fit into a frame."""
     from sonarhw.wire.limits import MOST_READINGS
     from sonarhw.wire.units import microdegrees_of
 
@@ -157,58 +158,59 @@ def _check_order(order: "ScanOrder") -> None:
         )
 
 
-def _room(room_name: str | None, place: str | None, out: Path) -> "tuple[LogMetadata, Air]":
-    """Return the metadata of the log, with the room, and the air in the room."""
-    from sonarhw_sim.air import Air
-    from sonarhw_sim.named_file import file_name
-
-    from sonarhw.log import LogMetadata
-
+def room_and_place(room_name: str | None, place: str | None, out: Path | None) -> "tuple[Room, Place] | None":
+    """Return the room and the place of --room and --place; None without a room. Raises InputError."""
     if room_name is None:
         if place is not None:
             raise InputError("--place needs --room: it is a place of a room file")
-        return LogMetadata(made_by="scan", started=time.time()), Air()
+        return None
     room = open_room(room_name)
     if place is None and len(room.places) != 1:
         raise InputError(
             f"--room {room_name}: give --place NAME or --place X,Y in metres; its places: "
             f"{', '.join(room.places) or 'none'}; from an unknown place, scan without --room, "
-            f"then run `sonarhw locate {out} --room {room_name}`"
+            f"then run `sonarhw locate {out or 'LOG.mcap'} --room {room_name}`"
         )
-    here = chosen_place(room, place)
-    metadata = LogMetadata(
-        made_by="scan", started=time.time(), room_file=file_name(room_name), room_text=room.text, place=here.name
-    )
-    return metadata, room.air
+    return room, chosen_place(room, place)
 
 
-def _record(scanner: "ConnectedScanner", request: _Request, metadata: "LogMetadata", air: "Air") -> None:
+def log_metadata(room_name: str | None, where: "tuple[Room, Place] | None") -> "LogMetadata":
+    """Return the metadata of a log that begins now, with the room of `room_and_place`."""
+    from sonarhw_sim.named_file import file_name
+
+    from sonarhw.log import LogMetadata
+
+    metadata = LogMetadata(made_by="scan", started=time.time())
+    if room_name is None or where is None:
+        return metadata
+    room, here = where
+    return replace(metadata, room_file=file_name(room_name), room_text=room.text, place=here.name)
+
+
+def _record(
+    scanner: "ConnectedScanner",
+    request: ScanRequest,
+    out: Path,
+    force: bool,
+    metadata: "LogMetadata",
+    room_air: "Air | None",
+) -> None:
     from sonarhw.log import LogWriter
     from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.scanning.scan_recording import record_scan
 
     board = board_of(scanner, request.board)
     metadata = replace(metadata, board=board.name, board_text=board.text)
-    if request.max_range is not None and request.max_range > board.max_range:
-        warn(
-            f"--max-range {request.max_range:g}: board {board.name!r} detects echoes to {board.max_range:g} m; "
-            f"each ping now takes at least {2 * request.max_range / air.speed_of_sound:.2g} s"
-        )
-    if request.traces and not scanner.info.trace_rate:
-        warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
+    plan = scan_plan(scanner, request, board, room_air)
     with ExitStack() as exit_stack:
         terminal = _Terminal(scanner, request, exit_stack)
-        exit_stack.enter_context(_interruption_reported(request, terminal))
+        exit_stack.enter_context(_interruption_reported(out, terminal))
         terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
-        terminal.log = log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
+        terminal.log = log = LogWriter(out, metadata, overwrite=force, warn=warn)
         if request.turns_by_itself:  # the start of a sweep may be far away
             terminal.show_bar()
-        plan = _plan(request, board, air)
-        print_detail(
-            f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s"
-        )
         record_scan(scanner, plan, log, terminal)
-    print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {request.out}")
+    print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {out}")
     if isinstance(scanner, PluginScanner):
         _report_ignored(scanner)
     else:
@@ -216,11 +218,22 @@ def _record(scanner: "ConnectedScanner", request: _Request, metadata: "LogMetada
     _warn_of_the_link(scanner)
 
 
-def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
+def scan_plan(scanner: "ConnectedScanner", request: ScanRequest, board: "Board", room_air: "Air | None") -> "ScanPlan":
+    """Return the plan of the scan, with warnings about what this scanner and board cannot do."""
+    from sonarhw_sim.air import Air
+
     from sonarhw.scanning.scan_recording import ScanPlan
     from sonarhw.sound_speed import ScanAir
 
-    return ScanPlan(
+    air = room_air or Air()
+    if request.max_range is not None and request.max_range > board.max_range:
+        warn(
+            f"--max-range {request.max_range:g}: board {board.name!r} detects echoes to {board.max_range:g} m; "
+            f"each ping now takes at least {2 * request.max_range / air.speed_of_sound:.2g} s"
+        )
+    if request.traces and not scanner.info.trace_rate:
+        warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
+    plan = ScanPlan(
         request.order,
         reach=board.max_range if request.max_range is None else request.max_range,
         blanking=board.blanking_end,
@@ -228,12 +241,14 @@ def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
         traces=request.traces,
         zero_here=request.zero_here,
     )
+    print_detail(f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s")
+    return plan
 
 
 class _Terminal:
     """Shows the progress of a scan: the bar, the lines of --print and warnings. Counts the readings."""
 
-    def __init__(self, scanner: "ConnectedScanner", request: _Request, exit_stack: ExitStack) -> None:
+    def __init__(self, scanner: "ConnectedScanner", request: ScanRequest, exit_stack: ExitStack) -> None:
         """Show the progress of a scan with `scanner`. `exit_stack` closes the bar."""
         self.count = 0
         self.echoes = 0  # readings with an echo
@@ -289,20 +304,20 @@ class _Terminal:
 
 
 @contextmanager
-def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[None]:
+def _interruption_reported(out: Path, terminal: _Terminal) -> Iterator[None]:
     """After an interruption, print the number of recorded readings when the log is closed."""
     try:
         yield
     except KeyboardInterrupt:
         count = terminal.log.count if terminal.log and terminal.count else 0
         are = "is" if count == 1 else "are"
-        kept = f"{counted(count, 'reading')} {are} kept in {request.out}" if count else "nothing was recorded"
+        kept = f"{counted(count, 'reading')} {are} kept in {out}" if count else "nothing was recorded"
         with suppress(OSError):  # the terminal may be closed
             print_error(f"interrupted; {kept}")
         raise
 
 
-def _warn_of_another_count(count: int, request: _Request) -> None:
+def _warn_of_another_count(count: int, request: ScanRequest) -> None:
     """Warn if the number of readings is not the requested one: a replayed log has its own number of readings."""
     if count != request.order.readings:
         requested = counted(request.order.readings, "reading")

@@ -16,7 +16,7 @@ from tests.soak.fuzz.boundaries import Chance, any_of
 from tests.soak.fuzz.damage import damaged_csv, damaged_toml
 from tests.soak.fuzz.damaged_logs import damaged_log, log_bytes
 
-ENDLESS = ("fake", "replay", "monitor", "ping", "board", "info --watch")  # until they are stopped
+ENDLESS = ("fake", "replay", "serve", "monitor", "ping", "board", "info --watch")  # until they are stopped
 SLOW = ("locate", "fit", "map", "study")
 ROOM = """name = "Room"
 [materials.m]

@@ -1,0 +1,200 @@
+"""`sonarhw serve`: scan, and publish the readings to viewers while they are measured."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, board_of, connect
+from sonarhw_cli.console.interruption import Interruption, interruption
+from sonarhw_cli.console.lines import print_line, print_note
+from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.options import (
+    LOG,
+    Force,
+    FromAngle,
+    PlaceName,
+    RoomToStore,
+    StepAngle,
+    ToAngle,
+    ZeroHere,
+    checked_out,
+    order_in_degrees,
+)
+from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.instrument.scan_command import (
+    ScanRequest,
+    check_request,
+    log_metadata,
+    refuse_orders,
+    room_and_place,
+    scan_plan,
+)
+
+if TYPE_CHECKING:
+    from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.rays.paths import Paths
+    from sonarhw_sim.room.model import Place, Room
+
+    from sonarhw.export.foxglove_server import FoxgloveServer
+    from sonarhw.host.connected_scanner import ConnectedScanner
+    from sonarhw.log import LogMetadata
+    from sonarhw.readings import Reading, ScanOrder
+    from sonarhw.scanning.scan_recording import ScanPlan
+
+_MOST_SWEEPS = 65535  # largest number that fits into the scan command
+_ADDRESS = "127.0.0.1:8765"  # the port that Foxglove suggests
+
+
+def serve(
+    context: typer.Context,
+    url: ScannerUrl,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Publish on the WebSocket of Foxglove; needs the extra foxglove.")
+    ] = False,
+    tcp: Annotated[
+        str, typer.Option("--tcp", help="Address to listen on; port 0 selects a free port.", metavar="HOST:PORT")
+    ] = _ADDRESS,
+    out: Annotated[Path | None, typer.Option(help="Also write a log; needs --sweeps.", metavar="LOG.mcap")] = None,
+    room: RoomToStore = None,
+    place: PlaceName = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
+    ] = None,
+    start: FromAngle = 0.0,
+    stop: ToAngle = 360.0,
+    step: StepAngle = 5.0,
+    sweeps: Annotated[
+        int | None, typer.Option(help="Number of sweeps; default: until Ctrl-C.", min=1, max=_MOST_SWEEPS)
+    ] = None,
+    pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 1,
+    max_range: Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
+    ] = None,
+    traces: Annotated[bool, typer.Option("--traces", help="Publish the receive signal of every ping.")] = False,
+    zero_here: ZeroHere = False,
+    reconnect: Annotated[
+        float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)
+    ] = RECONNECT,
+    force: Force = False,
+) -> None:
+    """Scan until Ctrl-C, and publish the readings for other programs. The first line of standard output is the address.
+
+    The topics are those of a log: /readings, /traces, and /scan with each whole sweep. With --room, /prediction has the
+    predicted ranges beside each /scan.
+    """
+    from sonarhw.export.foxglove_server import FoxgloveServer
+    from sonarhw.plugins.plugin_list import takes_orders
+
+    if not foxglove:
+        raise InputError("give --foxglove: it is the only protocol that is served")
+    if out is not None:
+        checked_out(out, (LOG,), force, url, room, board)
+        if sweeps is None:
+            raise InputError("--out: give the number of sweeps, too: --sweeps N")
+    if not takes_orders(url):
+        refuse_orders(context)
+    order = order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)
+    request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, not takes_orders(url))
+    check_request(request)
+    where = room_and_place(room, place, out)
+    with FoxgloveServer(tcp) as server:
+        print_line(server.url)
+        with connect(url, reconnect) as scanner:
+            profile = board_of(scanner, board)
+            plan = scan_plan(scanner, request, profile, where[0].air if where else None)
+            # a replay and a device that turns by itself have another number of readings than the order
+            known = order if scanner.info.capabilities else None
+            publisher = _Publisher(server, known, _Prediction(*where, profile) if where else None)
+            metadata = replace(log_metadata(room, where), board=profile.name, board_text=profile.text)
+            try:
+                _scan(scanner, plan, publisher, metadata, out, force)
+            finally:
+                publisher.end()
+                kept = f", in {out}" if out and publisher.count else ""
+                print_note(f"{counted(publisher.count, 'reading')} published{kept}")
+
+
+def _sweeps(start: float, stop: float, step: float, pings: int) -> int:
+    """Return the largest number of sweeps."""
+    from sonarhw.wire.limits import MOST_READINGS
+
+    return max(1, min(_MOST_SWEEPS, MOST_READINGS // order_in_degrees(start, stop, step, 1, pings).readings))
+
+
+def _scan(
+    scanner: "ConnectedScanner",
+    plan: "ScanPlan",
+    publisher: "_Publisher",
+    metadata: "LogMetadata",
+    out: Path | None,
+    force: bool,
+) -> None:
+    from sonarhw.log import LogWriter
+    from sonarhw.scanning.scan_recording import record_scan, run_scan
+
+    with interruption(scanner.stop) as publisher.interrupted:
+        if out is None:
+            run_scan(scanner, plan, publisher)
+        else:
+            record_scan(scanner, plan, LogWriter(out, metadata, overwrite=force, warn=warn), publisher)
+
+
+class _Prediction:
+    """Predicts the ranges of readings. The paths to the place are followed once."""
+
+    def __init__(self, room: "Room", place: "Place", board: "Board") -> None:
+        self._room, self._place, self._board = room, place, board
+        self._paths: Paths | None = None
+
+    def ranges(self, readings: "Sequence[Reading]") -> list[float | None]:
+        """Return the predicted range at the heading of each reading, m; None: no echo."""
+        from sonarhw_compare.matching.match import compare_readings
+
+        comparison = compare_readings(readings, self._room, self._place, self._board, paths=self._paths)
+        self._paths = comparison.prediction.paths
+        return [row.predicted for row in comparison.rows]
+
+
+class _Publisher:
+    """Receives the progress of a scan and publishes it. Counts the readings."""
+
+    def __init__(self, server: "FoxgloveServer", order: "ScanOrder | None", prediction: _Prediction | None) -> None:
+        """`order` is None if the scan may have another number of readings."""
+        from sonarhw.log.viewer.open_sweeps import OpenSweeps
+
+        self.count = 0
+        self.interrupted: Interruption
+        self._server = server
+        self._of_each = None if order is None else order.headings * order.pings
+        self._prediction = prediction
+        self._sweeps = OpenSweeps()
+
+    @property
+    def stop_wanted(self) -> bool:
+        return self.interrupted.wanted
+
+    def homed(self) -> None:
+        """Do nothing: the first reading follows."""
+
+    def reading(self, reading: "Reading") -> None:
+        self.count += 1
+        self._server.reading(reading)
+        for sweep in self._sweeps.add(reading, self._of_each):
+            self._publish(sweep)
+
+    def warn(self, message: str) -> None:
+        warn(message)
+
+    def end(self) -> None:
+        """Publish the last sweep, which may be incomplete."""
+        for sweep in self._sweeps.end():
+            self._publish(sweep)
+
+    def _publish(self, sweep: "list[Reading]") -> None:
+        self._server.sweep(sweep, None if self._prediction is None else self._prediction.ranges(sweep))

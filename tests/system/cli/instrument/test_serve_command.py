@@ -1,0 +1,178 @@
+"""`sonarhw serve --foxglove`: viewers receive what the log holds, and no viewer disturbs the scan."""
+
+import csv
+import json
+import math
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+from mcap.reader import make_reader
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import FakeBoard
+from sonarhw.export.foxglove_server import FoxgloveServer
+from sonarhw.log import read_log
+from sonarhw.readings import Reading, Trace
+from tests.fixtures.plain_echoes import PlainEchoes
+from tests.system.cli.instrument.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
+
+HANG = 60.0  # s
+DATA = struct.Struct("<BIQ")  # message data of Foxglove's protocol: 1, subscription, time in ns
+WHERE = ("--room", str(SIMPLE_ROOM), "--place", "figure9")
+
+
+@contextmanager
+def viewer(url: str) -> Iterator[tuple[ClientConnection, dict[str, dict[str, str]]]]:
+    """Yield a client that has subscribed to all channels, and the channels by topic."""
+    with connect(url, subprotocols=["foxglove.sdk.v1"], max_queue=1, close_timeout=0) as socket:  # type: ignore[list-item]
+        while (advertised := json.loads(socket.recv(timeout=HANG)))["op"] != "advertise":
+            assert advertised["op"] == "serverInfo"
+        channels = {channel["topic"]: channel for channel in advertised["channels"]}
+        wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels.values()]
+        socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        yield socket, channels
+
+
+def received(socket: ClientConnection, channels: dict[str, dict[str, str]]) -> dict[str, list[bytes]]:
+    """Return the messages of each topic until the server ends."""
+    topics = {channel["id"]: topic for topic, channel in channels.items()}
+    messages = defaultdict(list)
+    try:
+        while True:
+            data = socket.recv(timeout=HANG)
+            assert isinstance(data, bytes)
+            kind, subscription, _ = DATA.unpack_from(data)
+            assert kind == 1
+            messages[topics[subscription]].append(data[DATA.size :])
+    except ConnectionClosed:
+        return messages
+
+
+def recorded(log: Path) -> tuple[dict[str, list[bytes]], dict[str, tuple[str, str, str, bytes]]]:
+    """Return the messages of each topic of a log, and encoding and schema of each topic."""
+    messages, kinds = defaultdict(list), {}
+    with log.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            messages[channel.topic].append(message.data)
+            if schema:
+                kinds[channel.topic] = (channel.message_encoding, schema.name, schema.encoding, schema.data)
+    return messages, kinds
+
+
+def test_a_viewer_receives_what_the_log_holds_whatever_others_do(tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    options = ("--foxglove", "--tcp", "127.0.0.1:0", "--traces", "--step", "20", "--sweeps", "4", "--out", log, *WHERE)
+    board = serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=2.0)
+    with board as endpoint, started("serve", endpoint.url, *options) as process:
+        [url] = lines(process, 1)
+        with viewer(url.strip()) as (watching, channels), viewer(url.strip()) as (stalled, _):
+            with viewer(url.strip()) as (leaving, _):
+                leaving.recv(timeout=HANG)
+                leaving.socket.shutdown(socket.SHUT_RDWR)  # without a goodbye
+            seen = received(watching, channels)
+            stalled.socket.shutdown(socket.SHUT_RDWR)
+        assert end(process) == (0, f"72 readings published, in {log}\n")
+    held, kinds = recorded(log)
+    assert len(read_log(log).readings) == len(held["/readings"]) == 72
+    for topic in ("/readings", "/traces", "/scan"):
+        channel = channels[topic]
+        *described, schema = kinds[topic]
+        assert [channel["encoding"], channel["schemaName"], channel["schemaEncoding"]] == described
+        # the schema is text in JSON, or base64
+        assert channel["schema"].rstrip("=") in (schema.decode(errors="replace"), _base64(schema).rstrip("="))
+        assert 0 < len(seen[topic]) <= len(held[topic])  # the first ones may precede the viewer
+        assert seen[topic] == held[topic][-len(seen[topic]) :]
+    check_prediction(LaserScan.FromString(seen["/prediction"][-1]), LaserScan.FromString(seen["/scan"][-1]))
+
+
+def _base64(data: bytes) -> str:
+    from base64 import b64encode
+
+    return b64encode(data).decode()
+
+
+def check_prediction(predicted: LaserScan, measured: LaserScan) -> None:
+    """Compare a predicted sweep with `sonarhw simulate` at the same headings."""
+    assert (predicted.timestamp, predicted.start_angle) == (measured.timestamp, measured.start_angle)
+    rows = csv.DictReader(StringIO(sonarhw("simulate", SIMPLE_ROOM, "--place", "figure9", "--step", "20").stdout))
+    expected = [float(row["range_m"] or "inf") for row in rows]
+    assert [*predicted.ranges] == pytest.approx(expected, abs=1e-4)
+    assert sum(map(math.isfinite, expected)) > 9
+
+
+def test_a_log_is_published_too_and_ctrl_c_ends_the_server(tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    board = FakeBoard(PlainEchoes(), seed=2)
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert sonarhw("scan", endpoint.url, "--out", log, "--step", "1").returncode == 0
+    with started("serve", log, "--foxglove", "--tcp", "127.0.0.1:0") as process:
+        [url] = lines(process, 1)
+        with viewer(url.strip()) as (watching, channels):
+            first = watching.recv(timeout=HANG)
+            assert isinstance(first, bytes)
+            process.send_signal(signal.SIGINT)
+            seen = [first[DATA.size :], *received(watching, channels)["/readings"]]
+        status, said = end(process)
+    assert status == 130
+    assert re.fullmatch(r"\d+ readings? published\n", said)
+    shown = [(one["number"], one["range_m"]) for one in map(json.loads, seen)]
+    assert shown == [(one.number, one.range) for one in read_log(log).readings[shown[0][0] : shown[-1][0] + 1]]
+
+
+def test_a_stalled_viewer_neither_blocks_the_scan_nor_the_other_viewers() -> None:
+    trace = Trace(np.ones(5000), 76923.0, 0.0)
+    reading = Reading(0, 0, 0, 0.0, 1.0, (0.01,), 343.0, trace=trace)
+    with FoxgloveServer("127.0.0.1:0") as server, viewer(server.url) as (stalled, _):
+        while not server._channels["/traces"].has_sinks():
+            pass
+        for _ in range(2000):  # 20 MB, more than the buffers of any socket
+            server.reading(reading)
+        with viewer(server.url) as (watching, channels):
+            topic = None
+            while topic != channels["/readings"]["id"]:  # until the subscription is in force
+                server.reading(reading)
+                data = watching.recv(timeout=HANG)
+                assert isinstance(data, bytes)
+                _, topic, _ = DATA.unpack_from(data)
+        stalled.socket.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--foxglove", "--tcp", "127.0.0.1:{port}"), "127.0.0.1:{port}: cannot listen there: Address already in use"),
+        (("--foxglove", "--tcp", "8765"), "8765: expected HOST:PORT"),
+        (("--tcp", "127.0.0.1:0"), "give --foxglove"),
+        (("--foxglove", "--out", "scan.mcap"), "--out: give the number of sweeps, too"),
+        (("--foxglove", "--place", "figure9"), "--place needs --room"),
+    ],
+)
+def test_a_wrong_order_is_refused_in_one_line(options: tuple[str, ...], message: str) -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+        done = sonarhw("serve", "fake:simple?place=figure9", *(option.format(port=port) for option in options))
+    assert done.returncode > 0
+    assert done.stderr.startswith(f"sonarhw: {message.format(port=port)}")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_missing_extra_is_named() -> None:
+    program = "import sys; sys.modules['foxglove'] = None; from sonarhw_cli.entry import main; main()"
+    command = [sys.executable, "-c", program, "serve", "fake:simple?place=figure9", "--foxglove"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    install = "run pip install '.[foxglove]' in the source folder of sonarhw"
+    assert done.stderr == f"sonarhw: --foxglove needs the SDK of Foxglove, which is not installed: {install}\n"
