@@ -23,6 +23,7 @@ from sonarhw_cli.console.warning_line import warn
 if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
+    from sonarhw_compare.locate.poses import Pose
     from sonarhw_compare.map import RoomMap
     from sonarhw_compare.room_finding.evidence import PoseSpread
     from sonarhw_sim.board.profile import Board
@@ -98,6 +99,9 @@ def map_logs(
             else f"{found.undetermined} of {found.echoes} echoes have no path in this room; check the room, "
             "the board and the places of the scans"
         )
+    if found_room:
+        for title in found_room.left_out:
+            warn(f"{title}: its pose was not found, so the room is found without it")
     if room_file and found_room:
         with written_file(room_file, overwrite=force) as file:
             file.write(found_room.room.text.encode())
@@ -111,7 +115,8 @@ def map_logs(
         return
     _print(found, room is not None)
     if found_room:
-        print_line(found_room.summary)
+        for line in found_room.lines:
+            print_line(line)
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,8 @@ class _FoundRoom:
     room: "Room"
     scans: "list[PlacedScan]"  # from the refined places
     figures: dict[str, Any]
-    summary: str
+    lines: list[str]
+    left_out: tuple[str, ...]  # titles of scans that could not be located
 
 
 def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> tuple[Path | None, Path | None]:
@@ -139,22 +145,37 @@ def _found(
     scans: "list[PlacedScan]",
     board: "Board",
     given: "Sequence[GivenScan]",
-    spreads: "Sequence[PoseSpread]",
+    spreads: "Sequence[PoseSpread | None]",
     show: Callable[[float, str], None],
 ) -> _FoundRoom:
     from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, open_ends
-    from sonarhw_compare.room_finding.room_search import find_room
+    from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
     from sonarhw_sim.air import Air
 
     air = given[0].room().air if given[0].log is not None and given[0].log.metadata.room_text else Air()
-    found = find_room(scans, board, air, spreads, lambda share: show(share, "finding the room"))
-    moved = [replace(scan, place=place) for scan, place in zip(scans, found.draft.places, strict=True)]
-    summary = (
+    placed = find_room_and_poses(scans, board, air, spreads, lambda share: show(share, "finding the room"))
+    found = placed.found
+    lines = [f"{title}: {'; '.join(map(_pose_text, poses))}" for title, poses in placed.poses.items()]
+    lines.append(
         f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
         f"{counted(len(open_ends(found)), 'open end')}; "
         f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts"
     )
-    return _FoundRoom(found_room(found, moved, board), moved, found_room_figures(found), summary)
+    figures = found_room_figures(found) | {
+        "poses": {title: [_pose_figures(pose) for pose in poses] for title, poses in placed.poses.items()},
+        "left_out": list(placed.left_out),
+    }
+    return _FoundRoom(found_room(found, placed.scans, board), list(placed.scans), figures, lines, placed.left_out)
+
+
+def _pose_figures(pose: "Pose") -> dict[str, float]:
+    x, y = _rounded(pose.position)
+    return {"x_m": x, "y_m": y, "heading_deg": in_degrees(pose.heading, 3), "probability": round(pose.probability, 6)}
+
+
+def _pose_text(pose: "Pose") -> str:
+    x, y = pose.position
+    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
 
 
 def _with_poses(
@@ -163,7 +184,7 @@ def _with_poses(
     places: Sequence[str],
     poses: Sequence[str],
     poses_file: Path | None,
-) -> "tuple[list[PlacedScan], list[PoseSpread]]":
+) -> "tuple[list[PlacedScan], list[PoseSpread | None]]":
     """Return the scans at their places, and how uncertain these are."""
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.room_finding.pose_file import read_poses

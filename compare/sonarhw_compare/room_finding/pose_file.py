@@ -14,8 +14,10 @@ HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
 _MOST_BYTES = 1_000_000
 
 
-def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread]]:
+def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread | None]]:
     """Return place and spread for each of `logs`, by name; an empty standard deviation is exact.
+
+    A spread of None is a row without x, y and heading: the pose is unknown.
 
     Raises InputError with file and line if the file is unreadable or not of this form, or lacks a log.
     """
@@ -28,7 +30,7 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
         raise InputError(f"{path}: cannot be read: {reason}") from error
     if not lines or lines[0].strip() != HEADER:
         raise InputError(f"{path}: line 1: expected the header {HEADER}, got {lines[0] if lines else 'nothing'!r}")
-    poses: dict[str, tuple[Place, PoseSpread]] = {}
+    poses: dict[str, tuple[Place, PoseSpread | None]] = {}
     for number, row in enumerate(csv.reader(lines[1:]), start=2):
         if row:
             name, pose = _pose(row, f"{path}: line {number}")
@@ -38,15 +40,20 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
     missing = [log for log in logs if log.name not in poses]
     if missing:
         raise InputError(f"{path}: no row for {missing[0].name}; the first column names each log")
-    return [poses[log.name] for log in logs]
+    chosen = [poses[log.name] for log in logs]
+    if chosen and chosen[0][1] is None:
+        raise InputError(f"{path}: {logs[0].name}: expected the pose of the first log; the others may be unknown")
+    return chosen
 
 
-def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread]]:
+def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread | None]]:
     if len(row) != len(HEADER.split(",")):
         raise InputError(f"{where}: expected {len(HEADER.split(','))} columns ({HEADER}), got {len(row)}")
     name, *cells = (cell.strip() for cell in row)
+    if not any(cells):
+        return Path(name).name, (Place(Path(name).stem, (0.0, 0.0)), None)
     if not all(cells[:3]):
-        raise InputError(f"{where}: expected x, y and heading; unknown poses are found by `sonarhw locate`, not here")
+        raise InputError(f"{where}: expected x, y and heading, or a row without numbers for an unknown pose")
     x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
     if min(xy, turn) < 0:
         raise InputError(f"{where}: expected standard deviations of 0 or more, got {min(xy, turn):g}")

@@ -80,15 +80,23 @@ def test_the_room_is_found_and_predicts_another_scan(
     assert np.nanmean(np.abs(ranges[0] - ranges[1]) < 0.05) > 0.85
 
 
-def test_a_place_that_is_roughly_known_is_found_with_the_room(folder: Path, tmp_path: Path) -> None:
-    rows = [f"{name}.mcap,{x},{y},0,," for name, (x, y) in PLACES.items() if name != "d"]
-    x, y = np.add(PLACES["d"], OFF)
-    poses = tmp_path / "poses.csv"
+def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    x, y = np.add(PLACES["b"], OFF)
+    poses, room_file = tmp_path / "poses.csv", tmp_path / "found.toml"
     header = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
-    poses.write_text("\n".join([header, *rows, f"d.mcap,{x},{y},0,0.03,1"]))
-    room_file = tmp_path / "found.toml"
-    assert run(["map", *logs(folder), "--poses", str(poses), "--out", str(room_file)]) == 0
-    assert math.dist(load_room(room_file).places["d"].position, PLACES["d"]) < NEAR
+    poses.write_text(f"{header}\na.mcap,0.6,0.7,0,,\nb.mcap,{x},{y},0,0.03,1\nd.mcap,,,,,")
+    given = logs(folder, "abd")
+    assert run(["map", *given, "--poses", str(poses), "--out", str(room_file), "--json"]) == 0
+    found = load_room(room_file).places
+    for name in "abd":
+        assert math.dist(found[name].position, PLACES[name]) < 1.5 * NEAR
+        assert abs(math.remainder(found[name].heading, math.tau)) < TURNED
+    figures = json.loads(capsys.readouterr().out)["found"]
+    assert figures["left_out"] == []
+    assert list(figures["poses"]) == [given[2]]
+    assert figures["poses"][given[2]][0]["probability"] > 0.9
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,17 @@ def test_poses_come_in_the_order_of_the_logs(tmp_path: Path) -> None:
     (first, first_spread), (second, second_spread) = read
     assert (first.position, second.position) == ((1.0, 2.0), (3.0, 4.0))
     assert second.heading == pytest.approx(math.pi / 2)
+    assert first_spread
+    assert second_spread
     assert (first_spread.xy, first_spread.heading) == (0.03, pytest.approx(math.radians(2)))
     assert (second_spread.xy, second_spread.heading) == (0.0, 0.0)  # an empty standard deviation is exact
+
+
+def test_a_row_without_numbers_is_an_unknown_pose_but_not_for_the_first_log(tmp_path: Path) -> None:
+    rows = table(tmp_path, HEADER, "a.mcap,1,2,0,,", "b.mcap,,,,,")
+    assert [spread is None for _, spread in read_poses(rows, LOGS)] == [False, True]
+    with pytest.raises(InputError, match=r"b\.mcap: expected the pose of the first log"):
+        read_poses(rows, LOGS[::-1])
 
 
 @pytest.mark.parametrize(
@@ -33,7 +42,7 @@ def test_poses_come_in_the_order_of_the_logs(tmp_path: Path) -> None:
         ([], "line 1: expected the header log,x_m"),
         ([HEADER, "a.mcap,1,2,0,,"], "no row for b.mcap"),
         ([HEADER, "a.mcap,1,2,0,,", "a.mcap,1,2,0,,"], "line 3: a.mcap was given before"),
-        ([HEADER, "a.mcap,,,,,"], "line 2: expected x, y and heading"),
+        ([HEADER, "a.mcap,1,,,,"], "line 2: expected x, y and heading, or a row without numbers"),
         ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
         ([HEADER, "a.mcap,1,two,0,,"], "line 2: expected a number, got 'two'"),
         ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
