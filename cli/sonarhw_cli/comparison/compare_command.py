@@ -13,6 +13,7 @@ from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.compare_two import compare_two
+from sonarhw_cli.comparison.find_missing import find_missing
 from sonarhw_cli.comparison.plain_fit_option import FitOption
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, open_in_room
@@ -59,6 +60,15 @@ def compare(
     ] = None,
     pings: PingsOfMedian = None,
     room_tolerance: RoomTolerance = None,
+    missing: Annotated[
+        bool,
+        typer.Option(
+            "--find-missing", help="Find changes of the room that explain misfits: new posts and walls, moved walls."
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="With --find-missing: write the changed room.", metavar="FILE.toml")
+    ] = None,
     other: Annotated[
         Path | None,
         typer.Option("--with", help="Compare with another scan, by heading and without a room.", metavar="LOG"),
@@ -88,7 +98,7 @@ def compare(
     if other is not None or other_sweep is not None:
         given = {
             "--room": room_name, "--place": place, "--board": board, "--receiver": receiver, "--fit": fit,
-            "--explain": explained, "--pings": pings, "--room-tolerance": room_tolerance,
+            "--explain": explained, "--pings": pings, "--room-tolerance": room_tolerance, "--find-missing": missing,
         }  # fmt: skip
         for option, value in given.items():
             if value:
@@ -100,14 +110,21 @@ def compare(
     for option, value in (("--sweep", sweep), ("--csv", csv)):
         if value is not None:
             raise InputError(f"{option}: needs --with LOG or --with-sweep N")
+    if out is not None and not missing:
+        raise InputError("--out: needs --find-missing; --plot writes a picture")
+    if out is not None:
+        checked_out(out, (".toml",), force, log_file, room_name, board)
     if explained and not as_json:
         raise InputError("--explain: needs --json; without both, every reading is explained in a sentence")
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
-    score = _score(comparison, receiver, model, pings, room_tolerance)
     if plot is not None:
         with written_file(plot, overwrite=force) as file:
             save_comparison(comparison, file, suffix)
+    if missing:
+        find_missing(comparison, receiver, as_json=as_json, out=out, force=force)
+        return
+    score = _score(comparison, receiver, model, pings, room_tolerance)
     if as_json:
         print_json(_figures(comparison, found, explained) | asdict(score))
     else:

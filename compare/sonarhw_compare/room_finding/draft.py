@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.edges import find_edges
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.model import Place, Room, with_post, with_walls
 
 from sonarhw.readings import FloatArray
 
@@ -69,6 +69,7 @@ class RoomDraft:
     places: tuple[Place, ...]
     walls: dict[int, DraftWall] = field(default_factory=dict)
     posts: tuple[DraftPost, ...] = ()
+    base: Room | None = None  # a known room, whose walls and posts are fixed; those of the draft are added to it
 
     def with_wall(self, key: int, wall: DraftWall) -> "RoomDraft":
         """Return the draft with one more or another wall."""
@@ -146,7 +147,9 @@ class RoomDraft:
         return all(last - first >= _SHORTEST for first, last in map(self.extent, self.walls))
 
     def room(self, reflectance: float, air: Air) -> Room:
-        """Return the room in which sound is followed; all surfaces have one reflectance."""
+        """Return the room in which sound is followed; all surfaces but those of the base have one reflectance."""
+        if self.base is not None:
+            return self._in_base(self.base, reflectance)
         segments = self.segments
         names = (*(wall_name(k) for k in range(len(segments))), *(post_name(k) for k in range(len(self.posts))))
         return Room(
@@ -163,6 +166,13 @@ class RoomDraft:
             places={},
             text="",
         )
+
+    def _in_base(self, room: Room, reflectance: float) -> Room:
+        for number, segment in enumerate(self.segments):
+            room = with_walls(room, segment[None], wall_name(number), reflectance)
+        for number, post in enumerate(self.posts):
+            room = with_post(room, (*post.center, post.radius), post_name(number), reflectance)
+        return replace(room, edges=find_edges(room.walls, room.names[: len(room.walls)])) if self.walls else room
 
 
 def wall_name(number: int) -> str:

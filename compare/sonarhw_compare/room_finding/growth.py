@@ -5,7 +5,9 @@ from dataclasses import replace
 from scipy.special import expit
 
 from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
+from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, scored
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import joined, with_better_ends
@@ -18,10 +20,9 @@ _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a readin
 
 def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
     """Return the draft to which no wall and no post can be added that is worth its price."""
-    nothing = evidence.by_reading(evidence.first, ROUGH)
     while True:
-        unexplained = _unexplained(nothing, evidence.by_reading(best.draft, ROUGH))
-        tried = [_with_wall(evidence, best, arcs, unexplained), _with_post(evidence, best, arcs, unexplained)]
+        unexplained = unexplained_readings(evidence, best.draft, ROUGH)
+        tried = [with_wall(evidence, best, arcs, unexplained), with_post(evidence, best, arcs, unexplained)]
         longer = max(tried, key=lambda one: one.score)
         if longer.score - best.score < PRICE:
             return best
@@ -42,28 +43,41 @@ def pruned(evidence: Evidence, best: Scored) -> Scored:
     return best
 
 
-def _unexplained(nothing: list[FloatArray], now: list[FloatArray]) -> list[FloatArray]:
+def unexplained_readings(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
     """Return a weight of each reading, 0 explained .. 1 like a false echo, by scan."""
+    nothing, now = (evidence.by_reading(one, noise) for one in (RoomDraft(draft.places), draft))
     return [expit(_UNEXPLAINED + none - one) for none, one in zip(nothing, now, strict=True)]
 
 
-def _with_wall(evidence: Evidence, best: Scored, arcs: tuple[Arc, ...], unexplained: list[FloatArray]) -> Scored:
+def with_wall(
+    evidence: Evidence,
+    best: Scored,
+    arcs: tuple[Arc, ...],
+    unexplained: list[FloatArray],
+    noise: ReadingNoise = ROUGH,
+) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
     tried = [
-        (scored(evidence, best.draft.with_new_wall(wall)[0]), wall)
+        (scored(evidence, best.draft.with_new_wall(wall)[0], noise), wall)
         for wall in wall_candidates(arcs, unexplained, _TRIED)
     ]
     tried.sort(key=lambda one: -one[0].score)
     found = [one for one, _ in tried[:1]]
     for _, wall in tried[:_COMPLETED]:
-        found += [scored(evidence, draft) for draft in joined(best.draft, wall)]
+        found += [scored(evidence, draft, noise) for draft in joined(best.draft, wall)]
     return max(found, key=lambda one: one.score, default=best)
 
 
-def _with_post(evidence: Evidence, best: Scored, arcs: tuple[Arc, ...], unexplained: list[FloatArray]) -> Scored:
+def with_post(
+    evidence: Evidence,
+    best: Scored,
+    arcs: tuple[Arc, ...],
+    unexplained: list[FloatArray],
+    noise: ReadingNoise = ROUGH,
+) -> Scored:
     """Return the draft with the post that explains most; the draft itself without a candidate."""
     tried = [
-        scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)))
+        scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)), noise)
         for post in post_candidates(arcs, unexplained, _TRIED)
     ]
     return max(tried, key=lambda one: one.score, default=best)

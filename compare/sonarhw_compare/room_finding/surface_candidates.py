@@ -144,7 +144,11 @@ def _lines(arcs: Sequence[Arc]) -> Iterator[tuple[float, float]]:
 
 
 def _points(arcs: Sequence[Arc], radius: float) -> Iterator[tuple[float, float]]:
-    """Yield the centres (m) of posts of this radius on two arcs."""
+    """Yield the centres (m) of posts of this radius on two arcs; behind the middle of each, if all have one place."""
+    if len({arc.scan for arc in arcs}) == 1:
+        for arc in arcs:
+            x, y = (np.array(arc.centre) + (arc.range + radius) * direction(arc.bearing)).tolist()
+            yield x, y
     for one, other in combinations(arcs, 2):
         apart = np.subtract(other.centre, one.centre)
         distance = float(np.hypot(*apart))

@@ -10,12 +10,12 @@ from typing import Protocol
 
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
+from sonarhw_compare.room_edit import Point
 
 from sonarhw.errors import InputError
 from sonarhw_gui.plan.plan_texts import text_under_pointer
 from sonarhw_gui.plan.plan_tools import Hand, Tool
 from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
-from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, sensor_turned, with_corner, without_surface
 from sonarhw_gui.shown.shown import Cursor, Shown

@@ -13,6 +13,7 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.room_edit import Point
 from sonarhw_compare.sound.moments import counted_position
 from sonarhw_sim.predict.by_heading import standpoints
 
@@ -29,7 +30,6 @@ from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.scene.plan_geometry import outline_points, plan_bounds
-from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown

@@ -8,6 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.room_edit import Point, corners
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
@@ -17,7 +18,6 @@ from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, half_power_angle, wall_lines
-from sonarhw_gui.scene.room_edit import Point, corners
 from sonarhw_gui.shown.bounces import chosen_path
 from sonarhw_gui.shown.shown import Shown
 

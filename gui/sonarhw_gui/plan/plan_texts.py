@@ -3,12 +3,12 @@
 import math
 
 from sonarhw_compare.headings import heading_text
+from sonarhw_compare.room_edit import Point
 from sonarhw_sim.room.model import Room
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
 from sonarhw_gui.scene.plan_geometry import decibels_text
-from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown

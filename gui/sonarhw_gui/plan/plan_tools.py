@@ -6,11 +6,11 @@ from typing import Protocol
 
 from PySide6.QtCore import Qt
 from sonarhw_compare.headings import heading_text
+from sonarhw_compare.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.plan.plan_texts import point_text, pose_text
 from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip
-from sonarhw_gui.scene.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, on_grid, room_and_place, with_room
 from sonarhw_gui.shown.shown import Shown

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QFormLayout, QWidget
+from sonarhw_compare.room_edit import add_post, add_wall
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 
 from sonarhw.errors import InputError
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.parts.number_field import NumberField
 from sonarhw_gui.parts.plain_label import PlainLabel
-from sonarhw_gui.scene.room_edit import add_post, add_wall
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, room_and_place, with_room
 from sonarhw_gui.view import Gestures

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
+from sonarhw_compare.room_edit import Point, corners
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.scene.room_edit import Point, corners
 from sonarhw_gui.scene.scene import Scene
 
 REACH = 9.0  # pixels

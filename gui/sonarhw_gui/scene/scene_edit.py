@@ -8,14 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.room.room_file import MAX_COORDINATE
-from sonarhw_sim.room.room_writing import materials, with_air, with_material, with_place
-
-from sonarhw.errors import InputError
-from sonarhw_gui.scene.grips import Grip, GripPart
-from sonarhw_gui.scene.room_edit import (
+from sonarhw_compare.room_edit import (
     Point,
     move_corner,
     move_post,
@@ -25,6 +18,13 @@ from sonarhw_gui.scene.room_edit import (
     set_material,
     split_wall,
 )
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room_file import MAX_COORDINATE
+from sonarhw_sim.room.room_writing import materials, with_air, with_material, with_place
+
+from sonarhw.errors import InputError
+from sonarhw_gui.scene.grips import Grip, GripPart
 from sonarhw_gui.scene.scene import Scene
 
 GRID = 0.001  # m; the mouse is not more precise, and files stay readable

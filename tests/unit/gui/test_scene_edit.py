@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sonarhw_compare.room_edit import add_post
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.plan.plan_texts import pose_text, surface_text
 from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip, surface_at
 from sonarhw_gui.scene.plan_geometry import bounce_losses
-from sonarhw_gui.scene.room_edit import add_post
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned, with_material_values
 from sonarhw_gui.store.new_recording import start_recording

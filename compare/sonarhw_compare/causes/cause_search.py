@@ -1,0 +1,290 @@
+"""Search for the causes of misfits: the changes of a room that make a scan more likely, one after another.
+
+The search is a room search (`room_finding`) that starts at the given room. In each step, the change that increases the
+log-likelihood of all readings most is accepted, if it is worth its price.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import OptimizeResult, minimize_scalar
+from sonarhw_sim.board.mount import of_own_body
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.causes.room_changes import OBJECT, MovedWall, NewPost, NewWall, OtherReflectance, RoomChange
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
+from sonarhw_compare.fit.likelihood.objective import make_problem
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
+from sonarhw_compare.room_finding.draft import RoomDraft
+from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, PoseSpread, Scored, evidence_of, scored
+from sonarhw_compare.room_finding.growth import PRICE, unexplained_readings, with_post, with_wall
+from sonarhw_compare.room_finding.refinement import refined
+from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
+
+_MOST = 6  # causes
+_PRICE_OF_ONE = 7.0  # as `PRICE`, for changes of one number
+_STEPS = 6  # of the refinement of a new post or wall
+_SHIFTS = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02, 0.04, 0.08)  # m, of a wall, tried first
+_LEAST_SHIFT = 0.01  # m; room files and overlapping echoes are not more accurate
+_REFLECTANCES = (0.1, 0.3, 0.5, 0.7, 0.95)
+_LEAST_CHANGE = 0.1  # of a reflectance
+_FEWEST = 3  # readings whose first echo touches a wall, without which it is not moved
+_BETTER = 1.0  # log-likelihood by which a change explains a reading better
+_AGREE = 4  # readings that a change must explain better
+_MOST_OF_ONE = 3.0  # log-likelihood that one reading counts for or against a change
+_RANGES, _LEVELS = (0.003, 0.006, 0.012, 0.025), (1.5, 3.0)  # m, dB, noise that is tried
+_NEIGHBOURS = math.radians(11)  # largest step between readings of one sector
+MISFITS = (Kind.SHORT, Kind.LONG, Kind.MISSED, Kind.EXTRA)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A change of the room, and the readings that it explains."""
+
+    change: RoomChange
+    gain: float  # of log-likelihood by this change beside all others; no reading counts for more than 3
+    readings: tuple[int, ...]  # rows of the readings that are more likely with it
+    kinds: tuple[tuple[Kind, int], ...]  # classes of these readings in the given room, the most frequent first
+    sectors: tuple[tuple[float, float], ...]  # rad: first and last heading of neighbouring readings among these
+
+
+@dataclass(frozen=True)
+class FoundCauses:
+    """The causes of the misfits of a scan, worst first, and the shares of echoes that are explained."""
+
+    causes: tuple[Cause, ...]
+    room: Room  # with all changes
+    before: Comparison  # in the given room
+    after: Comparison  # in the changed room
+    left: tuple[int, ...]  # rows of misfits in the changed room
+
+
+def find_causes(
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place,
+    board: Board,
+    tick: Callable[[float], None] = lambda _share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> FoundCauses:
+    """Return the changes of a room that explain the misfits of a scan.
+
+    `tick` receives the completed share, 0..1. If `cancelled` returns true, the causes found so far are returned. Raises
+    InputError if the board is a ring, or no reading has an echo.
+    """
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors; the search for causes needs a turntable")
+    if all(reading.range is None for reading in readings):
+        raise InputError("no reading has an echo; nothing shows what is missing in the room")
+    search = _Search(tuple(readings), room, place, board)
+    changes: list[RoomChange] = []
+    while len(changes) < _MOST and not cancelled():
+        tick(len(changes) / (_MOST + 1))
+        change = search.best_change(_with_all(room, changes))
+        if change is None:
+            break
+        changes.append(change)
+    found = search.judged(changes)
+    tick(1.0)
+    return found
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """A change and the log-likelihood with it."""
+
+    change: RoomChange
+    score: float
+
+
+class _Search:
+    """Readings at one place of a room, and the noise that explains them best in the given room."""
+
+    def __init__(self, readings: tuple[Reading, ...], room: Room, place: Place, board: Board) -> None:
+        self._readings, self._room, self._place, self._board = readings, room, place, board
+        scan = PlacedScan(readings, place)
+        self._evidence = evidence_of([scan], [PoseSpread()], board, room.air)
+        # an object before a wall changes the first echo, while later ones are still explained
+        first_echoes = make_problem([scan], room, board, [], FOLLOWED, False)
+        self._first_echoes = replace(self._evidence, problems=(first_echoes,))
+        self._arcs = arcs_of_scans([scan], board)
+        # `Problem` leaves out readings of the own body
+        self._rows = np.flatnonzero(~np.asarray(of_own_body(board.own_body, readings)))
+        tried = (FINE._replace(range=spread, level=level) for spread, level in product(_RANGES, _LEVELS))
+        self._noise: ReadingNoise = max(tried, key=lambda noise: self._scored(room, noise).score)
+
+    def best_change(self, room: Room) -> RoomChange | None:
+        """Return the change that explains most; None if none is worth its price."""
+        now = self._scored(room)
+        proposals = [*self._objects(now), *self._moved_walls(room), *self._reflectances(room)]
+        for proposal in sorted(proposals, key=lambda one: -one.score):
+            if proposal.score - now.score < _price(proposal.change):
+                continue
+            try:
+                changed = proposal.change.applied(room)
+            except InputError:
+                continue  # a post around the sensor, or a wall without a length
+            if self._agreed_gain(room, changed) >= _price(proposal.change):
+                return proposal.change
+        return None
+
+    def judged(self, changes: Sequence[RoomChange]) -> FoundCauses:
+        """Return the changes that are still worth their price beside the others, worst first."""
+        changes = list(changes)
+        causes: list[Cause] = []
+        for change in list(changes):
+            others = [other for other in changes if other is not change]
+            with_it, without = _with_all(self._room, changes), _with_all(self._room, others)
+            gain = self._agreed_gain(without, with_it)
+            if gain < _price(change):
+                changes = others
+                continue
+            causes.append(self._cause(change, gain, self._better(without, with_it)))
+        causes.sort(key=lambda cause: -cause.gain)
+        changed = _with_all(self._room, changes)
+        before, after = self._compared(self._room), self._compared(changed)
+        left = tuple(row.index for row in after.rows if row.kind in MISFITS)
+        return FoundCauses(tuple(causes), changed, before, after, left)
+
+    def _cause(self, change: RoomChange, gain: float, readings: tuple[int, ...]) -> Cause:
+        rows = self._compared(self._room).rows
+        kinds = Counter(rows[k].kind for k in readings)
+        return Cause(change, gain, readings, tuple(kinds.most_common()), _sectors([rows[k].heading for k in readings]))
+
+    def _better(self, before: Room, after: Room) -> tuple[int, ...]:
+        """Return the rows of readings that are more likely in the second room."""
+        return tuple(self._rows[np.flatnonzero(self._gains(before, after) > _BETTER)].tolist())
+
+    def _agreed_gain(self, before: Room, after: Room) -> float:
+        """Return the gain of log-likelihood, to which no reading contributes much alone; 0 if few readings agree."""
+        gains = self._gains(before, after)
+        if (gains > _BETTER).sum() < _AGREE:
+            return 0.0
+        return float(np.clip(gains, -_MOST_OF_ONE, _MOST_OF_ONE).sum())
+
+    def _gains(self, before: Room, after: Room) -> FloatArray:
+        one, other = (self._evidence.by_reading(self._draft(room), self._noise)[0] for room in (before, after))
+        return other - one
+
+    def _objects(self, now: Scored) -> Iterator[_Proposal]:
+        """Yield the post and the wall that explain most, refined."""
+        unexplained = unexplained_readings(self._first_echoes, now.draft, self._noise)
+        for grown in (with_post, with_wall):
+            longer = grown(self._evidence, now, self._arcs, unexplained, self._noise)
+            if longer.draft is now.draft:
+                continue
+            found = refined(self._evidence, longer.draft, self._noise, _STEPS)
+            if found.draft.posts:
+                (post,) = found.draft.posts
+                yield _Proposal(NewPost(post.center, post.radius), found.score)
+            else:
+                x0, y0, x1, y1 = found.draft.segments[0].tolist()
+                yield _Proposal(NewWall((x0, y0), (x1, y1)), found.score)
+
+    def _moved_walls(self, room: Room) -> Iterator[_Proposal]:
+        """Yield the best shift of each wall that a predicted echo touches."""
+        touched = self._touched(room, only_misfits=False)
+        for wall in range(len(room.walls)):
+            if touched[room.names[wall]] < _FEWEST or room.materials[wall] == OBJECT:
+                continue
+            found = self._best_shift(room, wall)
+            if abs(found.x) >= _LEAST_SHIFT:
+                yield _Proposal(_moved_wall(room, wall, float(found.x), self._place), -float(found.fun))
+
+    def _best_shift(self, room: Room, wall: int) -> OptimizeResult:
+        """Return the best shift of a wall to its left (m) as `x`, and its negative log-likelihood as `fun`."""
+
+        def unlikely(left: float) -> float:
+            return -self._scored(with_shifted_walls(room, {room.names[wall]: left})).score
+
+        left = min(_SHIFTS, key=unlikely)
+        bounds = left - abs(left) / 2, left + abs(left) / 2
+        return minimize_scalar(unlikely, bounds=bounds, method="bounded", options={"maxiter": 8, "xatol": 5e-4})
+
+    def _reflectances(self, room: Room) -> Iterator[_Proposal]:
+        """Yield the best reflectance of each surface on a path of a misfit."""
+        edges = self._edges_of_misfits(room)
+        for name in self._touched(room, only_misfits=True):
+            number = room.names.index(name)
+            if room.materials[number] in {*room.tables, OBJECT} or room.scattered[number] > 0:
+                continue
+            before = float(room.reflectances[number])
+            tried = [
+                OtherReflectance(name, before, value, edges.get(name))
+                for value in _REFLECTANCES
+                if abs(value - before) >= _LEAST_CHANGE
+            ]
+            scores = [self._scored(one.in_arrays(room)).score for one in tried]
+            best = int(np.argmax(scores))
+            yield _Proposal(tried[best], scores[best])
+
+    def _touched(self, room: Room, only_misfits: bool) -> Counter[str]:
+        """Return how many readings have a predicted first echo from each surface."""
+        counts: Counter[str] = Counter()
+        for names in self._paths_of(room, only_misfits):
+            counts.update({name for part in names for name in part.split("/") if name})
+        return counts
+
+    def _edges_of_misfits(self, room: Room) -> dict[str, str]:
+        """Return, for surfaces on paths of misfits that are mostly diffracted at one of their edges, this edge."""
+        at_edge: dict[str, Counter[str]] = {}
+        for names in self._paths_of(room, only_misfits=True):
+            edges = [part for part in names if "/" in part]
+            for name in {name for part in names for name in part.split("/") if name}:
+                own = [edge for edge in edges if name in edge.split("/")]
+                at_edge.setdefault(name, Counter()).update(own[:1] or [""])
+        best = {name: counts.most_common(1)[0][0] for name, counts in at_edge.items()}
+        return {name: edge for name, edge in best.items() if edge}
+
+    def _paths_of(self, room: Room, only_misfits: bool) -> Iterator[Sequence[str]]:
+        compared = self._compared(room)
+        prediction = compared.prediction
+        for row in compared.rows:
+            winner = int(prediction.winners[row.index])
+            if winner >= 0 and (not only_misfits or row.kind in MISFITS):
+                yield prediction.paths.via(winner, prediction.room)
+
+    def _compared(self, room: Room) -> Comparison:
+        heading = self._board.heading_at(0.0, self._place.heading)
+        return compare_readings(self._readings, room, self._place, self._board, heading=heading)
+
+    def _draft(self, room: Room) -> RoomDraft:
+        return RoomDraft((self._place,), base=room)
+
+    def _scored(self, room: Room, noise: ReadingNoise | None = None) -> Scored:
+        return scored(self._evidence, self._draft(room), noise or self._noise)
+
+
+def _moved_wall(room: Room, wall: int, left: float, place: Place) -> MovedWall:
+    from_wall = np.array(place.position) - room.walls[wall, :2]
+    on_the_left = float(from_wall @ left_normals(room.walls[wall : wall + 1])[0]) > 0
+    return MovedWall(room.names[wall], left, -left if on_the_left else left)
+
+
+def _price(change: RoomChange) -> float:
+    """Return the log-likelihood that a change must add."""
+    return _PRICE_OF_ONE if isinstance(change, MovedWall | OtherReflectance) else PRICE
+
+
+def _with_all(room: Room, changes: Sequence[RoomChange]) -> Room:
+    for change in changes:
+        room = change.applied(room)
+    return room
+
+
+def _sectors(headings: Sequence[float]) -> tuple[tuple[float, float], ...]:
+    """Return the first and last heading of each group of neighbouring headings (rad), counter-clockwise."""
+    turned: FloatArray = np.unique(np.remainder(headings, math.tau))
+    ends = np.flatnonzero(np.diff(np.append(turned, turned[0] + math.tau)) > _NEIGHBOURS)
+    firsts = np.remainder(ends + 1, len(turned))
+    pairs = zip(turned[firsts].tolist(), turned[np.roll(ends, -1)].tolist(), strict=True)
+    return tuple(sorted(pairs)) or ((float(turned[0]), float(turned[-1])),)

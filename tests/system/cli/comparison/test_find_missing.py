@@ -1,0 +1,51 @@
+"""`sonarhw compare --find-missing`: a plate that the room file does not contain is found, and written as a room."""
+
+import json
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_sim.room.model import load_room
+
+YARD = """name = "Yard"
+[materials.board]
+reflectance = 0.9
+[[walls]]
+name = "yard"
+points = [[-1.0, -1.0], [3.0, -1.0], [3.0, 3.0], [-1.0, 3.0]]
+closed = true
+material = "board"
+[places.here]
+position = [0.0, 1.1]
+"""
+PLATE = '[[walls]]\nname = "plate"\npoints = [[0.8, 0.8], [0.8, 1.4]]\nmaterial = "board"\n'
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("yard")
+    (folder / "true.toml").write_text(YARD + PLATE)
+    (folder / "yard.toml").write_text(YARD)
+    assert run(["simulate", str(folder / "true.toml"), "--out", str(folder / "scan.mcap")]) == 0
+    return str(folder / "scan.mcap")
+
+
+def test_the_changed_room_contains_the_plate(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "found.toml"
+    capsys.readouterr()
+    room = str(Path(log).with_name("yard.toml"))
+    assert run(["compare", log, "--room", room, "--find-missing", "--json", "--out", str(out)]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    found = load_room(out)
+    assert found.names[4:] == ("wall 1",)
+    assert found.walls[4, [0, 2]] == pytest.approx([0.8, 0.8], abs=0.02)
+    low, high = sorted(found.walls[4, [1, 3]])
+    assert low < 1.1 < high  # the point straight ahead; one place shows little of the length
+    assert figures["causes"][0]["kind"] == "NewWall"
+    assert figures["after"]["within_5cm"] > figures["within_5cm"]
+
+
+def test_out_needs_find_missing(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert run(["compare", log, "--out", "found.toml"]) == 2
+    assert capsys.readouterr().err.startswith("sonarhw: --out: needs --find-missing")

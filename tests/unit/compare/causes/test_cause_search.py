@@ -1,0 +1,108 @@
+"""Causes of misfits are found in scans of rooms that differ from the given one in a known way."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from sonarhw_compare.causes.cause_search import FoundCauses, find_causes
+from sonarhw_compare.causes.cause_texts import cause_text
+from sonarhw_compare.causes.room_changes import MovedWall, NewPost, NewWall, OtherReflectance
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Room, parse_room
+
+from sonarhw.readings import Reading
+
+YARD = """name = "Yard with a plate"
+[materials.board]
+reflectance = 0.9
+[[walls]]
+name = "yard"
+points = [[-1.0, -1.0], [3.0, -1.0], [3.0, 3.0], [-1.0, 3.0]]
+closed = true
+material = "board"
+edges = ["south", "east", "north", "west"]
+[[walls]]
+name = "plate"
+points = [[1.0, 1.1], [1.6, 1.1]]
+material = "board"
+edges = ["plate"]
+[places.here]
+position = [0.0, 1.1]
+"""
+GIVEN = parse_room(YARD, "the yard")
+HERE = GIVEN.places["here"]
+BOARD = load_board("polaroid-6500")
+SPEED = 343.2
+
+
+def scan_of(room: Room, noise: float = 0.01) -> tuple[Reading, ...]:
+    """Return a scan of the true room, with normal errors of the ranges."""
+    angles = np.radians(np.arange(0.0, 360.0, 5.0))
+    ranges = predict_scan(room, HERE, BOARD, angles).ranges + np.random.default_rng(1).normal(0, noise, len(angles))
+    times = [() if math.isnan(one) else (2 * one / SPEED,) for one in ranges.tolist()]
+    return tuple(Reading(k, 0, 0, float(angles[k]), 0.1 * k, times[k], SPEED) for k in range(len(angles)))
+
+
+def found_in(true: Room) -> FoundCauses:
+    return find_causes(scan_of(true), GIVEN, HERE, BOARD)
+
+
+def test_nothing_is_proposed_where_nothing_differs() -> None:
+    found = found_in(GIVEN)
+    assert found.causes == ()
+    assert found.room is GIVEN
+
+
+def test_the_leg_of_a_chair_is_a_post_at_its_place() -> None:
+    found = found_in(NewPost((0.3, 0.3), 0.03).applied(GIVEN))
+    first = found.causes[0]
+    assert isinstance(first.change, NewPost)
+    # one place does not show how far behind its nearest point the middle of a thin post is
+    assert math.dist(first.change.center, (0.3, 0.3)) < 0.06
+    to_post = math.degrees(math.atan2(0.3 - 1.1, 0.3)) % 360
+    assert any(math.degrees(a) - 1 <= to_post <= math.degrees(b) + 1 for a, b in first.sectors)
+    before, after = (one.summary().within_5cm or 0.0 for one in (found.before, found.after))
+    assert after > before
+    assert after > 0.95
+    assert "something near 0.3" in cause_text(first)
+
+
+def test_a_wall_that_is_2_cm_farther_is_named_with_its_distance() -> None:
+    (cause,) = found_in(MovedWall("west", -0.02, 0.02).applied(GIVEN)).causes
+    assert isinstance(cause.change, MovedWall)
+    assert (cause.change.wall, cause.change.farther) == ("west", pytest.approx(0.02, abs=0.006))
+    assert "wall west is 0.0" in cause_text(cause)
+    assert "m farther" in cause_text(cause)
+
+
+def test_an_edge_that_is_weaker_is_named() -> None:
+    (cause,) = found_in(OtherReflectance("plate", 0.9, 0.1).applied(GIVEN)).causes
+    assert isinstance(cause.change, OtherReflectance)
+    assert cause.change.reflectance < 0.5
+    assert "edge plate/ is weaker than assumed" in cause_text(cause)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda room: NewPost((0.5, 0.5), 0.1).applied(room),
+        lambda room: NewWall((0.5, 0.5), (0.7, 0.5)).applied(room),
+        lambda room: MovedWall("east", 0.05, -0.05).applied(room),
+        lambda room: OtherReflectance("north", 0.9, 0.4).applied(room),
+    ],
+)
+def test_a_changed_room_is_the_room_of_its_text(change: Callable[[Room], Room]) -> None:
+    changed = change(GIVEN)
+    again = parse_room(changed.text, "again")
+    assert np.array_equal(again.walls, changed.walls)
+    assert np.array_equal(again.posts, changed.posts)
+    assert np.array_equal(again.reflectances, changed.reflectances)
+    assert changed.text != GIVEN.text
+
+
+def test_a_moved_wall_stretches_its_neighbours() -> None:
+    moved = MovedWall("east", 0.05, -0.05).applied(GIVEN)
+    assert moved.walls[moved.names.index("east")].tolist() == [2.95, -1.0, 2.95, 3.0]
+    assert moved.walls[moved.names.index("south")].tolist() == [-1.0, -1.0, 2.95, -1.0]
