@@ -178,7 +178,7 @@ def _home_advice(failure: str) -> str:
         )
     if "wrong way" in failure:
         return "`sonarhw wiring URL --invert mark`, if the motor turns counter-clockwise for `sonarhw turn URL 5 --jog`"
-    return "check that the table turns freely and that the cable is not wound; see docs/how_to/firmware.md"
+    return "check that the table turns freely and that the cable is not wound; see docs/building/building.md"
 
 
 def steps(failure: str | None) -> Diagnosis:

@@ -6,16 +6,6 @@ from tests.system.firmware.conftest import FIRMWARE
 from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
 
 DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
-DRAWING = (FIRMWARE.parent / "docs" / "how_to" / "firmware_wiring.svg").read_text()
-
-
-def test_documented_and_drawn_pins_match_the_firmware() -> None:
-    pins = (FIRMWARE / "atmega2560" / "pins.h").read_text()
-    in_firmware = dict(re.findall(r"^#define (\w+) [A-L], \d //\s+(\d+)", pins, re.M))
-    documented = dict(re.findall(r"^\| `([A-Z_]+)` \| (\d+) \|", DOCUMENT, re.M))
-    assert documented == in_firmware
-    for pin in in_firmware.values():
-        assert f">{pin}</text>" in DRAWING
 
 
 def test_documented_budgets_match_the_comments_at_the_handlers() -> None:
