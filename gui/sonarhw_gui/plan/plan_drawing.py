@@ -23,6 +23,7 @@ from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.plan.edge_arrows import EdgeArrows
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
+from sonarhw_gui.plan.proposal_layer import ProposalLayer
 from sonarhw_gui.plan.sound_layer import SoundLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import NO_POSITIONS, Outline, ReadingMarks
@@ -61,6 +62,7 @@ class PlanDrawing(Canvas):
         self.arrows = EdgeArrows(self._box)
         self.ruler = RulerLayer(self.plot)
         self.sound = SoundLayer(self.plot)
+        self.proposal = ProposalLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -83,6 +85,8 @@ class PlanDrawing(Canvas):
             self.sensor.draw(shown)
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
+        if _differ(before, shown, "proposal", "compared", "readings", "scene", "hidden", "look"):
+            self.proposal.draw(shown.proposal, self._marks)
         if _differ(before, shown, "sound", "look"):
             self.sound.draw(shown)
             if shown.sound is not None and (before is None or before.sound is None):
@@ -218,7 +222,7 @@ class PlanDrawing(Canvas):
         self.set_look(look)
         for side, what in (("bottom", "x"), ("left", "y")):
             label_length(self.plot.getAxis(side), what, look)
-        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound):
+        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound, self.proposal):
             layer.set_look(look)
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)

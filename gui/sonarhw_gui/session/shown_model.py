@@ -17,6 +17,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.choice import Choice
+from sonarhw_gui.shown.proposal import Proposal
 from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment
 from sonarhw_gui.work.bscan_picture import BScanSettings
 from sonarhw_gui.work.forecast import Forecast
@@ -138,6 +139,13 @@ class ShownModel(QObject):
         """Draw one path of the list of echoes; None: none."""
         if path != self.shown.pointed_path:
             self.shown = replace(self.shown, pointed_path=path)
+            self._update_due = True
+
+    @Slot(object)
+    def propose(self, proposal: Proposal | None) -> None:
+        """Draw a proposed change of the room; None: none."""
+        if proposal is not self.shown.proposal:
+            self.shown = replace(self.shown, proposal=proposal)
             self._update_due = True
 
     def set_sound(self, sound: SoundMoment | None) -> None:

@@ -14,6 +14,7 @@ from sonarhw_sim.compilation import Quiet, watch_compilation
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
+from sonarhw_gui.causes.cause_control import CauseControl
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
@@ -87,6 +88,7 @@ class WindowSession(QObject):
         self.files = FileWatch()
         self.scanners = ScannerChoice(find_scanner, self)
         self.fitting = FitControl(self)
+        self.causes = CauseControl(self)
         self.saver = FileSaver(self)
         self.sound = SoundControl(self)
         self.preparation = Preparation()
@@ -104,7 +106,7 @@ class WindowSession(QObject):
         self.showing.changed.connect(self.sound.follow)
         self.sound.changed.connect(self._follow_sound)
         self.scanners.chosen.connect(self._use)
-        for part in (self.scanners, self.fitting, self.saver):
+        for part in (self.scanners, self.fitting, self.causes, self.saver):
             part.failed.connect(self.warned)
         self._timer.timeout.connect(self.tick)
 
@@ -169,6 +171,7 @@ class WindowSession(QObject):
         `source`: the file of unsaved changes that the scene was restored from, if any.
         """
         self.fitting.forget()
+        self.causes.forget()
         self.showing.replace_scene(scene)
         self.unsaved.open(scene, source)
         self._update_status()
@@ -177,6 +180,11 @@ class WindowSession(QObject):
     def find_pose(self, settings: FitSettings) -> None:
         """Fit the pose of the scanner to the readings shown."""
         self.fitting.start(settings, self.shown.scene, self.shown.readings)
+
+    @Slot()
+    def find_causes(self) -> None:
+        """Search for changes of the room that explain misfits of the readings shown."""
+        self.causes.start(self.shown.scene, self.shown.readings)
 
     @Slot(str)
     def open_file(self, path: str) -> None:
@@ -262,6 +270,7 @@ class WindowSession(QObject):
         self.documents.close()
         self.scanners.close()
         self.fitting.close()
+        self.causes.close()
         self.saver.close()
         self.showing.close()
         watch_compilation(Quiet())
@@ -273,7 +282,7 @@ class WindowSession(QObject):
         """Fetch the results of all threads since the last tick, and emit the changes."""
         now = time.monotonic()
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
-        for part in (self.scanners, self.fitting, self.saver):
+        for part in (self.scanners, self.fitting, self.causes, self.saver):
             part.tick()
         self._look_at_files(now)
         for opened in self.documents.take():
@@ -398,6 +407,7 @@ class WindowSession(QObject):
         self._torn = None
         self._source.begin()
         self.fitting.forget()
+        self.causes.forget()
         self.showing.begin()
 
     @Slot()

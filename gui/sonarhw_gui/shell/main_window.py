@@ -11,6 +11,7 @@ from sonarhw_gui.bars.menus import fill_menus
 from sonarhw_gui.bars.status_bar import StatusBar
 from sonarhw_gui.bars.toolbar import ToolBar
 from sonarhw_gui.bars.view_menus import ViewMenus
+from sonarhw_gui.causes.causes_panel import CausesPanel
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_commands import ConnectCommands
 from sonarhw_gui.commands.file_commands import FileCommands
@@ -35,6 +36,7 @@ from sonarhw_gui.shell.docks import Docks
 from sonarhw_gui.shell.view_area import ViewArea
 from sonarhw_gui.shell.wiring import (
     connect_banner,
+    connect_causes,
     connect_commands,
     connect_device,
     connect_fit,
@@ -60,6 +62,7 @@ class MainWindow(QMainWindow):
         self.views = ViewArea()
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
+        self.causes = CausesPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.bounces = BounceLine()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
@@ -96,6 +99,7 @@ class MainWindow(QMainWindow):
             ("Device", "F7", self.device),
             ("Room", "F8", self.room),
             ("Fit", "F9", self.fit_panel),
+            ("Causes", "F11", self.causes),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
@@ -114,6 +118,7 @@ class MainWindow(QMainWindow):
         connect_commands(commands, session)
         connect_device(self.device, session)
         connect_fit(self.fit_panel, session)
+        connect_causes(self.causes, session)
         connect_replay(self.replay_bar, session)
         connect_sound(self.sound_bar, session)
         self.sound_bar.film_requested.connect(commands.save_film.trigger)

@@ -1,6 +1,7 @@
 """The connections between the session and the commands, panels and bars of the window."""
 
 from sonarhw_gui.bars.banner import Banner
+from sonarhw_gui.causes.causes_panel import CausesPanel
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
@@ -48,6 +49,17 @@ def connect_fit(panel: FitPanel, session: WindowSession) -> None:
     panel.requested.connect(session.find_pose)
     panel.cancelled.connect(session.fitting.forget)
     session.fitting.changed.connect(panel.show_fit)
+
+
+def connect_causes(panel: CausesPanel, session: WindowSession) -> None:
+    """Connect the panel of causes with the search of the session."""
+    panel.requested.connect(session.find_causes)
+    panel.cancelled.connect(session.causes.forget)
+    panel.edited.connect(session.showing.edit)
+    panel.undone.connect(session.showing.undo)
+    panel.proposed.connect(session.showing.propose)
+    panel.picked.connect(session.showing.choose)
+    session.causes.changed.connect(panel.show_causes)
 
 
 def connect_replay(bar: ReplayBar, session: WindowSession) -> None:

@@ -91,6 +91,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "open files",
         "ask ports",
         "fit",
+        "causes",
         "save files",
         "list recordings",
     }

@@ -1,0 +1,1 @@
+"""The search for causes of misfits, and the panel that lists them."""
