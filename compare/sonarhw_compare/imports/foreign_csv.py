@@ -7,10 +7,10 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from typing import TextIO
 
@@ -50,22 +50,51 @@ def read_foreign_scan(file: Path, columns: CsvColumns, meaning: Meaning) -> list
     return readings
 
 
+@dataclass(frozen=True)
+class CsvHead:
+    """The first lines of a CSV file, as they are written."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    decimal_comma: bool
+
+
+def read_head(file: Path, most_rows: int, decimal_comma: bool = False) -> CsvHead:
+    """Return the names of the columns and the first lines below them. Raises InputError."""
+    with opened(file) as text:
+        lines = short_lines(file, text)
+        first = next(lines, "")
+        separator = _separator(first) if decimal_comma else ","
+        header = _header(file, next(csv.reader([first], delimiter=separator), []), separator)
+        filled = (row for row in csv.reader(lines, delimiter=separator) if any(field.strip() for field in row))
+        return CsvHead(tuple(header), tuple(map(tuple, islice(filled, most_rows))), decimal_comma)
+
+
+def likely_columns(header: Sequence[str]) -> tuple[str | None, str | None, str | None]:
+    """Return the columns of heading, range and time, guessed by their names; None if none or several have such one."""
+    heading, distance, time = (_column_named(header, names) for names in (_HEADING_NAMES, _RANGE_NAMES, _TIME_NAMES))
+    return heading, distance, time
+
+
+def likely_unit(column: str) -> float | None:
+    """Return the unit at the end of the name of a column, m; None without one."""
+    return _UNITS.get(_words(column)[-1])
+
+
 def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
     """Return the columns, guessed by their names, and the unit at the end of the name of the range, by default metres.
 
     Raises InputError if no column, or more than one, has a name for a heading or for a range.
     """
-    with opened(file) as text:
-        header = _header(file, next(csv.reader([next(short_lines(file, text), "")]), []))
-    heading, distance = _column_named(header, _HEADING_NAMES), _column_named(header, _RANGE_NAMES)
+    header = read_head(file, 0).header
+    heading, distance, time = likely_columns(header)
     if heading is None or distance is None:
         wanted = "a heading" if heading is None else "a range"
         raise InputError(
             f"{file}, line 1: expected exactly one column with a name for {wanted}, got: {', '.join(header)}; "
             "use `sonarhw import --heading COL --range COL`"
         )
-    unit = _UNITS.get(_words(distance)[-1], 1.0)
-    return CsvColumns(heading, distance, _column_named(header, _TIME_NAMES)), Meaning(unit)
+    return CsvColumns(heading, distance, time), Meaning(likely_unit(distance) or 1.0)
 
 
 def likely_no_echo(file: Path, columns: CsvColumns) -> tuple[float, int] | None:
@@ -82,7 +111,7 @@ def likely_no_echo(file: Path, columns: CsvColumns) -> tuple[float, int] | None:
     return None
 
 
-def _column_named(header: list[str], names: tuple[str, ...]) -> str | None:
+def _column_named(header: Sequence[str], names: tuple[str, ...]) -> str | None:
     """Return the column whose name starts with the first matching word of `names`; None unless there is exactly one."""
     for name in names:
         matching = [column for column in header if name in _words(column)[:1]]

@@ -31,7 +31,8 @@ def fill_menus(
 
 
 def _menus_of_scans(commands: Commands, recent: QMenu, steps: QMenu) -> Iterator[tuple[str, list[_Group]]]:
-    opened = [commands.open_room, commands.open_log, commands.recordings, recent.menuAction(), commands.save_room]
+    found = [commands.open_log, commands.import_scan, commands.recordings]
+    opened = [commands.open_room, *found, recent.menuAction(), commands.save_room]
     pictures = [
         commands.save_view,
         *commands.save_beside.values(),

@@ -1,1 +1,1 @@
-"""The commands of menus, toolbar and keys, with their dialogs."""
+"""The commands of menus, toolbar and keys."""

@@ -22,6 +22,7 @@ class Commands:
         self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in a room from a file")
         self.save_room = self._add("Save room as…", "Ctrl+Shift+S", "Save the room with its edits")
         self.open_log = self._add("Open log…", "Ctrl+O", "Open a recorded scan for replay")
+        self.import_scan = self._add("Import scan…", "Ctrl+I", "Read a CSV scan of another program, after a preview")
         self.recordings = self._add("Recordings…", "Ctrl+Shift+O", "Search earlier recordings")
         self.save_view = self._add("Picture of the large view…", "Ctrl+P", "Save the large view as PNG or SVG")
         self.save_beside = {view.name: self._save_picture(view) for view in views if view.picture_key}

@@ -4,8 +4,8 @@ from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QMainWindow
 
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.commands.connect_dialog import ConnectDialog, open_connect_dialog
-from sonarhw_gui.commands.one_dialog import close_dialogs
+from sonarhw_gui.dialogs.connect_dialog import ConnectDialog, open_connect_dialog
+from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.session.scanner_choice import ScannerChoice
 
 

@@ -9,8 +9,9 @@ from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.commands.one_dialog import close_dialogs
-from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
+from sonarhw_gui.dialogs.import_dialog import ImportDialog
+from sonarhw_gui.dialogs.one_dialog import close_dialogs
+from sonarhw_gui.dialogs.recordings_dialog import RecordingsDialog
 from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.store.open_requests import can_open
@@ -27,6 +28,10 @@ class FileCommands(QMenu):
         commands.open_room.triggered.connect(self._ask_room)
         self.recordings: RecordingsDialog | None = None
         commands.recordings.triggered.connect(self._show_recordings)
+        self.importing: ImportDialog | None = None
+        commands.import_scan.triggered.connect(self._ask_scan)
+        # queued: a file named on the command line is opened before the window is visible
+        session.import_asked.connect(self._ask_how_to_read, Qt.ConnectionType.QueuedConnection)
         commands.save_room.triggered.connect(self._ask_where_to_save_room)
         self.triggered.connect(self._open_recent)
         session.recent_changed.connect(self.show_recent)
@@ -61,6 +66,18 @@ class FileCommands(QMenu):
         self._ask_file("Open log", "Logs and scans (*.mcap *.csv)", self._session.open_file)
 
     @Slot()
+    def _ask_scan(self) -> None:
+        self._ask_file("Import scan", "Scans of other programs (*.csv)", self._session.import_asked.emit)
+
+    @Slot(str)
+    def _ask_how_to_read(self, path: str) -> None:
+        """Open the import dialog for a CSV file, in place of any other dialog."""
+        close_dialogs(self._window)
+        self.importing = dialog = ImportDialog(Path(path), self._session.shown.look.unit, self._window)
+        dialog.accepted_as.connect(self._session.import_csv)
+        dialog.show()
+
+    @Slot()
     def _ask_room(self) -> None:
         self._ask_file("Open room", "Rooms (*.toml)", self._session.open_file)
 
@@ -81,10 +98,9 @@ class FileCommands(QMenu):
         self.recordings.raise_()
 
     @Slot()
-    def close_recordings(self) -> None:
-        """Close the dialog of recordings, and end its thread."""
-        if self.recordings is not None:
-            self.recordings.close()
+    def close_dialogs(self) -> None:
+        """Close the open dialog, and end its thread."""
+        close_dialogs(self._window)
 
     @Slot()
     def _forget_recordings(self) -> None:

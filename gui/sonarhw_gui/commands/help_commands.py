@@ -7,9 +7,9 @@ from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.commands.command_palette import CommandPalette
-from sonarhw_gui.commands.help_page import HelpPage
-from sonarhw_gui.commands.one_dialog import close_dialogs
+from sonarhw_gui.dialogs.command_palette import CommandPalette
+from sonarhw_gui.dialogs.help_page import HelpPage
+from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.session.window_session import WindowSession
 
 _FRAME = QSize(16, 48)  # pixels, for the frame of a dialog
@@ -45,6 +45,7 @@ class HelpCommands(QObject):
     def _open_palette(self) -> None:
         """Open the palette with all commands of window, views and docks."""
         actions = [action for action in self._window.findChildren(QAction) if _is_command(action)]
+        close_dialogs(self._window)
         self.palette = CommandPalette(actions, self._window)
         self.palette.show()
 

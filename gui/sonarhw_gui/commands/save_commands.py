@@ -13,7 +13,7 @@ from sonarhw_compare.sound.moments import PlayedPing
 
 from sonarhw.export.export_formats import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.commands.one_dialog import close_dialogs
+from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.live.device_texts import link_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.session.window_session import WindowSession

@@ -155,6 +155,14 @@ def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: floa
     return picture
 
 
+def _tick_picture(colours: Palette, ratio: float) -> QPixmap:
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setPen(pg.mkPen(colours.ink, width=2.5 * ratio))
+        painter.drawLine(QPointF(1, _SIZE / 2), QPointF(_SIZE - 1, _SIZE / 2))
+    return picture
+
+
 def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
@@ -206,7 +214,12 @@ _EXPLAINED = (
     _Entry(
         partial(_line_picture, "faint", Qt.PenStyle.DotLine),
         "newest heading",
-        "where the turntable points now; without readings, the beam shows its zero",
+        "where the turntable points now",
+    ),
+    _Entry(
+        _tick_picture,
+        "turntable zero",
+        "the heading of step 0 of the turntable: the short line at the sensor",
     ),
     _Entry(partial(_symbol_picture, "o", False), "selected", "the selected reading, with a ring in every view"),
     _Entry(

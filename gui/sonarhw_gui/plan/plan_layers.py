@@ -21,7 +21,7 @@ from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, half_powe
 from sonarhw_gui.shown.bounces import chosen_path
 from sonarhw_gui.shown.shown import Shown
 
-_BEAM_LENGTH, _HANDLE = 0.3, 0.12  # shares of the room's diagonal
+_BEAM_LENGTH, _HANDLE, _ZERO = 0.3, 0.12, 0.05  # shares of the room's diagonal
 _MOST_LABELLED = 9  # points; more labels would hide the rays
 _AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in units of their size
 _ROWS = 4  # rows tried above and below a point for its label
@@ -68,18 +68,19 @@ class RoomLayer:
 
 
 class SensorLayer:
-    """The sensor, the beam of the selected reading, and the current direction of the turntable."""
+    """The sensor, the zero of its turntable, the beam of the selected reading, and the turntable's direction now."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
         self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
-        self._axis, self._turntable = pg.PlotCurveItem(), pg.PlotCurveItem()
+        self._axis, self._turntable, self._zero = pg.PlotCurveItem(), pg.PlotCurveItem(), pg.PlotCurveItem()
         self._handle = Spots(size=11, symbol="o")
         self._sensor = Spots(size=_SENSOR, symbol="d")
         for z, item in (
             (-10, self._beam),
             (-9, self._axis),
             (-9, self._turntable),
+            (20, self._zero),
             (21, self._handle),
             (22, self._sensor),
         ):
@@ -92,6 +93,7 @@ class SensorLayer:
         self._beam.setBrush(colours.beam)
         self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
         self._turntable.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
+        self._zero.setPen(cosmetic_pen(colours.ink, width=2.5))
         self._handle.setPen(cosmetic_pen(colours.ink, width=1.5))
         self._handle.setBrush(pg.mkBrush(colours.beam))
         self._sensor.setPen(cosmetic_pen(colours.paper))
@@ -104,7 +106,7 @@ class SensorLayer:
         """
         scene, room = shown.scene, shown.scene.room
         self._sensor.setData(*np.array([scene.pose.position]).T)
-        wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
+        wedge, axis, turntable, zero, self.handle_at = _NOTHING, _NOTHING, _NOTHING, _NOTHING, None
         if room is not None:
             newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.pose.heading
             heading = newest if shown.due_heading is None else shown.due_heading
@@ -113,12 +115,14 @@ class SensorLayer:
             wedge = beam_wedge(scene.pose, heading, half_power_angle(scene.board, room), length)
             axis = points_at(scene.pose.position, np.full(3, heading), np.array([0.0, handle, length]))
             self.handle_at = float(axis[1, 0]), float(axis[1, 1])
+            zero = points_at(scene.pose.position, np.full(2, scene.pose.heading), np.array([0.0, _ZERO * size]))
             if newest != heading:
                 turntable = points_at(scene.pose.position, np.full(2, newest), np.array([0.0, handle]))
         self._beam.setData(*wedge.T)
         self._beam.setVisible(shown.draws(ViewLayer.BEAM))
         self._axis.setData(*axis.T)
         self._turntable.setData(*turntable.T)
+        self._zero.setData(*zero.T)
         self._handle.setData(*axis[1:2].T)
 
 

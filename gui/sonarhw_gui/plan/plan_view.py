@@ -7,6 +7,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QHBoxLayout, QToolButton, QVBoxLayout, QWidget
 
+from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.plan.plan_tools import TOOLS
@@ -110,6 +111,7 @@ class PlanView(QWidget):
             self.message.setText("open a room first")
             return
         controller = self.drawing.controller
+        close_dialogs(self.window())
         self.typed = TypedSurface(lambda: controller.scene, shown.look.unit, self.gestures, post, self)
         self.typed.show()
 

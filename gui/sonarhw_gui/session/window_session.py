@@ -30,6 +30,7 @@ from sonarhw_gui.shown.notices import Notice
 from sonarhw_gui.shown.preparation import Preparation
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.sound.sound_control import SoundControl
+from sonarhw_gui.store.csv_preview import ReadCsvRequest
 from sonarhw_gui.store.documents import Documents
 from sonarhw_gui.store.file_watch import FileWatch, WatchedFile, is_being_written
 from sonarhw_gui.store.open_requests import (
@@ -39,6 +40,7 @@ from sonarhw_gui.store.open_requests import (
     OpenRequest,
     OpenRoomRequest,
     RoomOpened,
+    is_csv,
 )
 from sonarhw_gui.work.fit_request import FitSettings
 
@@ -60,6 +62,7 @@ class WindowSession(QObject):
     status_changed = Signal(object)  # Status
     warned = Signal(str)  # for the banner; empty removes all messages
     offered = Signal(object)  # Notice, for the banner
+    import_asked = Signal(str)  # path of a CSV scan
     room_opened = Signal()  # a room file was opened or reloaded
     recent_changed = Signal(object)  # tuple of paths, newest first
 
@@ -188,8 +191,19 @@ class WindowSession(QObject):
 
     @Slot(str)
     def open_file(self, path: str) -> None:
-        """Open a log, a CSV scan, or a room for the current readings; a log is shown in its own room if it has one."""
-        self.documents.open(Path(path), self.shown.scene.board)
+        """Open a log, or a room for the current readings; a log is shown in its own room if it has one.
+
+        For a CSV scan, the user is asked how to read it.
+        """
+        if is_csv(Path(path)):
+            self.import_asked.emit(path)
+        else:
+            self.documents.open(Path(path), self.shown.scene.board)
+
+    @Slot(object)
+    def import_csv(self, source: ReadCsvRequest) -> None:
+        """Import a CSV scan as a log, and open the log."""
+        self.documents.import_csv(source)
 
     @Slot(str)
     def open_board(self, path: str) -> None:
@@ -336,8 +350,6 @@ class WindowSession(QObject):
         board = opened.scene.board if metadata.board or metadata.board_text else here.board
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
         self.show_log(opened.log, opened.path.name, opened.path)
-        if opened.question is not None:
-            self.offered.emit(opened.question)
 
     def _at_same_place(self, opened: RoomOpened) -> Scene:
         """Return the opened scene; with the place shown now if the same room was reloaded."""

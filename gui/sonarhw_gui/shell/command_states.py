@@ -20,5 +20,5 @@ def show_scanner(commands: Commands, status: Status) -> None:
     commands.scan.setEnabled(status.can_scan and not status.scanning)
     commands.stop.setEnabled(status.scanning)
     commands.home.setEnabled(status.can_turn)
-    for action in (commands.open_log, commands.open_room, commands.recordings):
+    for action in (commands.open_log, commands.open_room, commands.import_scan, commands.recordings):
         action.setEnabled(not status.scanning)

@@ -136,7 +136,7 @@ class MainWindow(QMainWindow):
         commands.reset_layout.triggered.connect(views.arrange)
         commands.views.triggered.connect(self._show_view)
         commands.close.triggered.connect(self.close)
-        self.closing.connect(self.files.close_recordings)
+        self.closing.connect(self.files.close_dialogs)
         session.showing.changed.connect(self._show)
         session.showing.edited.connect(self._show_title)
         session.status_changed.connect(self._show_status)

@@ -8,7 +8,8 @@ from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
-from sonarhw_gui.store.open_requests import LogGrown, LogOpened, Opened, OpenRequest, request_for
+from sonarhw_gui.store.csv_preview import ReadCsvRequest
+from sonarhw_gui.store.open_requests import LogGrown, LogOpened, OpenCsvRequest, Opened, OpenRequest, request_for
 from sonarhw_gui.store.recent_names import with_newest
 from sonarhw_gui.work.worker import Failure, Worker
 
@@ -43,9 +44,13 @@ class Documents:
     def open(self, path: Path, board: Board) -> None:
         """Start to open a file; a room is opened with this board."""
         try:
-            self._worker.submit(request_for(path, board, self._folder))
+            self._worker.submit(request_for(path, board))
         except InputError as error:
             self.messages.append(str(error))
+
+    def import_csv(self, source: ReadCsvRequest) -> None:
+        """Start to import a CSV scan as a log in the folder of recordings, and to open the log."""
+        self._worker.submit(OpenCsvRequest(source, self._folder))
 
     def submit(self, request: OpenRequest) -> None:
         """Start to open a file by a request."""

@@ -94,6 +94,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "causes",
         "save files",
         "list recordings",
+        "read CSV",
     }
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 

@@ -62,7 +62,16 @@ class Outside:
 
     def _find(self) -> str:
         assert self._process.poll() is None, self._process.communicate()[1]
-        search = ["xdotool", "search", "--onlyvisible", "--pid", str(self._process.pid), "--name", "^sonarhw — "]
+        search = [
+            "xdotool",
+            "search",
+            "--all",
+            "--onlyvisible",
+            "--pid",
+            str(self._process.pid),
+            "--name",
+            "^sonarhw — ",
+        ]
         return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
 
     def ended(self) -> tuple[int, str]:
@@ -83,6 +92,31 @@ class Outside:
     def key(self, *keys: str) -> None:
         """Press keys in sequence."""
         _xdotool("key", "--delay", "40", *keys)
+
+    def answer(self, dialog: str, *keys: str) -> None:
+        """Press keys in a dialog with this title until it is closed."""
+        search = [
+            "xdotool",
+            "search",
+            "--all",
+            "--onlyvisible",
+            "--pid",
+            str(self._process.pid),
+            "--name",
+            f"^{dialog}$",
+        ]
+
+        def found() -> str:
+            return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
+
+        def closed() -> bool:
+            self.key(*keys)
+            return not found()
+
+        window = awaited(found, f"the dialog {dialog}")
+        _xdotool("windowfocus", "--sync", window)
+        awaited(closed, "the end of the dialog")
+        _xdotool("windowfocus", "--sync", self._window)
 
     def click(self, at: Pixel) -> None:
         """Click a pixel of the window."""

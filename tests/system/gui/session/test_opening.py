@@ -1,4 +1,4 @@
-"""Files are opened by drag and drop, from the recent files and as CSV; errors are reported."""
+"""Files are opened by drag and drop and from the recent files; errors are reported."""
 
 from pathlib import Path
 
@@ -8,7 +8,6 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.live.window_status import Source
-from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
@@ -51,67 +50,6 @@ def test_a_log_dropped_with_a_room_is_shown_in_this_room(
     assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
 
 
-def test_a_csv_scan_is_imported_as_a_log_and_its_interpretation_is_reported(
-    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
-) -> None:
-    scan = tmp_path / "turret.csv"
-    scan.write_text("turret_deg,range_cm\n0,15.4\n90,\n180,77.4\n")
-    window = open_with()
-    assert drop(window, scan)
-    until(qtbot, lambda: len(window.session.shown.readings) == 3)
-    ranges = [reading.range for reading in window.session.shown.readings]
-    assert ranges[0] == pytest.approx(0.154, abs=1e-6)
-    assert ranges[1] is None
-    assert "'range_cm' as ranges in centimetres" in window.banner.message
-    assert "imported as turret.mcap" in window.banner.message
-    assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
-    assert window.session.shown.scene.room is scene.room
-
-
-@pytest.mark.parametrize("silence", ["400", "0"])
-def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(
-    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, silence: str
-) -> None:
-    scan = tmp_path / "turret.csv"
-    lines = [f"{10 * k},{silence if k % 3 else 15.4 + k}" for k in range(12)]
-    scan.write_text("\n".join(["turret_deg,range_cm", *lines]))
-    window = open_with()
-    drop(window, scan)
-    until(qtbot, lambda: len(window.session.shown.readings) == 12)
-    question = f"8 readings of turret.csv have {silence} in 'range_cm'"
-    assert question in window.banner.message
-    assert window.session.shown.readings[1].range == pytest.approx(float(silence) / 100, abs=1e-6)
-    qtbot.mouseClick(window.banner.accept_button, LEFT)
-    until(qtbot, lambda: window.session.shown.readings[1].range is None)
-    silent = [k for k, reading in enumerate(window.session.shown.readings) if reading.range is None]
-    assert silent == [1, 2, 4, 5, 7, 8, 10, 11]
-    assert question not in window.banner.message
-    assert f"'range_cm' as ranges in centimetres and {silence} as no echo" in window.banner.message
-    assert not window.banner.accept_button.isVisible()
-    assert [path.name for path in (tmp_path / "recordings").iterdir()] == ["turret.mcap"]
-
-
-def test_without_a_frequent_range_there_is_no_question(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
-    scan = tmp_path / "turret.csv"
-    scan.write_text("\n".join(["turret_deg,range_cm", *(f"{5 * k},{30 + k // 2}" for k in range(36))]))
-    window = open_with()
-    drop(window, scan)
-    until(qtbot, lambda: len(window.session.shown.readings) == 36)
-    assert "imported as turret.mcap" in window.banner.message
-    assert not window.banner.accept_button.isVisible()
-
-
-def test_a_scan_without_a_board_is_compared_with_the_current_board(
-    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
-) -> None:
-    scan = tmp_path / "turret.csv"
-    scan.write_text("deg,cm\n0,15.4\n")
-    window = open_with()
-    drop(window, scan)
-    until(qtbot, lambda: len(window.session.shown.readings) == 1)
-    assert window.session.shown.scene.board is scene.board
-
-
 def test_a_room_is_saved_under_a_new_name_and_overwrites_only_after_a_question(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,14 +79,6 @@ def test_a_room_is_saved_under_a_new_name_and_overwrites_only_after_a_question(
 def test_unsupported_files_are_not_accepted(open_with: OpenWith, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("text")
     assert not drop(open_with(), tmp_path / name)
-
-
-def test_a_csv_file_without_known_columns_is_reported(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
-    (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
-    window = open_with()
-    drop(window, tmp_path / "odd.csv")
-    until(qtbot, lambda: "odd.csv" in window.banner.message)
-    assert not (tmp_path / "recordings").exists()
 
 
 def test_files_named_on_the_command_line_are_recent_files(open_with: OpenWith, tmp_path: Path, recorded: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
+from sonarhw_gui.dialogs.recordings_dialog import RecordingsDialog
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.recording_list import ListRequest, RecordingList
 

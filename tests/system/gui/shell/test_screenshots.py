@@ -43,6 +43,7 @@ from tests.system.gui.driving import click, ended, position_of, predicted, until
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
 LOOKS = [(LIGHT, SMALL)] if FOLDER is None else [(paper, size) for size in (SMALL, LARGE) for paper in (LIGHT, DARK)]
+EXAMPLE = ROOM.parents[1] / "examples" / "turret.csv"
 HEADINGS = 120
 ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second sweep leaves time for the picture of the first one
 LIVE_UP_TO = 84  # readings in the picture of the running scan
@@ -307,3 +308,14 @@ def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     qtbot.wait(50)
     album.keep(window.help.page, "help")
     window.help.page.close()
+    show_import_dialog(qtbot, window, album)
+
+
+def show_import_dialog(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    window.session.open_file(str(EXAMPLE))
+    until(qtbot, lambda: window.files.importing is not None)
+    dialog = window.files.importing
+    dialog.no_echo.setText("255")
+    until(qtbot, dialog.import_button.isEnabled)
+    album.keep(dialog, "import")
+    dialog.close()
