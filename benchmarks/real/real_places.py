@@ -2,8 +2,8 @@
 
 Locates each scan of the folder in the whole arena, with unknown heading, and prints the most probable of the arena's
 places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
-boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans and
-prints which of its walls are found.
+boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans, and
+finds it with poses within 2 cm and 2°; it prints which of its walls are found.
 """
 
 import math
@@ -15,13 +15,16 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.map import map_scans
+from sonarhw_compare.room_finding.evidence import PoseSpread
+from sonarhw_compare.room_finding.room_search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
 from benchmarks.real.judged_scans import RealScan, load_scans, program_options
 from sonarhw.readings import FloatArray
 
-ON_WALL = 0.05  # m
+ON_WALL, ON_FOUND = 0.05, 0.03  # m
+MARKS = PoseSpread(0.02, math.radians(2))  # of marks on the floor
 OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
 OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
 
@@ -92,14 +95,21 @@ def print_map(scans: Sequence[RealScan]) -> None:
             f"{name}: {len(true)} of {len(room.walls)} walls found ({', '.join(true)}), "
             f"{names.count(None)} false walls, {len(features.points)} corners and edges"
         )
+    found_room = find_room(placed, load_board("lego-nxt"), room.air, [MARKS] * len(placed))
+    names = [_true_wall(ends, room, ON_FOUND) for ends in found_room.draft.segments.reshape(-1, 2, 2)]
+    true = sorted({name for name in names if name})
+    print(
+        f"found room: {len(true)} of {len(room.walls)} walls within 3 cm ({', '.join(true)}), {names.count(None)} of "
+        f"{len(names)} found walls not; {found_room.explained} of {found_room.echoes} echoes explained"
+    )
 
 
-def _true_wall(ends: FloatArray, room: Room) -> str | None:
-    """Return the wall of the room with both ends (2, 2) within 5 cm of its line."""
+def _true_wall(ends: FloatArray, room: Room, near: float = ON_WALL) -> str | None:
+    """Return the wall of the room on whose line both ends (2, 2) are, within `near` (m)."""
     for name, wall in zip(room.names, room.walls.reshape(-1, 2, 2), strict=False):
         along = (wall[1] - wall[0]) / np.hypot(*(wall[1] - wall[0]))
         away = (ends - wall[0]) @ np.array([-along[1], along[0]])
-        if (np.abs(away) < ON_WALL).all():
+        if (np.abs(away) < near).all():
             return name
     return None
 
