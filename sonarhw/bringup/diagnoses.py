@@ -15,6 +15,8 @@ from sonarhw.wire.messages import Input, ResetCause, Statistics
 COLDEST, HOTTEST = -20.0, 60.0  # °C; outside, a wire is wrong rather than the air
 SAME_TIME = 3e-6  # s; half a millimetre of range
 MOST_AT_ONE_TIME = 0.65  # of the headings
+BURST_END = 0.003  # s; later signals in a trace are echoes, not the burst itself
+LOUD = 0.3  # of full scale; of an echo in a trace that the board should have reported
 QUIET = 0.15  # of full scale; median of the end of a trace without echoes
 PLATE_ERROR, PLATE_SPREAD = 0.05, 0.005  # of the distance; m
 HEADING_ERROR = math.radians(20)
@@ -99,6 +101,12 @@ def echo_idle(levels: Input | None) -> Diagnosis:
 def echoes(readings: Sequence[Reading]) -> Diagnosis:
     """Judge whether the board detects echoes at all."""
     heard = sum(bool(reading.echo_times) for reading in readings)
+    if not heard and _loudest(readings) > LOUD:
+        return failed(
+            "echoes",
+            f"none in {len(readings)} pings, but the traces show some",
+            "the board transmits and receives: check the wire of ECHO and its pull-up (4.7 kΩ to 5 V)",
+        )
     if not heard:
         advice = (
             "hold a plate at 1 m; check the 5 V supply of the ranging board, INIT, the pull-up of ECHO (4.7 kΩ), "
@@ -107,6 +115,13 @@ def echoes(readings: Sequence[Reading]) -> Diagnosis:
         return failed("echoes", f"none in {len(readings)} pings", advice)
     ranges = [reading.range for reading in readings if reading.range is not None]
     return passed("echoes", f"in {heard} of {len(readings)} pings, the first at {np.median(ranges):.3f} m")
+
+
+def _loudest(readings: Sequence[Reading]) -> float:
+    """Return the loudest sample after the burst in any trace, of full scale; 0 without traces."""
+    traces = [reading.trace for reading in readings if reading.trace is not None]
+    after = [trace.samples[max(0, round((BURST_END - trace.start) * trace.rate)) :] for trace in traces]
+    return max((float(np.nanmax(np.abs(samples), initial=0.0)) for samples in after), default=0.0)
 
 
 def rearming(readings: Sequence[Reading], can_rearm: bool) -> Diagnosis:
@@ -188,8 +203,11 @@ def steps(failure: str | None) -> Diagnosis:
     return failed("steps", failure, "check the current of the driver, the belt, and what blocks the table")
 
 
-def direction(readings: Sequence[Reading], plate: float) -> Diagnosis:
-    """Judge whether the nearest echo is on the side of the plate. `plate` is its heading, rad."""
+def direction(readings: Sequence[Reading], plate: float, marked: bool = True) -> Diagnosis:
+    """Judge whether the nearest echo is on the side of the plate. `plate` is its heading, rad.
+
+    A turntable that is not `marked` has no home switches.
+    """
     heard = [reading for reading in readings if reading.range is not None]
     if not heard:
         return failed("direction", "no echo around zero", "hold the plate at a right angle to the line to the board")
@@ -198,7 +216,8 @@ def direction(readings: Sequence[Reading], plate: float) -> Diagnosis:
     if abs(nearest.angle - plate) <= HEADING_ERROR:
         return passed("direction", text)
     if abs(nearest.angle + plate) <= HEADING_ERROR:
-        advice = "the table turns the other way: `sonarhw wiring URL` with mark, cam and motor inverted"
+        inverted = "--invert mark --invert cam --invert motor" if marked else "--invert motor"
+        advice = f"the table turns the other way: `sonarhw wiring URL {inverted}`"
         return failed("direction", text, advice)
     return failed("direction", text, "take away what is nearer than the plate, and check zero and gear")
 

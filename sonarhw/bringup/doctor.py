@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from sonarhw.bringup import diagnoses
-from sonarhw.bringup.diagnoses import Diagnosis, failed, skipped
-from sonarhw.errors import DeviceError
+from sonarhw.bringup.diagnoses import Diagnosis, Verdict, failed, skipped
+from sonarhw.errors import CommandRefused, DeviceError
+from sonarhw.host.device_info import DeviceCapabilities
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
 from sonarhw.wire.messages import Feature
@@ -50,22 +51,30 @@ def examine(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diag
 
 
 def _ranging(scanner: Scanner) -> Iterator[Diagnosis]:
-    capabilities = scanner.info.capabilities
-    features = capabilities.features if capabilities else Feature(0)
+    features = _features(scanner.info.capabilities, Feature(0))
     pings = [*scanner.scan(pings_in_place(PINGS))]
     yield diagnoses.echoes(pings)
     yield diagnoses.rearming(pings, Feature.REARM in features)
     yield diagnoses.noise(pings)
 
 
+def _features(capabilities: DeviceCapabilities | None, unknown: Feature) -> Feature:
+    return capabilities.features if capabilities else unknown
+
+
 def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
-    failure = _failure(scanner, lambda: scanner.home())
-    yield diagnoses.switches(failure, scanner.inputs())
-    if failure is not None:
+    features = _features(scanner.info.capabilities, Feature.HOME_MARK | Feature.LOST_STEPS)
+    marked = Feature.HOME_MARK in features
+    zero = _zero(scanner, marked)
+    yield zero
+    if zero.verdict is Verdict.FAIL:
         yield from (skipped(check, "the zero is unknown") for check in ("steps", "echo moves", "direction", "plate"))
         return
-    yield diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
-    around = _scanned(scanner, sector(0, 360, 360 / HEADINGS))
+    if Feature.LOST_STEPS in features:
+        yield diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
+    else:
+        yield skipped("steps", "this turntable does not detect lost steps")
+    around = _scanned(scanner, _around(scanner.info.capabilities))
     if isinstance(around, Diagnosis):
         yield around
         return
@@ -77,15 +86,38 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
         )
         yield from (skipped("direction", "no plate"), skipped("plate", "no plate", advice))
         return
-    yield from _plate(scanner, plate)
+    yield from _plate(scanner, plate, marked)
 
 
-def _plate(scanner: Scanner, plate: Plate) -> Iterator[Diagnosis]:
+def _zero(scanner: Scanner, marked: bool) -> Diagnosis:
+    """Home. A turntable without a mark, which may refuse to home, takes its present angle as zero."""
+    try:
+        scanner.home()
+    except CommandRefused as error:
+        if marked:
+            return diagnoses.switches(_reason(scanner, error), scanner.inputs())
+        scanner.home(here=True)
+        return skipped("zero", "no home switches: the present angle is zero")
+    except DeviceError as error:
+        return diagnoses.switches(_reason(scanner, error), scanner.inputs())
+    return diagnoses.switches(None, scanner.inputs())
+
+
+def _around(capabilities: DeviceCapabilities | None) -> ScanOrder:
+    """Return an order for headings all around, or over the whole range of a table that cannot turn as far."""
+    lowest = math.degrees(capabilities.lowest_angle) if capabilities else -360.0
+    highest = math.degrees(capabilities.highest_angle) if capabilities else 360.0
+    if highest >= 360:
+        lowest, highest = 0.0, 360.0
+    return sector(lowest, highest, (highest - lowest) / HEADINGS)
+
+
+def _plate(scanner: Scanner, plate: Plate, marked: bool) -> Iterator[Diagnosis]:
     beside = _scanned(scanner, sector(-math.degrees(BESIDE), math.degrees(BESIDE) + 5, 5))
     if isinstance(beside, Diagnosis):
         yield beside
         return
-    yield diagnoses.direction(beside, plate.heading)
+    yield diagnoses.direction(beside, plate.heading, marked)
     at_plate = _scanned(scanner, ScanOrder(plate.heading, math.radians(1), 1, 1, PINGS))
     yield at_plate if isinstance(at_plate, Diagnosis) else diagnoses.plate(at_plate, plate.distance)
 
@@ -95,8 +127,12 @@ def _failure(scanner: Scanner, act: Callable[[], object]) -> str | None:
     try:
         act()
     except DeviceError as error:
-        return str(error).removeprefix(f"{scanner.url}: ")
+        return _reason(scanner, error)
     return None
+
+
+def _reason(scanner: Scanner, error: DeviceError) -> str:
+    return str(error).removeprefix(f"{scanner.url}: ")
 
 
 def _scanned(scanner: Scanner, order: ScanOrder) -> list[Reading] | Diagnosis:
@@ -104,4 +140,4 @@ def _scanned(scanner: Scanner, order: ScanOrder) -> list[Reading] | Diagnosis:
     try:
         return [*scanner.scan(order)]
     except DeviceError as error:
-        return failed("steps", str(error).removeprefix(f"{scanner.url}: "), "check what blocks the table")
+        return failed("steps", _reason(scanner, error), "check what blocks the table")
