@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Pose
     from sonarhw_compare.map import RoomMap
     from sonarhw_compare.room_finding.evidence import PoseSpread
+    from sonarhw_compare.room_finding.next_place import NextPlace
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
@@ -56,6 +57,9 @@ def map_logs(
             metavar=f"ROOM.toml|{PICTURE_FILE}",
         ),
     ] = None,
+    plan_next: Annotated[
+        bool, typer.Option("--next", help="Find the room, and where to scan next to learn most about it.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     force: Force = False,
 ) -> None:
@@ -73,8 +77,9 @@ def map_logs(
     from sonarhw_sim.board.profile import load_board
 
     room_file, picture = _outputs(out or [], force, room_name, board, poses_file, *log_files)
-    if room_file and room_name:
-        raise InputError(f"--out {room_file}, --room {room_name}: a room is found, or given; give only one of them")
+    if (room_file or plan_next) and room_name:
+        wanted = f"--out {room_file}" if room_file else "--next"
+        raise InputError(f"{wanted}, --room {room_name}: a room is found, or given; give only one of them")
     room = None if room_name is None else open_room(room_name)
     given = [open_scan(file, board) for file in log_files]
     chosen = load_board(board) if board else given[0].board()
@@ -82,8 +87,8 @@ def map_logs(
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
     found_room = None
     with progress_of_share() as show:
-        if room_file:
-            found_room = _found(scans, moved, given, spreads, show)
+        if room_file or plan_next:
+            found_room = _found(scans, moved, given, spreads, plan_next, show)
             room, scans = found_room.room, found_room.scans
         found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
     if found.places < CONFIRMING:
@@ -146,6 +151,7 @@ def _found(
     board: "Board",
     given: "Sequence[GivenScan]",
     spreads: "Sequence[PoseSpread | None]",
+    plan_next: bool,
     show: Callable[[float, str], None],
 ) -> _FoundRoom:
     from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, open_ends
@@ -165,7 +171,27 @@ def _found(
         "poses": {title: [_pose_figures(pose) for pose in poses] for title, poses in placed.poses.items()},
         "left_out": list(placed.left_out),
     }
-    return _FoundRoom(found_room(found, placed.scans, board), list(placed.scans), figures, lines, placed.left_out)
+    room = found_room(found, placed.scans, board)
+    if plan_next:
+        from sonarhw_compare.room_finding.next_place import next_places
+
+        nexts = next_places(found, room, board, tick=lambda share: show(share, "planning the next scan"))
+        lines += map(_next_text, nexts)
+        figures["next"] = [
+            {
+                "position_m": _rounded(one.position),
+                "gain_nats": round(one.gain, 3),
+                "headings_deg": [[in_degrees(end, 3) for end in ends] for ends in one.sectors],
+            }
+            for one in nexts
+        ]
+    return _FoundRoom(room, list(placed.scans), figures, lines, placed.left_out)
+
+
+def _next_text(one: "NextPlace") -> str:
+    x, y = one.position
+    sectors = ", ".join(f"{in_degrees(first, 0):.0f}° to {in_degrees(last, 0):.0f}°" for first, last in one.sectors)
+    return f"scan next at {x:.2f}, {y:.2f} m: {one.gain:.1f} nats; most from headings {sectors or 'none'}"
 
 
 def _pose_figures(pose: "Pose") -> dict[str, float]:
