@@ -44,7 +44,15 @@ def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
             return
         talk.driver.forget(hello)
         if talk.now >= deadline:
-            raise NoAnswer(f"{device.where}: no scanner answered within {patience:g} s; check its power and the port")
+            raise NoAnswer(f"{device.where}: no scanner answered within {patience:g} s; {_received_instead(talk)}")
+
+
+def _received_instead(talk: Conversation) -> str:
+    """Return what to do about a device that has not answered."""
+    counted = talk.driver.statistics
+    if counted.bytes_received and not counted.frames_received:
+        return "it sends something else: if it prints text, `sonarhw ports --guess PORT` finds its URL"
+    return "check its power and the port"
 
 
 def _check_identity(talk: Conversation, info: Info) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 
+from sonarhw import Scanner
+from sonarhw.errors import NoAnswer
 from sonarhw.link.ports import Port
 from sonarhw.log import read_log
 from sonarhw.text import line_guess
@@ -40,6 +42,11 @@ def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.Captur
     for _, heading, distance, *_ in rows:
         true = wall(float(heading))
         assert (float(distance) if distance else None) == (None if true is None else pytest.approx(true / 100))
+
+
+def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url() -> None:
+    with PrintingDevice(RADAR.rounds()) as device, pytest.raises(NoAnswer, match="sonarhw ports --guess PORT"):
+        Scanner.open(device.port, patience=0.5)
 
 
 @pytest.mark.parametrize("option", ["--from", "--to", "--step", "--pings", "--traces"])
