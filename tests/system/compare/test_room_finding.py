@@ -103,6 +103,7 @@ def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
     ("options", "message"),
     [
         (["--out", "a.toml", "--room", "simple"], "a room is found, or given"),
+        (["--next", "--room", "simple"], "--next, --room simple: a room is found, or given"),
         (["--out", "a.toml", "--out", "b.toml"], "one room file and one picture at most"),
         (["--poses", "none.csv", "--pose", "0,0,0"], "contains the poses of all logs"),
         (["--out", "a.txt"], "expected a name ending in"),
