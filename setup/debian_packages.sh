@@ -8,8 +8,8 @@ DEMO="python3-venv fonts-dejavu-core libegl1 libgl1 libglib2.0-0 libxkbcommon-x1
 libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xinerama0"
 # the firmware, its test library and the emulated board
 FIRMWARE="make gcc libc6-dev pkg-config gcc-avr avr-libc libsimavr-dev libelf-dev"
-# X server for window tests, simulated keys, serial port server
-TEST="xvfb xauth xdotool ser2net"
+# X server for window tests, simulated keys, serial port server, programmer of boards
+TEST="xvfb xauth xdotool ser2net avrdude"
 # libFuzzer
 SOAK="clang libclang-rt-dev"
 

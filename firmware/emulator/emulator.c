@@ -22,14 +22,13 @@
 #define START (FREQUENCY / 20) // cycles for the start, before the board reports that it is ready
 #define VECTOR_SIZE 4 // bytes
 #define ENTRY_CYCLES 5 // from the interrupt to its vector; simavr omits them
-#define EEPROM_SIZE 4096
 #define SERIAL_AT 4 // stored_serial in identity.c
 #define EMULATED_SERIAL "EMULATED" // as in sonarhw/wire/origin.py
 #define MOST_BEHIND 0.1 // s; a longer delay of the machine is not caught up
 #define HOST_LATE 1.6 // s of board time without a byte from the host; the firmware gives up after 2 s
 #define PATIENT 0.5 // pace while the host is late
 
-static struct options options = {.pace = 1, .initial_degrees = 0, .temperature = NAN};
+struct options options = {.pace = 1, .initial_degrees = 0, .temperature = NAN};
 static volatile sig_atomic_t ending;
 static avr_t *chip;
 
@@ -84,27 +83,26 @@ static void pin_changed(struct avr_irq_t *irq, uint32_t value, void *parameter)
     listener->changed(listener->avr, listener->high);
 }
 
-void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *, bool))
+void listen_to_pin(avr_t *avr, struct pin pin, void (*changed)(avr_t *, bool))
 {
     struct listener *listener = calloc(1, sizeof *listener);
     if (!listener)
         die("out of memory");
     *listener = (struct listener){avr, false, changed};
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), pin_changed, listener);
-    return listener;
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pin.port), pin.bit), pin_changed, listener);
 }
 
 // by port; otherwise simavr returns a pin to its pull-up whenever the firmware writes to the port
 static avr_ioport_external_t driven['L' + 1];
 
-void set_pin(avr_t *avr, char port, int bit, bool high)
+void set_pin(avr_t *avr, struct pin pin, bool high)
 {
-    avr_ioport_external_t *external = &driven[(int)port];
-    external->name = (unsigned)port;
-    external->mask |= 1u << bit;
-    external->value = (external->value & ~(1u << bit)) | (high ? 1u << bit : 0);
-    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), external);
-    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), high);
+    avr_ioport_external_t *external = &driven[(int)pin.port];
+    external->name = (unsigned)pin.port;
+    external->mask |= 1u << pin.bit;
+    external->value = (external->value & ~(1u << pin.bit)) | (high ? 1u << pin.bit : 0);
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(pin.port), external);
+    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pin.port), pin.bit), high);
 }
 
 // After a reset of the chip, restore what simavr has cleared: timers and the levels of input pins.
@@ -114,8 +112,9 @@ static void after_reset(avr_t *avr)
         for (int bit = 0; bit < 8; bit++)
             if (driven[port].mask & 1u << bit) {
                 bool high = driven[port].value & 1u << bit;
-                set_pin(avr, (char)port, bit, !high);
-                set_pin(avr, (char)port, bit, high);
+                struct pin pin = {(char)port, bit};
+                set_pin(avr, pin, !high);
+                set_pin(avr, pin, high);
             }
     ranging_reset(avr);
     turntable_reset(avr);
@@ -149,7 +148,7 @@ bool miswired(enum wiring_fault fault) { return wiring & fault; }
 
 static void read_eeprom(avr_t *avr)
 {
-    static uint8_t bytes[EEPROM_SIZE];
+    uint8_t bytes[options.controller->eeprom];
     memset(bytes, 0xFF, sizeof bytes);
     FILE *file = options.eeprom ? fopen(options.eeprom, "rb") : NULL;
     if (file) {
@@ -159,17 +158,17 @@ static void read_eeprom(avr_t *avr)
     }
     if (!options.eeprom) // a log of the emulated board must not look like a log of a real one
         memcpy(bytes + SERIAL_AT, EMULATED_SERIAL, sizeof EMULATED_SERIAL);
-    avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = EEPROM_SIZE};
+    avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = options.controller->eeprom};
     avr_ioctl(avr, AVR_IOCTL_EEPROM_SET, &all);
 }
 
 static void write_eeprom(avr_t *avr)
 {
-    avr_eeprom_desc_t all = {.ee = NULL, .offset = 0, .size = EEPROM_SIZE};
+    avr_eeprom_desc_t all = {.ee = NULL, .offset = 0, .size = options.controller->eeprom};
     avr_ioctl(avr, AVR_IOCTL_EEPROM_GET, &all);
     FILE *file = options.eeprom ? fopen(options.eeprom, "wb") : NULL;
     if (file) {
-        fwrite(all.ee, 1, EEPROM_SIZE, file);
+        fwrite(all.ee, 1, all.size, file);
         fclose(file);
     }
 }
@@ -186,9 +185,9 @@ static avr_t *make_chip(void)
     elf_firmware_t firmware = {0};
     if (elf_read_firmware(options.elf, &firmware))
         die("cannot read the firmware file");
-    avr_t *avr = avr_make_mcu_by_name("atmega2560");
+    avr_t *avr = avr_make_mcu_by_name(options.controller->chip);
     if (!avr)
-        die("this libsimavr does not support the ATmega2560");
+        die("this libsimavr does not support the chip");
     avr_init(avr);
     avr->frequency = FREQUENCY;
     avr->log = LOG_ERROR;
@@ -238,9 +237,18 @@ static void never_sleep(avr_t *avr, avr_cycle_count_t cycles)
     (void)cycles;
 }
 
+// The parts in a name such as uno-hc-sr04-servo.
+static void choose_parts(const char *name)
+{
+    options.controller = controller_of(name);
+    options.ranging = strstr(name, "-hc-sr04-") ? HC_SR04 : POLAROID;
+    options.turning = strstr(name, "-servo") ? SERVO : strstr(name, "-28byj") ? FOUR_COILS : STEP_DIR;
+}
+
 static void read_options(int count, char **words)
 {
     static const struct option known[] = {
+        {"combination", required_argument, NULL, 'c'},
         {"firmware", required_argument, NULL, 'f'}, {"eeprom", required_argument, NULL, 'e'},
         {"link", required_argument, NULL, 'l'},     {"pace", required_argument, NULL, 'p'},
         {"stands", required_argument, NULL, 's'},   {"temperature", required_argument, NULL, 't'},
@@ -249,6 +257,9 @@ static void read_options(int count, char **words)
     };
     for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
         switch (option) {
+        case 'c':
+            choose_parts(optarg);
+            break;
         case 'f':
             options.elf = optarg;
             break;
@@ -280,8 +291,8 @@ static void read_options(int count, char **words)
             exit(2);
         }
     }
-    if (!options.elf)
-        die("--firmware FILE.elf is missing");
+    if (!options.elf || !options.controller)
+        die("--firmware FILE.elf or --combination mega-polaroid-step-dir is missing");
 }
 
 static uint32_t longest[INTERRUPTS];

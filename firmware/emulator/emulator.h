@@ -1,8 +1,10 @@
 /* Emulated board: the real firmware on libsimavr, with models of everything that is connected to the chip.
  *
  *   emulator.c         loads and runs the firmware
- *   ranging_model.c    the 6500: INIT, BLNK and BINH in, ECHO and the envelope out
- *   turntable_model.c  motor, gear, table, home switch
+ *   controllers.c      the chips and pins of the controllers
+ *   ranging_model.c    the 6500: INIT, BLNK and BINH in, ECHO and the envelope out; or an HC-SR04: TRIGGER in, ECHO out
+ *   turntable_model.c  stepper on a driver or on four pins, gear, table, home switches
+ *   servo_model.c      a hobby servo
  *   serial_line.c      the serial line, on a pseudo-terminal
  *   parent.c           the process that started the emulator and computes the echoes
  */
@@ -19,8 +21,26 @@
 #define ECHOES_MOST 256
 #define INTERRUPTS 57
 
+enum ranging { POLAROID, HC_SR04 };
+
+enum turning { STEP_DIR, FOUR_COILS, SERVO };
+
+struct pin {
+    char port;
+    int bit;
+};
+
+struct controller { // pins as in firmware/avr/<chip>/pins.h
+    const char *name, *chip;
+    uint16_t eeprom; // bytes
+    struct pin init, blnk, binh, echo, step, direction, enable, mark, cam, coils[4], servo;
+};
+
 struct options {
     const char *elf;
+    const struct controller *controller;
+    enum ranging ranging;
+    enum turning turning;
     const char *eeprom; // file that keeps the EEPROM; NULL: none
     const char *link; // symbolic link to the pseudo-terminal; NULL: none
     double pace; // factor to real time; 0: as fast as possible
@@ -43,6 +63,9 @@ struct echoes {
     float *trace; // 0 to 1
 };
 
+extern struct options options;
+
+const struct controller *controller_of(const char *combination); // NULL if unknown
 void die(const char *why);
 bool end_requested(void); // whether a signal has requested the end
 void switch_off(void); // saves the EEPROM and ends the program
@@ -68,15 +91,15 @@ bool miswired(enum wiring_fault fault);
 uint16_t symbol(const char *name); // address in the chip's memory
 void reset_board(avr_t *avr); // as with the reset button
 void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
-void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *, bool));
-void set_pin(avr_t *avr, char port, int bit, bool high);
+void listen_to_pin(avr_t *avr, struct pin pin, void (*changed)(avr_t *, bool));
+void set_pin(avr_t *avr, struct pin pin, bool high);
 const uint32_t *longest_interrupts(void); // longest duration of each handler in cycles, INTERRUPTS values
 
 /* ranging_model.c */
 void ranging_start(avr_t *avr, double temperature);
 void ranging_reset(avr_t *avr);
 void ranging_show(avr_t *avr); // set the level of ECHO
-bool ranging_listens(void); // INIT is high
+bool ranging_listens(void); // INIT is high, or the HC-SR04 measures
 void ranging_time_conversion(avr_t *avr); // call it after every instruction
 
 /* turntable_model.c */
@@ -86,6 +109,10 @@ double turntable_degrees(void);
 void turntable_slip(double microsteps);
 void turntable_wedge(avr_t *avr, double seconds);
 void turntable_show(avr_t *avr); // set the levels of the switches
+
+/* servo_model.c */
+void servo_start(avr_t *avr, double degrees);
+double servo_degrees(void);
 
 /* serial_line.c */
 void line_start(avr_t *avr, const char *link, bool any_baud);

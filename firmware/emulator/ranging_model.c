@@ -1,7 +1,8 @@
-/* Model of the 6500, and of the envelope and the thermistor at the converter.
+/* Model of the 6500 or of an HC-SR04, and of the envelope and the thermistor at the converter.
  *
- * An echo sets ECHO until INIT falls or BLNK rises. Echoes during the blanking (2.38 ms, or until BINH rises) or while
- * BLNK is high are ignored. As on a real 6500, noise of the transmitter sets ECHO for a short time.
+ * 6500: an echo sets ECHO until INIT falls or BLNK rises. Echoes during the blanking (2.38 ms, or until BINH rises) or
+ * while BLNK is high are ignored. As on a real 6500, noise of the transmitter sets ECHO for a short time.
+ * HC-SR04: ECHO is high from the end of the burst until the first echo.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -17,6 +18,9 @@
 #define NOISE 0.0001 // s after INIT
 #define FALSE_ECHO 0.003 // s after INIT, with noise on INIT
 #define NOISE_LASTS 160 // cycles
+#define TRIGGER 160 // cycles, shortest pulse at TRIGGER of an HC-SR04
+#define BURST 0.00045 // s from this pulse until an HC-SR04 has transmitted and raises ECHO
+#define SILENT 0.038 // s; then it lowers ECHO without an echo
 #define SUPPLY 5000 // mV
 #define CONVERSION 208 // cycles of a conversion while tracing
 #define HOLD_CYCLES 24 // from the start of a conversion to sample-and-hold
@@ -25,6 +29,7 @@
 static struct {
     bool transmitting, blanked, inhibited, latched;
     avr_cycle_count_t fired;
+    avr_cycle_count_t triggered; // rising edge of TRIGGER
     struct echoes echoes;
     unsigned next; // index of the next echo
     double temperature;
@@ -36,7 +41,7 @@ static struct {
     avr_cycle_count_t due; // end of the last conversion
 } board;
 
-void ranging_show(avr_t *avr) { set_pin(avr, 'L', 0, (board.latched && !miswired(ECHO_LOW)) || miswired(ECHO_HIGH)); }
+void ranging_show(avr_t *avr) { set_pin(avr, options.controller->echo, (board.latched && !miswired(ECHO_LOW)) || miswired(ECHO_HIGH)); }
 
 static void set_echo(avr_t *avr, bool high)
 {
@@ -115,6 +120,38 @@ static void binh_changed(avr_t *avr, bool high)
 {
     (void)avr;
     board.inhibited = high;
+}
+
+static avr_cycle_count_t hc_sr04_falls(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)when;
+    (void)unused;
+    board.transmitting = false;
+    set_echo(avr, false);
+    return 0;
+}
+
+static avr_cycle_count_t hc_sr04_rises(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)unused;
+    board.fired = when;
+    set_echo(avr, true);
+    double flight = board.echoes.count && board.echoes.times[0] < SILENT ? board.echoes.times[0] : SILENT;
+    avr_cycle_timer_register(avr, (avr_cycle_count_t)llround(flight * FREQUENCY), hc_sr04_falls, NULL);
+    return 0;
+}
+
+static void trigger_changed(avr_t *avr, bool high)
+{
+    if (high)
+        board.triggered = avr->cycle;
+    else if (avr->cycle - board.triggered < TRIGGER)
+        die("the pulse at TRIGGER is shorter than 10 us");
+    if (high || board.transmitting)
+        return;
+    board.transmitting = true;
+    request_echoes(avr);
+    avr_cycle_timer_register(avr, (avr_cycle_count_t)(BURST * FREQUENCY), hc_sr04_rises, NULL);
 }
 
 // The envelope at a number of cycles after INIT, interpolated between two samples of the source.
@@ -196,6 +233,8 @@ void ranging_time_conversion(avr_t *avr)
 
 void ranging_reset(avr_t *avr)
 {
+    if (options.ranging == HC_SR04)
+        return; // the module does not notice the reset of the chip
     board.transmitting = board.blanked = board.inhibited = false;
     set_echo(avr, false);
 }
@@ -208,8 +247,12 @@ void ranging_start(avr_t *avr, double temperature)
     board.place = symbol("ping_place");
     board.converter = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, 0);
     avr_irq_register_notify(board.converter + ADC_IRQ_OUT_TRIGGER, conversion, avr);
-    make_irq_listener(avr, 'C', 0, init_changed);
-    make_irq_listener(avr, 'C', 1, blnk_changed);
-    make_irq_listener(avr, 'C', 2, binh_changed);
     ranging_show(avr);
+    if (options.ranging == HC_SR04) {
+        listen_to_pin(avr, options.controller->init, trigger_changed);
+        return;
+    }
+    listen_to_pin(avr, options.controller->init, init_changed);
+    listen_to_pin(avr, options.controller->blnk, blnk_changed);
+    listen_to_pin(avr, options.controller->binh, binh_changed);
 }

@@ -13,6 +13,10 @@ extern uint32_t host_trace_period_ns;
 #define TRACE_START_NS 0
 #define TRACE_RATE 50000
 #define TRACE_SAMPLES 4800
+#define TRACE_FEATURES FEATURE_ENVELOPE
+#define LOST_MOST 32
+#define ECHOES_MOST 34
+#define KEPT_STORE 616
 #define FASTEST_BAUD 1000000
 
 struct text board_firmware(void);

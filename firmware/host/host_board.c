@@ -16,7 +16,7 @@
 
 #define SENT_MOST (1 << 20)
 #define RECEIVED_MOST (1 << 16)
-#define ECHOES_MOST 256
+#define STORED_ECHOES 256
 #define ROUNDS 3 // of the main loop at each point of time
 #define STEPS_AT_ONCE 20 // between two rounds, with a motor that moves at once
 #define CAM_STEPS (-400) // edge of the cam: below the mark, as on the real turntable
@@ -42,7 +42,7 @@ static struct {
     uint64_t step_due_ns;
     int32_t position;
     uint64_t fired_us, over_us;
-    uint32_t echoes[ECHOES_MOST], result[ECHOES_MOST];
+    uint32_t echoes[STORED_ECHOES], result[ECHOES_MOST];
     uint8_t echo_count;
     const uint8_t *trace;
     uint16_t trace_size, traced;
@@ -215,7 +215,9 @@ bool home_side(void)
     return side || host.wiring & HOST_CAM_OPEN;
 }
 
-uint8_t input_levels(void) { return (home_mark() ? INPUT_MARK : 0) | (home_side() ? INPUT_CAM : 0); }
+uint8_t turntable_inputs(void) { return (home_mark() ? INPUT_MARK : 0) | (home_side() ? INPUT_CAM : 0); }
+
+uint8_t ranging_inputs(void) { return 0; }
 
 uint8_t stored_wiring(void) { return host.stored; }
 

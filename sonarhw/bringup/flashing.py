@@ -1,6 +1,6 @@
 """Write the prebuilt firmware to a board with avrdude, and ask the board who it is afterwards.
 
-`make -C firmware image` builds `images/*.hex`; a test compares them with a fresh build.
+`make -C firmware images` builds `images/*.hex`; a test compares them with a fresh build.
 """
 
 import shutil
@@ -8,7 +8,7 @@ import subprocess
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 
-from sonarhw.bringup.controllers import Controller
+from sonarhw.bringup.controllers import Combination, Controller, Ranging
 from sonarhw.errors import DeviceError, InputError, SonarError
 from sonarhw.host.device_info import DeviceInfo
 from sonarhw.host.scanner import Scanner
@@ -22,14 +22,19 @@ _LINES = 3  # of avrdude's output that an error contains
 class _Target:
     """How avrdude reaches a controller, and how the controller is recognised."""
 
-    usb_name: str  # in KNOWN_USB_IDS
+    usb_name: str | None  # in KNOWN_USB_IDS; None: the board has the USB chip of many others
     firmware: str  # begin of the name in Info
     part: str
     programmer: str
     baud: int
 
 
-_TARGETS = {Controller.MEGA: _Target("Arduino Mega 2560", "sonarhw-mega", "atmega2560", "wiring", 115_200)}
+_TARGETS = {
+    Controller.MEGA: _Target("Arduino Mega 2560", "sonarhw-mega", "atmega2560", "wiring", 115_200),
+    Controller.UNO: _Target("Arduino Uno", "sonarhw-uno", "atmega328p", "arduino", 115_200),
+    Controller.NANO: _Target(None, "sonarhw-uno", "atmega328p", "arduino", 57_600),  # its older bootloader
+}
+_PROFILES = {Ranging.POLAROID: "polaroid-6500", Ranging.HC_SR04: "hc-sr04"}
 
 
 def recognised(port: str) -> Controller | None:
@@ -39,10 +44,15 @@ def recognised(port: str) -> Controller | None:
     """
     known = next((one.known for one in serial_ports() if one.device == port), None)
     for controller, target in _TARGETS.items():
-        if known == target.usb_name:
+        if known is not None and known == target.usb_name:
             return controller
     firmware = _firmware(port)
     return next((one for one, target in _TARGETS.items() if firmware.startswith(target.firmware)), None)
+
+
+def same_chip(one: Controller, other: Controller) -> bool:
+    """Return whether two controllers run the same images."""
+    return _TARGETS[one].part == _TARGETS[other].part
 
 
 def _firmware(port: str) -> str:
@@ -65,14 +75,14 @@ def find_avrdude() -> str:
     return found
 
 
-def write_firmware(port: str, controller: Controller) -> None:
-    """Write the image of a controller to its flash memory and verify it. The EEPROM is unchanged.
+def write_firmware(port: str, combination: Combination) -> None:
+    """Write the image of a combination to the flash memory of its controller and verify it. The EEPROM is unchanged.
 
     avrdude refuses a chip of another type. Raises InputError without avrdude, and SonarError with avrdude's last lines
     if it fails.
     """
-    avrdude, target = find_avrdude(), _TARGETS[controller]
-    with as_file(files("sonarhw.bringup").joinpath(f"images/{controller}.hex")) as image:
+    avrdude, target = find_avrdude(), _TARGETS[combination.controller]
+    with as_file(files("sonarhw.bringup").joinpath(f"images/{combination.image}.hex")) as image:
         command = [avrdude, "-q", "-p", target.part, "-c", target.programmer, "-P", port, "-b", str(target.baud)]
         done = subprocess.run(
             [*command, "-D", "-U", f"flash:w:{image}:i"], stdin=subprocess.DEVNULL, capture_output=True, text=True
@@ -88,11 +98,12 @@ def _reason(printed: str) -> str:
     return "; ".join(errors or lines[-_LINES:]) or "it prints nothing"
 
 
-def ask_identity(port: str, controller: Controller) -> DeviceInfo:
+def ask_identity(port: str, combination: Combination) -> DeviceInfo:
     """Return the identity of a board after it was flashed. Raises DeviceError if another firmware answers."""
     with Scanner.open(port) as scanner:
         info = scanner.info
-    expected = _TARGETS[controller].firmware
-    if not info.firmware.startswith(expected):
-        raise DeviceError(f"{port}: the firmware {info.firmware!r} answers; expected {expected}; flash it again")
+    expected = (_TARGETS[combination.controller].firmware, _PROFILES[combination.ranging])
+    if not info.firmware.startswith(expected[0]) or info.board != expected[1]:
+        found = f"the firmware {info.firmware!r} for {info.board!r} answers"
+        raise DeviceError(f"{port}: {found}; expected {expected[0]} for {expected[1]}; flash it again")
     return info

@@ -133,9 +133,10 @@ def emulated_board(
     start_deg: float = 100.0,
     eeprom: Path | None = None,
     built: Path = BUILT,
+    combination: str = "mega-polaroid-step-dir",
     miswire: WiringFault | None = None,
 ) -> Iterator[EmulatedBoard]:
-    """Run the firmware in the folder `built` until the block ends.
+    """Run the firmware in the folder `built` for a combination of controller, ranging and turning until the block ends.
 
     `start_deg` is the angle of the turntable at power-on. `eeprom` is a file with the content of the EEPROM.
     `miswire` are wiring faults from power-on. Raises
@@ -143,10 +144,11 @@ def emulated_board(
     ends by itself if the firmware sends a byte or makes a step while it listens. An error of the echo source is raised
     at the end of the block.
     """
-    for needed in (built / "emulator", built / "sonar.elf"):
+    for needed in (built / "emulator", built / f"{combination}.elf"):
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
-    arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--stands", str(start_deg)]
+    arguments: list[str | Path] = [built / "emulator", "--firmware", built / f"{combination}.elf"]
+    arguments += ["--combination", combination, "--stands", str(start_deg)]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]
     arguments += ["--temperature", str(echoes.temperature_c)] if echoes.temperature_c is not None else []
     arguments += ["--miswire", str(int(miswire))] if miswire else []

@@ -6,7 +6,7 @@ from tests import structure
 
 MOST_FILES = 13  # twelve and an `__init__.py`
 LARGER = {
-    "firmware/atmega2560": "a unit is a source file and its header",
+    "firmware/avr": "a unit is a source file and its header",
     "docs/screenshots": "pictures",
     "rooms": "one file for each room",
 }

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from sonarhw.bringup.controllers import Controller
+from sonarhw.bringup.controllers import Combination, Controller, Ranging, Turning
 from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import print_line, print_note
 
@@ -14,6 +14,8 @@ def flash(
     controller: Annotated[
         Controller | None, typer.Option(help="Controller of the board; default: the one that is recognised.")
     ] = None,
+    ranging: Annotated[Ranging, typer.Option(help="Ranging board.")] = Ranging.POLAROID,
+    turning: Annotated[Turning, typer.Option(help="Turntable.")] = Turning.STEP_DIR,
     force: Annotated[
         bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
     ] = False,
@@ -21,6 +23,7 @@ def flash(
     """Write the firmware that comes with sonarhw to a board with avrdude, verify it, and print who answers.
 
     A board is recognised by its USB identity, or by a scanner firmware that runs on it. No compiler is needed.
+    A Nano with a new bootloader is flashed as an Uno.
     """
     from sonarhw.bringup import flashing
 
@@ -28,9 +31,12 @@ def flash(
         raise InputError(f"{port}: expected a serial port such as /dev/ttyACM0")
     if force and controller is None:
         raise InputError("--force: also give --controller")
+    if controller:
+        Combination(controller, ranging, turning)  # refused before the port is opened
     flashing.find_avrdude()
-    wanted = controller if controller and force else _recognised(port, controller)
-    print_note(f"{port}: writing the firmware for {wanted}; this takes about 20 s")
+    found = controller if controller and force else _recognised(port, controller)
+    wanted = Combination(found, ranging, turning)
+    print_note(f"{port}: writing the firmware {wanted.image}; this takes about 20 s")
     flashing.write_firmware(port, wanted)
     info = flashing.ask_identity(port, wanted)
     print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
@@ -38,10 +44,12 @@ def flash(
 
 def _recognised(port: str, wanted: Controller | None) -> Controller:
     """Return the controller at a port. Raises InputError if it is not recognised, or not the `wanted` one."""
-    from sonarhw.bringup.flashing import recognised
+    from sonarhw.bringup.flashing import recognised, same_chip
 
     found = recognised(port)
-    if found is None or wanted not in (None, found):
+    if found and wanted and same_chip(found, wanted):
+        return wanted
+    if found is None or wanted:
         what = "is not recognised" if found is None else f"has the controller {found}, not {wanted}"
         raise InputError(f"{port}: the board {what}; if you are sure, add --force and --controller")
     return found

@@ -35,6 +35,7 @@ struct ping_result {
 void ping_start(const struct ping_order *order);
 bool ping_over(void); // whether listening has ended; if so, switches the ranging board off
 struct ping_result ping_result(void); // valid until the next ping
+uint8_t ranging_inputs(void); // enum input: the outputs of the ranging board that are high
 
 /* Turntable motor. An interrupt calls `turntable_step` until it returns 0. */
 
@@ -43,7 +44,7 @@ bool motor_turning(void);
 void motor_release(void);
 bool home_mark(void); // true from 0 to 180 degrees of each turn
 bool home_side(void); // cam behind a gear: true from an angle below 0 upwards, over the whole range of the cable
-uint8_t input_levels(void); // enum input: the pins that are high
+uint8_t turntable_inputs(void); // enum input: the switches whose pins are high
 uint8_t stored_wiring(void); // non-volatile; 0 on a new board
 void store_wiring(uint8_t wiring);
 

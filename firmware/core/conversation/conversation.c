@@ -93,7 +93,7 @@ static void send_next(uint64_t now_us)
         .temperature = thermometer(),
         .boot = boot_count(),
         .homed = turntable_zero(),
-        .inputs = input_levels(),
+        .inputs = turntable_inputs() | ranging_inputs(),
     });
 }
 

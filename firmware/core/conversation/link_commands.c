@@ -6,7 +6,7 @@
 #include "board_facts.h" // limits of the board
 #include "hardware.h" // thermometer
 #include "host_link.h" // host_link_greet
-#include "kept.h" // ECHOES_MOST
+#include "kept.h" // kept_at_least
 #include "line.h" // line_can
 #include "outbox.h" // outbox_finish
 #include "refusals.h" // refused_while_busy
@@ -38,10 +38,8 @@ void on_ask_capabilities(const struct command_frame *frame)
 {
     send_capabilities(&(struct capabilities){
         .command = frame->sequence,
-        .features = FEATURE_HOME_MARK | FEATURE_LOST_STEPS | FEATURE_BLANKING | FEATURE_REARM | FEATURE_INPUTS |
-                    FEATURE_WIRING |
-                    (thermometer() == NO_TEMPERATURE ? 0 : FEATURE_THERMOMETER) |
-                    (TRACE_KIND == TRACE_KIND_CARRIER ? FEATURE_CARRIER : FEATURE_ENVELOPE),
+        .features = TURNTABLE_FEATURES | RANGING_FEATURES | TRACE_FEATURES | FEATURE_INPUTS | FEATURE_WIRING |
+                    (thermometer() == NO_TEMPERATURE ? 0 : FEATURE_THERMOMETER),
         .lowest_angle = -REACH_DEGREES * 1000000L,
         .highest_angle = REACH_DEGREES * 1000000L,
         .steps = FULL_STEPS,

@@ -4,7 +4,7 @@
 #include "action.h" // action_scan
 #include "answers.h" // answer_accepted
 #include "board_facts.h" // limits of the board
-#include "kept.h" // ECHOES_MOST
+#include "kept.h" // KEPT_MOST
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_settings
 
@@ -26,22 +26,22 @@ static bool valid(const struct command_frame *frame, const struct configure *req
     return false;
 }
 
+static uint32_t within(uint32_t least, uint32_t value, uint32_t most)
+{
+    return value < least ? least : value > most ? most : value;
+}
+
 // The nearest settings that this board supports.
 static struct configure feasible(struct configure request)
 {
-    if (request.listen_us > LISTEN_MOST_US)
-        request.listen_us = LISTEN_MOST_US;
-    if (request.blanking_us < BLANKING_LEAST_US)
-        request.blanking_us = BLANKING_LEAST_US;
-    if (request.rearm_us < REARM_LEAST_US)
-        request.rearm_us = REARM_LEAST_US;
+    request.listen_us = within(0, request.listen_us, LISTEN_MOST_US);
+    request.blanking_us = within(BLANKING_LEAST_US, request.blanking_us, BLANKING_MOST_US);
+    request.rearm_us = (uint16_t)within(REARM_LEAST_US, request.rearm_us, REARM_MOST_US);
     request.pulses = PULSES_SENT;
     request.trace = request.trace ? TRACE_KIND : TRACE_KIND_NONE;
     request.trace_rate = request.trace ? TRACE_RATE : 0;
     request.trace_bits = request.trace ? 8 : 0;
-    uint8_t most = request.trace ? ECHOES_BESIDE_TRACE : ECHOES_MOST;
-    if (request.echoes > most)
-        request.echoes = most;
+    request.echoes = (uint8_t)within(1, request.echoes, request.trace ? ECHOES_BESIDE_TRACE : ECHOES_MOST);
     return request;
 }
 

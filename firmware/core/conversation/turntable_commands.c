@@ -4,13 +4,18 @@
 #include "action.h" // action_home, action_turn
 #include "answers.h" // answer_accepted
 #include "board_facts.h" // SPEED
+#include "homing_facts.h" // enum homing
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_turntable_settings
 #include "turntable.h" // struct turntable_manner
 
 void on_home(const struct command_frame *frame)
 {
-    if (!refused_while_busy(frame))
+    if (refused_while_busy(frame))
+        return;
+    if (HOMING == HOMING_BY_HAND)
+        answer_out_of_range(frame, FLASH_TEXT("the turntable has no zero mark; turn it to zero by hand and send SetZero"));
+    else
         action_home(frame);
 }
 
@@ -18,6 +23,10 @@ void on_set_zero(const struct command_frame *frame)
 {
     if (refused_while_busy(frame))
         return;
+    if (HOMING == HOMING_ABSOLUTE) {
+        answer_out_of_range(frame, FLASH_TEXT("the zero of a servo cannot be set; send Home"));
+        return;
+    }
     turntable_set_zero();
     answer_accepted(frame);
 }

@@ -2,10 +2,12 @@
 
 #include "board_facts.h" // MICROSTEPS, REACH_DEGREES, speeds
 #include "hardware.h" // motor, home switch
+#include "homing_facts.h" // JOG_DEGREES
 #include "messages.h" // enum approach
 #include "ramp.h" // struct ramp
 
 #define TURN_MICRODEGREES 360000000
+#define FULL_TRAVEL_US 1000000 // of a servo, whose angle is unknown before its first pulse
 #define WIRING_PROVEN 0x40 // stored beside enum wiring: a Home has succeeded with this wiring
 #define STEPS_OF_DEGREES(degrees) ((int32_t)((int64_t)(degrees) * MICROSTEPS / 360))
 
@@ -16,11 +18,12 @@ enum leg {
     CREEPING, // counter-clockwise to the mark
     PASSING, // past the heading, to return to it
     APPROACHING, // to the heading
+    RETURNING, // to the zero of a servo
     HALTING,
     SETTLING,
 };
 
-enum order { NOTHING, HOMING, TURNING };
+enum order { NOTHING, TO_HOME, TO_TURN };
 
 static struct {
     enum leg leg;
@@ -111,6 +114,8 @@ static int32_t steps_of(int32_t microdegrees)
 }
 
 static int32_t microdegrees_of(int32_t steps) { return (int32_t)((int64_t)steps * TURN_MICRODEGREES / MICROSTEPS); }
+
+int16_t turntable_steps(void) { return (int16_t)position; }
 
 int32_t turntable_microdegrees(void) { return turntable_homed() ? microdegrees_of(position_now()) : 0; }
 
@@ -208,14 +213,24 @@ static void seek(enum leg leg, uint16_t speed)
     start(leg, leg == SEEKING_ABOVE ? way : -way, homing_speed(speed));
 }
 
+// A servo goes to its zero by itself. At least one step, because the first one starts its pulses.
+static void return_to_zero(void)
+{
+    if (position == 0)
+        position = -1;
+    start(RETURNING, -position, table.manner.speed);
+}
+
 static void begin(void)
 {
     enum order order = table.order;
     table.order = NOTHING;
     table.leg = STILL;
-    if (order == TURNING)
+    if (order == TO_TURN)
         approach();
-    else if (order == HOMING)
+    else if (order == TO_HOME && HOMING == HOMING_ABSOLUTE)
+        return_to_zero();
+    else if (order == TO_HOME)
         seek(above_zero() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
 }
 
@@ -230,13 +245,13 @@ static void take(enum order order)
 void turntable_home(void)
 {
     table.zero = ZERO_UNKNOWN;
-    take(HOMING);
+    take(TO_HOME);
 }
 
 void turntable_turn(int32_t microdegrees)
 {
     table.target = steps_of(microdegrees);
-    take(TURNING);
+    take(TO_TURN);
 }
 
 bool turntable_can_jog(int32_t microdegrees)
@@ -250,7 +265,7 @@ bool turntable_can_jog(int32_t microdegrees)
 void turntable_jog(int32_t microdegrees)
 {
     table.target = position_now() + steps_of(microdegrees);
-    take(TURNING);
+    take(TO_TURN);
 }
 
 void turntable_invert(uint8_t change, uint8_t inverted)
@@ -379,7 +394,7 @@ static void watch(void)
         watch_mark();
     else if (table.leg == CREEPING && mark_passed)
         take_mark();
-    else if (table.zero == ZERO_MARK)
+    else if (table.zero == ZERO_MARK && HOMING == HOMING_WITH_SWITCHES)
         check_mark();
 }
 
@@ -405,6 +420,10 @@ static void next_leg(uint64_t now_us)
     case APPROACHING:
         if (!approach())
             settle(now_us);
+        break;
+    case RETURNING:
+        table.zero = ZERO_MARK;
+        settle(now_us + FULL_TRAVEL_US);
         break;
     case SETTLING:
         if (now_us >= table.settled_us)

@@ -55,6 +55,8 @@ bool turntable_work(uint64_t now_us);
 enum turntable_trouble turntable_trouble(void); // of the last movement
 int32_t turntable_lost(void); // sum of microsteps missing at the mark since the start
 
+// Called by an interrupt: the position, for a motor that has no steps.
+int16_t turntable_steps(void);
 // Called by the step interrupt after each step. Returns the ticks until the next, or 0 to end.
 uint16_t turntable_step(void);
 

@@ -48,17 +48,17 @@ static void take(struct cursor *cursor, struct reading *reading)
     }
 }
 
-static void put_u8(struct cursor *cursor, uint8_t byte)
+static void keep_u8(struct cursor *cursor, uint8_t byte)
 {
     kept.store[cursor->at] = byte;
     cursor->at = cursor->at + 1 == KEPT_STORE ? 0 : cursor->at + 1;
     kept.used++;
 }
 
-static void put_u16(struct cursor *cursor, uint16_t value)
+static void keep_u16(struct cursor *cursor, uint16_t value)
 {
-    put_u8(cursor, (uint8_t)value);
-    put_u8(cursor, (uint8_t)(value >> 8));
+    keep_u8(cursor, (uint8_t)value);
+    keep_u8(cursor, (uint8_t)(value >> 8));
 }
 
 static void drop_oldest(void)
@@ -84,17 +84,17 @@ void kept_add(uint64_t fired_us, int16_t temperature, const uint32_t *echoes, ui
     while (kept.count == KEPT_MOST || kept.used + KEPT_SIZE(echo_count) > KEPT_STORE)
         drop_oldest();
     struct cursor cursor = {(kept.from + kept.used) % KEPT_STORE};
-    put_u16(&cursor, (uint16_t)fired_us);
-    put_u16(&cursor, (uint16_t)(fired_us >> 16));
-    put_u16(&cursor, (uint16_t)temperature);
-    put_u8(&cursor, echo_count);
+    keep_u16(&cursor, (uint16_t)fired_us);
+    keep_u16(&cursor, (uint16_t)(fired_us >> 16));
+    keep_u16(&cursor, (uint16_t)temperature);
+    keep_u8(&cursor, echo_count);
     uint32_t before = 0;
     for (; echo_count; echo_count--, echoes++) {
         uint32_t delta = *echoes - before;
         before = *echoes;
         for (; delta >= LONG_DELTA; delta -= LONG_DELTA)
-            put_u16(&cursor, LONG_DELTA);
-        put_u16(&cursor, (uint16_t)delta);
+            keep_u16(&cursor, LONG_DELTA);
+        keep_u16(&cursor, (uint16_t)delta);
     }
     kept.fired_us = fired_us;
     kept.end++;

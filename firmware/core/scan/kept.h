@@ -8,8 +8,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define ECHOES_MOST 34 // of a reading
-#define KEPT_STORE 616 // bytes
+#include "board_facts.h" // ECHOES_MOST, KEPT_STORE
+
 #define KEPT_MOST 64
 #define KEPT_SIZE(echoes) (9 + 2 * (echoes)) // bytes of a reading, at most
 

@@ -2,19 +2,29 @@
 
 import re
 
-from tests.system.firmware.conftest import FIRMWARE
+import pytest
+
+from tests.system.firmware.combinations.images import CHIPS, FIRMWARE, budgets, combinations
 from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
 
 DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
 
 
+@pytest.mark.parametrize("controller", CHIPS)
+def test_documented_pins_match_the_firmware(controller: str) -> None:
+    pins = (FIRMWARE / "avr" / CHIPS[controller] / "pins.h").read_text()
+    in_firmware = dict(re.findall(r"^#define (\w+) [A-L], \d //\s+(\d+)", pins, re.M))
+    column = [*CHIPS].index(controller)
+    rows = re.findall(r"^\| `([A-Z_0-9]+)` \| (\d+|-) \| (\d+|-) \|", DOCUMENT, re.M)
+    assert {name: pins[column] for name, *pins in rows if pins[column] != "-"} == in_firmware
+
+
 def test_documented_budgets_match_the_comments_at_the_handlers() -> None:
-    sources = "".join(file.read_text() for file in sorted((FIRMWARE / "atmega2560").glob("*.c")))
-    commented = {
-        name: re.findall(r"Budget (\d+) cycles", comment)[0]
-        for comment, name in re.findall(r"((?://.*\n)+)ISR\((\w+)\)", sources)
-    }
-    assert dict(re.findall(r"^\| `(\w+_vect)`.*? \| (\d+) \|", DOCUMENT, re.M)) == commented
+    commented: dict[tuple[str, str], int] = {}
+    for combination in combinations():
+        commented |= budgets(combination)
+    rows = re.findall(r"^\| `(\w+_vect)` \| `([\w-]+\.c)` .*? \| (\d+) \|", DOCUMENT, re.M)
+    assert {(name, file): int(cycles) for name, file, cycles in rows} == commented
 
 
 def test_documented_memory_matches_the_tested_limits() -> None:
@@ -25,6 +35,8 @@ def test_documented_memory_matches_the_tested_limits() -> None:
 def test_every_documented_file_exists() -> None:
     (listing,) = re.findall(r"```text\n(firmware/core/.*?)```", DOCUMENT, re.S)
     sources = {file.name for file in FIRMWARE.rglob("*.[ch]")}
-    assert set(re.findall(r"\w+\.[ch]\b", listing)) <= sources
-    assert set(re.findall(r"^    (\w+)/ ", listing, re.M)) == {path.name for path in (FIRMWARE / "core").iterdir()}
+    assert set(re.findall(r"[\w-]+\.[ch]\b", listing)) <= sources
+    folders = {path.name for path in FIRMWARE.glob("*/*") if path.is_dir()}
+    named = set(re.findall(r"^    (\w+)/ ", listing, re.M))
+    assert {path.name for path in (FIRMWARE / "core").iterdir()} <= named <= folders
     assert all((FIRMWARE.parent / path).exists() for path in re.findall(r"^firmware/\S+", listing, re.M))

@@ -47,6 +47,7 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
+from tests.system.firmware.combinations.images import MEGA, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, envelope, scanner_on
 from tests.unit.compare.plate.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 
@@ -154,7 +155,7 @@ def fire_times_without_host_messages(talk: Talk, order: StartScan) -> list[int]:
 
 
 def test_memory_and_stack_stay_within_the_documented_limits(built: Path) -> None:
-    sizes = subprocess.run(["avr-size", "-A", built / "sonar.elf"], capture_output=True, text=True, check=True).stdout
+    sizes = subprocess.run(["avr-size", "-A", built / f"{MEGA}.elf"], capture_output=True, text=True, check=True).stdout
     used = sum(int(size) for size in re.findall(r"^\.(?:data|bss|noinit)\s+(\d+)", sizes, re.M))
     assert used <= TRACE_STORE + OTHER_VARIABLES
     with scanner_on(Echoes(*np.arange(1, 60) * 1e-3)) as (_, scanner):
@@ -165,11 +166,7 @@ def test_memory_and_stack_stay_within_the_documented_limits(built: Path) -> None
 
 
 def test_interrupt_handlers_stay_within_their_budgets() -> None:
-    listing = ["avr-gcc", "-mmcu=atmega2560", "-E", "-dM", "-include", "avr/io.h", "-x", "c", "/dev/null"]
-    numbers = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
-    number = {name: int(n) for name, n in re.findall(r"#define (\w+_vect)_num\s+(\d+)", numbers)}
-    sources = "".join(file.read_text() for file in sorted((FIRMWARE / "atmega2560").glob("*.c")))
-    handlers = re.findall(r"((?://.*\n)*)ISR\((\w+)\)", sources)
+    handlers = budgets(MEGA)
     assert len(handlers) == 7
     with scanner_on(Echoes(0.001, 0.007, 0.020)) as (board, scanner):
         scanner.configure(trace=True)
@@ -177,9 +174,8 @@ def test_interrupt_handlers_stay_within_their_budgets() -> None:
         scanner.configure(blanking=0.050)
         list(scanner.scan(sector(0, 10, 10)))
         longest = board.longest_interrupts()
-    for comment, name in handlers:
-        (budget,) = re.findall(r"Budget (\d+) cycles", comment)
-        assert 0 < longest[number[name]] <= int(budget), name
+    for (name, _), budget in handlers.items():
+        assert 0 < longest[vector(MEGA, name)] <= budget, name
 
 
 @pytest.mark.parametrize(

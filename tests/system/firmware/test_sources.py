@@ -7,35 +7,37 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.firmware.conftest import FIRMWARE
+from tests.system.firmware.combinations.images import FIRMWARE, combinations, sources
 
 CORE = FIRMWARE / "core"
-BOARDS = ["atmega2560", "host"]
+HOST = [*(FIRMWARE / "host").glob("*.[ch]"), *(FIRMWARE / "parts" / "polaroid").iterdir()]
+HOST += [*(FIRMWARE / "parts" / "step-dir").iterdir()]
+BOARDS = {"host": HOST, **{name: sources(name) for name in combinations()}}
 
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_file_names_are_unique_on_the_include_path(board: str) -> None:
-    names = Counter(file.name for folder in (CORE, FIRMWARE / board) for file in folder.rglob("*.[ch]"))
+    names = Counter(file.name for file in [*CORE.rglob("*.[ch]"), *BOARDS[board]])
     assert [name for name, times in names.items() if times > 1] == []
 
 
 def test_a_folder_has_at_most_twelve_files_or_fifteen_for_a_board() -> None:
-    for folder in [*CORE.iterdir(), *(FIRMWARE / board for board in BOARDS), FIRMWARE / "emulator"]:
+    for folder in [path for path in FIRMWARE.rglob("*") if path.is_dir() and "build" not in path.parts]:
         files = [file for file in folder.iterdir() if file.suffix in (".c", ".h")]
-        assert len(files) <= (12 if folder.parent == CORE else 15), folder
+        assert len(files) <= (15 if folder == FIRMWARE / "avr" else 12), folder
 
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_no_two_files_include_each_other(board: str) -> None:
     includes: dict[str, set[str]] = {}
-    for file in [*CORE.rglob("*.[ch]"), *(FIRMWARE / board).glob("*.[ch]")]:
+    for file in [*CORE.rglob("*.[ch]"), *BOARDS[board]]:
         included = {Path(name).stem for name in re.findall(r'#include "(.+?)"', file.read_text())}
         includes.setdefault(file.stem, set()).update(included - {file.stem})
     TopologicalSorter(includes).prepare()  # raises CycleError
 
 
 def test_the_portable_part_mentions_no_chip() -> None:
-    for file in CORE.rglob("*.[ch]"):
+    for file in [*CORE.rglob("*.[ch]"), *(FIRMWARE / "parts").rglob("*.h")]:
         text = file.read_text()
         assert "avr" not in text.lower(), file
         assert "#ifdef" not in text, file

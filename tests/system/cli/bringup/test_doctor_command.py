@@ -80,7 +80,7 @@ def test_each_wiring_fault_of_a_fake_board_fails_its_check(fault: WiringFault, c
         check_diagnoses(url, checks, advice)
 
 
-@pytest.mark.skipif(not (BUILT / "sonar.elf").exists(), reason="the firmware is not built")
+@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 @pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=IDS)
 def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
     fault: WiringFault, checks: list[str], advice: str

@@ -1,19 +1,21 @@
 """`sonarhw flash`: avrdude writes the prebuilt image to an emulated bootloader, and never to an unknown board."""
 
-import shutil
 import stat
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from sonarhw.bringup.controllers import IMAGES
 from tests.checkout import CHECKOUT
 from tests.system.cli.bringup.bootloader import bootloader_board
 from tests.system.cli.instrument.test_scan_command import sonarhw
+from tests.system.firmware.combinations.images import combinations
 
-IMAGE = CHECKOUT / "sonarhw" / "bringup" / "images" / "mega.hex"
+FOLDER = CHECKOUT / "sonarhw" / "bringup" / "images"
+IMAGE = FOLDER / "mega-polaroid-step-dir.hex"
 OLD = "sonarhw-mega 0.0.9"
-needs_avrdude = pytest.mark.skipif(shutil.which("avrdude") is None, reason="avrdude is not installed")
+OLD_UNO = "sonarhw-uno 0.0.9"
 
 
 def bytes_of(image: Path) -> bytes:
@@ -41,14 +43,15 @@ def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "arguments"
 
 
-def test_the_prebuilt_image_is_a_fresh_build() -> None:
-    make = ["make", "-C", CHECKOUT / "firmware", "WERROR=-Werror", "all"]
+def test_the_prebuilt_images_are_fresh_builds_of_every_combination() -> None:
+    make = ["make", "-C", CHECKOUT / "firmware", "WERROR=-Werror", "combinations"]
     subprocess.run(make, check=True, capture_output=True)
-    fresh = CHECKOUT / "firmware" / "build" / "sonar.hex"
-    assert bytes_of(IMAGE) == bytes_of(fresh), "run: make -C firmware image"
+    assert sorted(IMAGES) == sorted(combinations()) == sorted(path.stem for path in FOLDER.iterdir())
+    for name in IMAGES:
+        fresh = CHECKOUT / "firmware" / "build" / f"{name}.hex"
+        assert bytes_of(FOLDER / f"{name}.hex") == bytes_of(fresh), "run: make -C firmware images"
 
 
-@needs_avrdude
 def test_a_recognised_board_is_written_verified_and_greeted() -> None:
     with bootloader_board(OLD) as board:
         done = sonarhw("flash", board.port)
@@ -57,7 +60,22 @@ def test_a_recognised_board_is_written_verified_and_greeted() -> None:
         assert bytes(board.flash[: len(image)]) == image
 
 
-@needs_avrdude
+@pytest.mark.parametrize("controller", [[], ["--controller", "nano"]])
+def test_an_uno_gets_the_image_for_its_ranging_board_and_turntable(controller: list[str]) -> None:
+    with bootloader_board(OLD_UNO, chip="atmega328p", profile="hc-sr04") as board:
+        done = sonarhw("flash", board.port, *controller, "--ranging", "hc-sr04", "--turning", "servo")
+        assert (done.returncode, done.stdout) == (0, f"{board.port}: sonarhw-uno 0.1.0, protocol 1.2, SONAR-000005\n")
+        image = bytes_of(FOLDER / "uno-hc-sr04-servo.hex")
+        assert bytes(board.flash[: len(image)]) == image
+
+
+def test_a_board_that_answers_for_another_ranging_board_is_an_error() -> None:
+    with bootloader_board(OLD_UNO, chip="atmega328p", profile="polaroid-6500") as board:
+        done = sonarhw("flash", board.port, "--ranging", "hc-sr04")
+    assert done.returncode == 1
+    assert "'sonarhw-uno 0.1.0' for 'polaroid-6500' answers; expected sonarhw-uno for hc-sr04" in done.stderr
+
+
 def test_force_flashes_a_board_that_does_not_answer() -> None:
     with bootloader_board("") as board:
         done = sonarhw("flash", board.port, "--force", "--controller", "mega")
@@ -65,7 +83,6 @@ def test_force_flashes_a_board_that_does_not_answer() -> None:
         assert board.flashed
 
 
-@needs_avrdude
 @pytest.mark.parametrize(
     ("options", "message"),
     [({"chip": "atmega328p"}, "signature"), ({"writes": False}, "verification mismatch")],
@@ -107,7 +124,8 @@ def test_avrdude_gets_port_chip_and_image_and_its_last_line_is_shown(stand_in: P
     [
         (("socket://127.0.0.1:1",), "expected a serial port such as /dev/ttyACM0"),
         (("/dev/ttyACM0", "--force"), "--force: also give --controller"),
-        (("/dev/ttyACM0", "--controller", "nano"), "nano"),
+        (("/dev/ttyACM0", "--controller", "pico"), "pico"),
+        (("/dev/ttyACM0", "--controller", "nano", "--turning", "servo"), "no prebuilt firmware for uno-polaroid-servo"),
     ],
 )
 def test_bad_options_are_refused(arguments: tuple[str, ...], message: str) -> None:

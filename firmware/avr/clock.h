@@ -1,4 +1,4 @@
-/* Clock of the device: timer 4 counts half microseconds. It also times the echoes. */
+/* Clock of the device: the timer of `registers.h`. It also times the echoes. */
 #ifndef CLOCK_H
 #define CLOCK_H
 

@@ -63,6 +63,9 @@ struct text board_serial(void)
     return (struct text){serial, size};
 }
 
-struct text board_firmware(void) { return (struct text){"sonarhw-mega 0.1.0", 18}; }
+static const char firmware[] = "sonarhw-" CHIP " 0.1.0";
+static const char profile[] = PROFILE;
 
-struct text board_profile(void) { return (struct text){"polaroid-6500", 13}; }
+struct text board_firmware(void) { return (struct text){firmware, sizeof firmware - 1}; }
+
+struct text board_profile(void) { return (struct text){profile, sizeof profile - 1}; }

@@ -1,11 +1,12 @@
-/* Pins. The ports of all outputs are below 0x20, where one instruction sets a pin. */
+/* Pins and timer of an ATmega2560. The ports of all outputs are below 0x20, where one instruction sets a pin. */
 #ifndef PINS_H
 #define PINS_H
 
-#include <avr/io.h> // registers
+#include "registers.h" // PIN_HIGH and others
 
 // signal       port letter, bit      pin of an Arduino Mega 2560
 #define INIT C, 0 //                  37
+#define TRIGGER C, 0 //               37
 #define BLNK C, 1 //                  36
 #define BINH C, 2 //                  35
 #define STEP A, 0 //                  22
@@ -16,13 +17,6 @@
 #define ECHO L, 0 //                  49, the input capture of timer 4
 // the trace is on A0, the thermistor on A1
 
-#define PIN_HIGH(pin) PIN_HIGH_(pin)
-#define PIN_LOW(pin) PIN_LOW_(pin)
-#define PIN_OUTPUT(pin) PIN_OUTPUT_(pin)
-#define PIN_READ(pin) PIN_READ_(pin)
-#define PIN_HIGH_(port, bit) (PORT##port |= _BV(bit))
-#define PIN_LOW_(port, bit) (PORT##port &= (uint8_t)~_BV(bit))
-#define PIN_OUTPUT_(port, bit) (DDR##port |= _BV(bit))
-#define PIN_READ_(port, bit) ((PIN##port & _BV(bit)) != 0)
+#define TIMER_NUMBER 4
 
 #endif

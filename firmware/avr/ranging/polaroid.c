@@ -1,13 +1,14 @@
-/* The 6500 ranging board: outputs INIT, BLNK and BINH, ECHO on the input capture of timer 4, trace on the converter. */
+/* The 6500 ranging board: outputs INIT, BLNK and BINH, ECHO on the input capture of the timer, trace on the converter. */
 #include <avr/interrupt.h> // ISR
-#include <avr/io.h> // registers
 #include <util/atomic.h> // ATOMIC_BLOCK
 
-#include "board_facts.h" // TRACE_SAMPLES
+#include "board_facts.h" // ECHOES_BESIDE_TRACE
 #include "clock.h" // ticks
-#include "converter.h" // the trace
 #include "hardware.h" // ping_start
+#include "messages.h" // enum input
+#include "parts.h" // ranging_start
 #include "pins.h"
+#include "trace.h"
 
 static uint32_t fired_low; // ticks
 static uint64_t fired_us;
@@ -18,30 +19,35 @@ static volatile uint8_t echo_count;
 static uint32_t few_echoes[ECHOES_BESIDE_TRACE];
 static uint32_t *echoes;
 static uint32_t rearm_ticks;
-static volatile uint32_t wait_left; // ticks left after the present run of timer 3
-static volatile bool unblanks; // timer 3 counts the blanking, not the re-arming
+static volatile uint32_t wait_left; // ticks left after the present wait
+static volatile bool unblanks; // the wait is the blanking, not the re-arming
 
-// Trigger TIMER3_COMPA once after `ticks`. Call it with interrupts off.
-static void wake_in(uint32_t ticks)
+void ranging_start(void)
 {
-    uint16_t now = ticks > 0x8000 ? 0x8000 : (uint16_t)ticks;
+    PIN_OUTPUT(INIT);
+    PIN_OUTPUT(BLNK);
+    PIN_OUTPUT(BINH);
+}
+
+// Trigger TIMER_COMPB once, `ticks` after the timer was `count`. Call it with interrupts off.
+static void wake_in(uint16_t count, uint32_t ticks)
+{
+    uint16_t now = ticks > 0xFFFF ? 0x8000 : (uint16_t)ticks;
     wait_left = ticks - now;
-    OCR3A = now - 1;
-    TCNT3 = 0;
-    TIFR3 = _BV(OCF3A);
-    TIMSK3 = _BV(OCIE3A);
-    TCCR3B = _BV(WGM32) | _BV(CS31);
+    count += now;
+    TIMER_B = count ? count : 1; // the emulated timer has no match with 0
+    TIMER_FLAGS = _BV(OCF1B);
+    TIMER_INTERRUPTS |= _BV(OCIE1B);
 }
 
 // End of blanking or of re-arming. Budget 150 cycles.
-ISR(TIMER3_COMPA_vect)
+ISR(TIMER_COMPB_vect)
 {
     if (wait_left) {
-        wake_in(wait_left);
+        wake_in(TIMER_B, wait_left);
         return;
     }
-    TCCR3B = 0;
-    TIMSK3 = 0;
+    TIMER_INTERRUPTS &= ~_BV(OCIE1B);
     if (unblanks)
         PIN_HIGH(BINH);
     unblanks = false;
@@ -49,9 +55,9 @@ ISR(TIMER3_COMPA_vect)
 }
 
 // An echo. Its time is captured by the timer, so that other interrupts cause no error. Budget 260 cycles.
-ISR(TIMER4_CAPT_vect)
+ISR(TIMER_CAPT_vect)
 {
-    uint32_t ticks = clock_ticks_at(ICR4) - fired_low;
+    uint32_t ticks = clock_ticks_at(TIMER_CAPTURED) - fired_low;
     uint8_t count = echo_count;
     // earlier edges are noise of the transmitter
     if (ticks < 2 * BLANKING_LEAST_US || count == echoes_wanted)
@@ -60,7 +66,7 @@ ISR(TIMER4_CAPT_vect)
     echo_count = ++count;
     if (count < echoes_wanted) {
         PIN_HIGH(BLNK);
-        wake_in(rearm_ticks);
+        wake_in(TIMER_COUNT, rearm_ticks);
     }
 }
 
@@ -70,29 +76,29 @@ void ping_start(const struct ping_order *order)
     rearm_ticks = order->rearm_us * 2UL;
     echoes_wanted = order->echoes;
     echo_count = 0;
-    traced = order->trace;
-    echoes = traced ? few_echoes : (uint32_t *)converter_samples();
+    traced = order->trace && TRACE_SAMPLES;
+    echoes = traced ? few_echoes : trace_spare();
     // compute everything first: INIT and the first sample must be only a few instructions apart
     if (traced)
-        converter_prepare((uint16_t)(order->listen_us / 13));
+        trace_prepare(order->listen_us);
     bool longer = order->blanking_us > BLANKING_US;
     uint32_t unblanked_ticks = order->blanking_us * 2;
     unblanks = order->blanking_us != BLANKING_US;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        TIFR4 = _BV(ICF4);
-        TIMSK4 = _BV(TOIE4) | _BV(ICIE4);
+        TIMER_FLAGS = _BV(ICF1);
+        TIMER_INTERRUPTS |= _BV(ICIE1);
         if (longer)
             PIN_HIGH(BLNK);
         fired_us = clock_us();
-        uint16_t before = TCNT4;
+        uint16_t before = TIMER_COUNT;
         PIN_HIGH(INIT);
         if (traced)
-            converter_go();
+            trace_go();
         // INIT rises 5 cycles after the timer was read, which is half a tick after its last count
         fired_low = clock_ticks_at(before) + 1;
         if (unblanks)
-            wake_in(unblanked_ticks);
+            wake_in(before, unblanked_ticks);
     }
 }
 
@@ -102,11 +108,9 @@ bool ping_over(void)
         return false;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        TIMSK4 = _BV(TOIE4);
-        TIMSK3 = 0;
-        TCCR3B = 0;
+        TIMER_INTERRUPTS &= ~(_BV(ICIE1) | _BV(OCIE1B));
     }
-    converter_stop();
+    trace_stop();
     PIN_LOW(INIT);
     PIN_LOW(BLNK);
     PIN_LOW(BINH);
@@ -115,13 +119,10 @@ bool ping_over(void)
 
 struct ping_result ping_result(void)
 {
-    return (struct ping_result){
-        .fired_us = fired_us,
-        .echoes = echoes,
-        .echo_count = echo_count,
-        .trace = converter_samples(),
-        .trace_size = traced ? converter_count() : 0,
-        .lost = converter_lost(),
-        .lost_count = traced ? converter_lost_count() : 0,
-    };
+    struct ping_result result = {.fired_us = fired_us, .echoes = echoes, .echo_count = echo_count};
+    if (traced)
+        trace_result(&result);
+    return result;
 }
+
+uint8_t ranging_inputs(void) { return PIN_READ(ECHO) ? INPUT_ECHO : 0; }

@@ -1,10 +1,10 @@
 #include "clock.h"
 
 #include <avr/interrupt.h> // ISR
-#include <avr/io.h> // registers
 #include <util/atomic.h> // ATOMIC_BLOCK
 
 #include "hardware.h" // clock_us
+#include "pins.h" // TIMER_COUNT
 
 #define OVERFLOW_US 32768 // 65 536 half microseconds
 
@@ -13,19 +13,20 @@ static volatile uint64_t overflowed_us;
 
 void clock_start(void)
 {
-    TCCR4B = _BV(ICNC4) | _BV(ICES4) | _BV(CS41); // rising edge, noise canceller, clock / 8
-    TIMSK4 = _BV(TOIE4);
+    TIMER_OUTPUTS = 0; // the Arduino bootloader leaves nothing there; a bootloader of other make may
+    TIMER_CONTROL = _BV(ICNC1) | _BV(ICES1) | _BV(CS11); // rising edge, noise canceller, clock / 8
+    TIMER_INTERRUPTS = _BV(TOIE1);
 }
 
 // Every 32.8 ms. Budget 120 cycles.
-ISR(TIMER4_OVF_vect)
+ISR(TIMER_OVF_vect)
 {
     overflows++;
     overflowed_us += OVERFLOW_US;
 }
 
 // Whether an overflow before `count` was read has not been counted yet.
-static bool overflow_waits(uint16_t count) { return (TIFR4 & _BV(TOV4)) && count < 0x8000; }
+static bool overflow_waits(uint16_t count) { return (TIMER_FLAGS & _BV(TOV1)) && count < 0x8000; }
 
 uint32_t clock_ticks_at(uint16_t count)
 {
@@ -40,7 +41,7 @@ uint32_t clock_ticks(void)
     uint32_t ticks;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        ticks = clock_ticks_at(TCNT4);
+        ticks = clock_ticks_at(TIMER_COUNT);
     }
     return ticks;
 }
@@ -51,7 +52,7 @@ uint64_t clock_us(void)
     uint64_t us;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        count = TCNT4;
+        count = TIMER_COUNT;
         us = overflowed_us;
         if (overflow_waits(count))
             us += OVERFLOW_US;

@@ -5,12 +5,11 @@
 #include <avr/io.h> // registers
 #include <util/atomic.h> // ATOMIC_BLOCK
 
+#include "chip_facts.h" // SEND_ROOM
 #include "messages.h" // FIRST_BAUD
 #include "usart.h"
 
 #define RECEIVE_RING (RECEIVE_ROOM + 1) // bytes; a power of two
-
-#define SEND_ROOM 192 // bytes: 1.9 ms at 1 000 000 baud; meanwhile the CRC of the next chunk is computed
 
 static uint8_t sending[SEND_ROOM];
 static volatile uint8_t send_in, send_out;
@@ -28,7 +27,7 @@ void usart_start(void)
 }
 
 // At most every 160 cycles, at 1 000 000 baud. Budget 100 cycles.
-ISR(USART0_RX_vect)
+ISR(USART_RECEIVED_vect)
 {
     bool overrun = UCSR0A & _BV(DOR0);
     uint8_t byte = UDR0;
@@ -45,7 +44,7 @@ ISR(USART0_RX_vect)
 }
 
 // At most every 160 cycles, at 1 000 000 baud. Budget 90 cycles.
-ISR(USART0_UDRE_vect)
+ISR(USART_SENT_vect)
 {
     uint8_t out = send_out;
     UCSR0A = _BV(U2X0) | _BV(TXC0);

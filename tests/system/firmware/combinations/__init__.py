@@ -1,0 +1,1 @@
+"""The firmware for each combination of controller, ranging board and turntable."""

@@ -1,0 +1,156 @@
+"""Every image that is offered, on the emulated board with its ranging board and turntable, in the demo room."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from sonarhw_cli.console.demo_room import PLACE, ROOM
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.room_echoes import RoomEchoes
+from sonarhw_sim.room.model import load_room
+
+from sonarhw import sector
+from sonarhw.echo_source import Ping, PingResult
+from sonarhw.errors import DeviceError
+from sonarhw.wire.messages import Feature, ResetCause
+from tests.system.firmware.combinations.images import MEGA, budgets, combinations, vector
+from tests.system.firmware.conftest import Echoes, scanner_on
+
+OTHERS = [name for name in combinations() if name != MEGA]  # the first one has test_emulated_board.py
+TWO_TICKS = 1e-6  # s
+STEP = {"step-dir": 360 / 7200, "28byj": 360 / 4096, "servo": 360 / 8000}  # degrees
+REACH = {"step-dir": 720, "28byj": 360, "servo": 90}  # degrees
+FREE_STACK = 256  # bytes that are never used
+BLANKING = {"polaroid": 0.00238, "hc-sr04": 0.000116}  # s
+REARM = 0.0006  # s; so long that the interrupt of the board never loses an echo
+
+
+class Heard:
+    """The echoes of the demo room, and what each ping was answered."""
+
+    temperature_c = 21.3
+
+    def __init__(self, board: str) -> None:
+        room = load_room(ROOM)
+        self._echoes = RoomEchoes(room, room.place(PLACE), load_board(board), seed=1)
+        self._echoes.prepare()
+        self.pings: list[tuple[float, tuple[float, ...]]] = []  # degrees, s
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the echoes of the room."""
+        result = self._echoes.receive(ping)
+        self.pings.append((math.degrees(ping.angle), tuple(result.echo_times)))
+        return result
+
+
+def parts(combination: str) -> tuple[str, str]:
+    """Return the ranging board and the turntable of a combination."""
+    ranging = "hc-sr04" if "-hc-sr04-" in combination else "polaroid"
+    return ranging, combination.split(f"-{ranging}-")[1]
+
+
+def detected(times: tuple[float, ...], ranging: str) -> list[float]:
+    """Return the echoes that a ranging board detects of those that arrive: an HC-SR04 the first, a 6500 after rests."""
+    if ranging == "hc-sr04":
+        return [time for time in times[:1] if BLANKING[ranging] <= time < 0.030]
+    found: list[float] = []
+    for time in times:
+        if time >= (found[-1] + REARM if found else BLANKING[ranging]):
+            found.append(time)
+    return found[:16]
+
+
+@pytest.mark.parametrize("combination", OTHERS)
+def test_a_scan_of_the_demo_room_is_right(combination: str) -> None:
+    ranging, turning = parts(combination)
+    echoes = Heard({"polaroid": "polaroid-6500", "hc-sr04": "hc-sr04"}[ranging])
+    with scanner_on(echoes, combination=combination, start_deg=0 if turning == "28byj" else 20) as (board, scanner):
+        settings = scanner.configure(trace=True, rearm=REARM)
+        assert (settings.trace, settings.trace_rate) == (False, 0)  # replaced, as the protocol demands
+        scanner.home(here=turning == "28byj")
+        found = sorted(scanner.scan(sector(-75, 80, 12.5)), key=lambda reading: reading.number)
+        statistics = scanner.device_statistics()
+        longest = board.longest_interrupts()
+    assert [reading.number for reading in found] == [*range(13)]
+    for reading, (heading, arrived) in zip(found, echoes.pings, strict=True):
+        wanted = -75 + 12.5 * reading.number
+        assert math.degrees(reading.angle) == pytest.approx(wanted, abs=STEP[turning] / 2 + 1e-6)
+        # where the table really was; the play of the 28BYJ-48 is taken up counter-clockwise
+        offset = -30 * STEP["28byj"] if turning == "28byj" else 0
+        assert heading - offset == pytest.approx(math.degrees(reading.angle), abs=0.01)
+        expected = detected(arrived, ranging)
+        assert reading.echo_times == pytest.approx(expected, rel=0, abs=TWO_TICKS)
+    assert sum(bool(reading.echo_times) for reading in found) >= 10
+    assert all(after.time - before.time >= 0.0999 for before, after in itertools.pairwise(found))
+    assert (statistics.reset_cause, statistics.lost_steps) == (ResetCause.POWER, 0)
+    assert statistics.stack_free >= FREE_STACK
+    for (handler, _), cycles in budgets(combination).items():
+        assert longest[vector(combination, handler)] <= cycles, handler
+
+
+@pytest.mark.parametrize("combination", OTHERS)
+def test_capabilities_tell_what_the_board_can(combination: str) -> None:
+    ranging, turning = parts(combination)
+    with scanner_on(Echoes(0.020), combination=combination) as (_, scanner):
+        info = scanner.info
+    able = info.capabilities
+    assert able is not None
+    assert info.firmware == f"sonarhw-{combination.split('-')[0]} 0.1.0"
+    assert info.board == {"polaroid": "polaroid-6500", "hc-sr04": "hc-sr04"}[ranging]
+    assert able.highest_angle == -able.lowest_angle == pytest.approx(math.radians(REACH[turning]))
+    marked = Feature.HOME_MARK | Feature.LOST_STEPS
+    assert able.features & marked == (marked if turning == "step-dir" else Feature(0))
+    several = Feature.BLANKING | Feature.REARM
+    assert able.features & several == (several if ranging == "polaroid" else Feature(0))
+    assert not able.features & (Feature.ENVELOPE | Feature.CARRIER)
+    assert (info.trace_rate, able.fastest_trace) == (0, 0)
+
+
+def test_a_turntable_without_a_mark_refuses_home_and_says_what_to_do() -> None:
+    with scanner_on(Echoes(0.020), combination="uno-hc-sr04-28byj") as (_, scanner):
+        with pytest.raises(DeviceError, match="turn it to zero by hand and send SetZero"):
+            scanner.home()
+        scanner.home(here=True)
+
+
+def test_a_servo_refuses_a_zero_by_hand_and_angles_beyond_its_range() -> None:
+    echoes = Echoes(0.020)
+    with scanner_on(echoes, combination="uno-hc-sr04-servo", start_deg=-80) as (_, scanner):
+        with pytest.raises(DeviceError, match="the zero of a servo cannot be set; send Home"):
+            scanner.home(here=True)
+        scanner.home()
+        with pytest.raises(DeviceError, match="from -90 to 90 degrees"):
+            scanner.turn(math.radians(91))
+        list(scanner.scan(sector(-90, 91, 90)))
+    assert np.degrees([ping.angle for ping in echoes.pings]) == pytest.approx([-90, 0, 90], abs=1e-6)
+
+
+@pytest.mark.parametrize("chip", ["mega", "uno"])
+def test_an_hc_sr04_without_an_echo_or_beyond_its_range_gives_no_reading_of_a_range(chip: str) -> None:
+    for times in ((), (0.0305,)):
+        with scanner_on(Echoes(*times), combination=f"{chip}-hc-sr04-step-dir") as (_, scanner):
+            readings = list(scanner.scan(sector(0, 15, 5)))
+        assert [reading.echo_times for reading in readings] == [()] * 3
+
+
+def test_a_slipped_table_is_detected_on_an_uno() -> None:
+    with scanner_on(Echoes(0.020), combination="uno-polaroid-step-dir") as (board, scanner):
+        scanner.turn(np.radians(-60))
+        board.slip(64)
+        with pytest.raises(DeviceError, match="steps were lost"):
+            list(scanner.scan(sector(-60, 60, 10)))
+
+
+def test_a_scan_continues_after_resets_of_an_uno() -> None:
+    with scanner_on(Echoes(0.020), combination="uno-hc-sr04-step-dir") as (board, scanner):
+        readings = []
+        for reading in scanner.scan(sector(0, 90, 5)):
+            readings.append(reading)
+            if len(readings) == 5:
+                board.reset()
+            if len(readings) == 12:
+                board.hang()
+        assert scanner.info.boot == 3
+        assert scanner.device_statistics().reset_cause == ResetCause.WATCHDOG
+    assert sorted(reading.number for reading in readings) == [*range(18)]
