@@ -31,7 +31,7 @@ from sonarhw_sim.vertical.sections import paths_from
 # dB. The number of diffracted paths is infinite; only those are searched that are at most so far below the threshold:
 # for a board that detects each path alone, and for one that adds arrivals, because several faint ones are loud together
 _DIFFRACTED_ALONE = 3.0
-_DIFFRACTED_SUMMED = 20.0
+_DIFFRACTED_SUMMED = 24.0
 _PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 

@@ -158,12 +158,13 @@ def join_at_edges(
     limits = edge_diffraction.wavelength, max_length, edge_diffraction.faintest
     strength = [*EdgeStrength].index(edge_diffraction.strength)
     most, beams = path_table.MOST_POINTS // _FEWEST_POINTS, edge_diffraction.beams
-    none, no_bounds = np.empty((0, 2), np.intp), np.empty((0, 2))
-    count = _join(out, back, starts, wedges, limits, beams, strength, most, none, no_bounds)
-    path_table.check_size(count, _FEWEST_POINTS)
-    pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
-    _join(out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
-    return _loud_enough(out, back, pairs, bounds, edges, faces, edge_diffraction)
+    count = path_table.ROOM_FOR_PAIRS
+    while True:
+        pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
+        count = _join(out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
+        path_table.check_size(count, _FEWEST_POINTS)
+        if count <= len(pairs):
+            return _loud_enough(out, back, pairs[:count], bounds[:count], edges, faces, edge_diffraction)
 
 
 def _loud_enough(

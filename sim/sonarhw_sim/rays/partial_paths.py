@@ -112,8 +112,18 @@ def shortest_first(paths: PartialPaths, by_points: bool = True) -> PartialPaths:
     paths = paths.select(_in_order(paths))
     if by_points:
         return paths.select(np.flatnonzero(first_of_kind(paths.lengths, paths.edges, paths.points)))
-    _, first = np.unique(np.column_stack((paths.edges, paths.bends, paths.surfaces)), axis=0, return_index=True)
-    return paths.select(np.sort(first))
+    return paths.select(_first_of_equal(np.column_stack((paths.edges, paths.bends, paths.surfaces))))
+
+
+def _first_of_equal(table: IntArray) -> NDArray[np.intp]:
+    """Return the first of each set of equal rows (n, k), in order."""
+    # a hash of each row first: to sort whole rows takes longer than all else
+    weights = np.random.default_rng(0).integers(1, 2**62, table.shape[1])
+    hashes = (table.astype(np.int64) * weights).sum(axis=1)
+    order = np.argsort(hashes, kind="stable")
+    near = np.flatnonzero(np.diff(hashes[order]) == 0)
+    repeated = near[(table[order[near]] == table[order[near + 1]]).all(axis=1)] + 1
+    return np.sort(np.delete(order, repeated))
 
 
 def reversed_paths(paths: PartialPaths) -> PartialPaths:

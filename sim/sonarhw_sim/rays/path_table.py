@@ -13,6 +13,8 @@ from sonarhw.readings import FloatArray
 # Points of all paths of one table. A search needs about 80 bytes for each, 2.4 GB. The shipped
 # rooms have up to 2 million.
 MOST_POINTS = 30_000_000
+# of two partial paths, for which memory is reserved at first, so that they are rarely counted before they are listed
+ROOM_FOR_PAIRS = 1_000_000
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, reversed_paths, shortest_first
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.path_table import PathTable
-from sonarhw_sim.rays.post_paths import post_paths
+from sonarhw_sim.rays.post_paths import PostWays, post_paths, post_paths_to_edges, ways_to_posts
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 
@@ -118,19 +118,19 @@ def find_paths(
         return _paths_of(PartialPaths.none())
     edges = _diffracting_edges(room, source, end, search)
     leaving, arriving = _fan(search, back=False), _fan(search, back=True)
-    out = _partial_paths_from(
-        room, source, end, edges, search, search.axes, leaving, search.max_length + SLACK, passing
-    )
-    back = out
+    longest = search.max_length + SLACK
+    out_ways = ways_to_posts(room, source, end, leaving, longest, search.max_bounces, passing)
+    out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, longest, out_ways, passing)
+    back, back_ways = out, out_ways
+    if receiver is not None:
+        back_ways = ways_to_posts(room, end, source, arriving, longest, search.max_bounces, passing)
     # paths back are only used at edges
     if receiver is not None and len(edges):
         axes = None if search.axes is None else search.axes.reversed
-        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, passing)
+        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, back_ways, passing)
     straight = out.select(np.flatnonzero(out.edges < 0))
-    diffracted = diffracted_paths(
-        room, out, back, search.edge_diffraction, search.max_length + SLACK, search.max_bounces
-    )
-    by_posts = post_paths(room, source, end, leaving, arriving, search.max_length + SLACK, search.max_bounces, passing)
+    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, search.max_bounces)
+    by_posts = post_paths(room, source, end, out_ways, back_ways, longest, search.max_bounces, passing)
     found = [straight, diffracted, by_posts]
     if passing is not None and receiver is None:
         # rays with slopes leave gaps, which are seldom the same for a path and its reverse
@@ -154,11 +154,12 @@ def _partial_paths_from(
     axes: TransducerAxes | None,
     directions: FloatArray,
     to_other: float,
+    to_posts: PostWays,
     passing: Passing | None,
 ) -> PartialPaths:
     """Return the paths from `place` to these edges and, not longer than `to_other`, to the other end.
 
-    `directions` (n,) rad are those of the rays.
+    `directions` (n,) rad are those of the rays, `to_posts` the ways to posts.
     """
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_partial(room, other, search)[edges])
@@ -167,7 +168,23 @@ def _partial_paths_from(
     else:
         there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
-    return find_partial_paths(room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing)
+    found = find_partial_paths(
+        room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing
+    )
+    by_posts = post_paths_to_edges(room, place, to_posts, edges, longest[1:], search.max_bounces, passing)
+    return PartialPaths.join([found, _new(by_posts, found)]) if len(by_posts) else found
+
+
+def _new(paths: PartialPaths, known: PartialPaths) -> PartialPaths:
+    """Return the paths to edges whose surfaces are not those of a known path to the same edge."""
+    most = paths.surfaces.shape[1]
+    short = known.select(np.flatnonzero((known.bends <= most) & (known.edges >= 0)))
+    keys, known_keys = (
+        [tuple(key) for key in np.column_stack((table.edges, table.surfaces[:, :most])).tolist()]
+        for table in (paths, PartialPaths.join([short, paths.select(np.empty(0, np.intp))]))
+    )
+    others = set(known_keys)
+    return paths.select(np.array([row for row, key in enumerate(keys) if key not in others], dtype=np.intp))
 
 
 def _inside_post(room: Room, place: FloatArray, passing: Passing | None) -> bool:

@@ -1,7 +1,7 @@
 """Every path of up to three reflections with a post among them, also where the rays of a fan pass a thin post.
 
 A fan finds the ways to the centre of each post. Two ways to the same post make one sequence of surfaces, which is
-solved exactly.
+solved exactly. So does a way to a post together with the straight line from there to an edge.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ MOST_REFLECTIONS = 3  # a post, and two reflections before or after it
 
 
 @dataclass(frozen=True)
-class _Ways:
+class PostWays:
     """Ways from a place to the centres of posts, in order of post; one row each."""
 
     posts: IntArray  # (n,): row in the room's posts
@@ -33,50 +33,84 @@ class _Ways:
     courses: FloatArray  # (n, 2): unit vector of the last leg
     shifts: FloatArray  # (n,), m/rad: how far the end moves to the left when the departure turns to the left
 
+    @staticmethod
+    def none() -> "PostWays":
+        """Return an empty table."""
+        no, whole = np.empty(0), np.empty(0, np.int32)
+        return PostWays(whole, no, whole, np.empty((0, 0), np.int32), no, np.empty((0, 2)), no)
+
 
 def post_paths(
     room: Room,
     source: FloatArray,
     end: FloatArray,
-    leaving: FloatArray,
-    arriving: FloatArray,
+    out: PostWays,
+    back: PostWays,
     max_length: float,
     max_bounces: int,
     passing: Passing | None,
 ) -> PartialPaths:
     """Return the paths by posts, up to `max_length` (m), from `source` (2,) to `end` (2,).
 
-    `leaving` (n,) and `arriving` (m,) are the directions of evenly spaced rays (rad), in which paths depart and arrive.
+    `out` and `back` are the ways to posts from both.
     """
     most = min(max_bounces, MOST_REFLECTIONS)
-    if most == 0 or len(room.posts) == 0:
-        return PartialPaths.none()
-    out = _ways_to_posts(room, source, end, leaving, max_length, most - 1, passing)
-    same = np.array_equal(source, end) and np.array_equal(leaving, arriving)
-    back = out if same else _ways_to_posts(room, end, source, arriving, max_length, most - 1, passing)
     first, second = _pairs(out, back)
     bounces = out.bounces[first] + 1 + back.bounces[second]
     # a path is shorter than the two ways to the centre by up to the diameter
     lengths = out.lengths[first] + back.lengths[second] - 2 * room.posts[out.posts[first], 2]
     kept = (bounces <= most) & (lengths <= max_length)
     first, second, bounces = first[kept], second[kept], bounces[kept]
+    if not len(first):
+        return PartialPaths.none()
     candidates = np.column_stack((np.arange(len(first)), bounces, np.zeros_like(bounces))).astype(np.int32)
-    sequences = _sequences(out, back, first, second, len(room.walls))
+    sequences = _sequences(out, first, back.surfaces[second][:, ::-1], len(room.walls))
     longest, no_edge = np.array([max_length]), np.array([-1], np.int32)
-    found = Fan(sequences, candidates, _aimed(room, out, back, first, second))
+    found = Fan(sequences, candidates, _aimed(room, out, first, -back.courses[second]))
     return solved_paths(room, source, found, end[None], longest, no_edge, passing)
 
 
-def _ways_to_posts(
+def post_paths_to_edges(
+    room: Room,
+    place: FloatArray,
+    ways: PostWays,
+    edges: NDArray[np.intp],
+    longest: FloatArray,
+    max_bounces: int,
+    passing: Passing | None,
+) -> PartialPaths:
+    """Return the paths from `place` (2,) to `edges` (k,), up to `longest` (k,) m, that a post reflects last."""
+    way, edge = (column.ravel() for column in np.indices((len(ways.posts), len(edges))))
+    posts, points = room.posts[ways.posts[way]], room.edges.points[edges[edge]]
+    onward = points - posts[:, :2]
+    distances = np.hypot(*onward.T)
+    kept = (ways.bounces[way] < min(max_bounces, MOST_REFLECTIONS)) & (distances > posts[:, 2])
+    kept &= ways.lengths[way] + distances - 2 * posts[:, 2] <= longest[edge]
+    way, edge, onward = way[kept], edge[kept], onward[kept] / distances[kept, None]
+    if not len(way):
+        return PartialPaths.none()
+    candidates = np.column_stack((np.arange(len(way)), ways.bounces[way] + 1, edge)).astype(np.int32)
+    sequences = _sequences(ways, way, np.empty((len(way), 0), np.int32), len(room.walls))
+    found = Fan(sequences, candidates, _aimed(room, ways, way, onward))
+    return solved_paths(room, place, found, room.edges.points[edges], longest, edges.astype(np.int32), passing)
+
+
+def ways_to_posts(
     room: Room,
     place: FloatArray,
     other: FloatArray,
     directions: FloatArray,
     max_length: float,
-    most: int,
+    max_bounces: int,
     passing: Passing | None,
-) -> _Ways:
-    """Return the ways from `place` to posts with up to `most` reflections that may continue to `other`."""
+) -> PostWays:
+    """Return the ways from `place` (2,) to posts, of paths up to `max_length` (m) that continue to `other` (2,).
+
+    `directions` (n,) are those of evenly spaced rays (rad).
+    """
+    most = min(max_bounces, MOST_REFLECTIONS) - 1
+    if most < 0 or len(room.posts) == 0:
+        return PostWays.none()
     targets, radii = np.vstack((other, room.posts[:, :2])), np.append(0.0, room.posts[:, 2])
     # the receiver is not a target
     longest = np.append(0.0, max_length + radii[1:] - np.hypot(*(targets[1:] - other).T))
@@ -90,7 +124,7 @@ def _ways_to_posts(
     return _solved_ways(room, place, found._replace(candidates=candidates), targets)
 
 
-def _solved_ways(room: Room, place: FloatArray, fan: Fan, targets: FloatArray) -> _Ways:
+def _solved_ways(room: Room, place: FloatArray, fan: Fan, targets: FloatArray) -> PostWays:
     # a way ends within its post, so an empty grid: nothing blocks; the whole path is checked later
     surfaces = room.surfaces
     nothing = Listing(np.zeros_like(surfaces.listing.starts), surfaces.listing.numbers[:0])
@@ -115,26 +149,26 @@ def _solved_ways(room: Room, place: FloatArray, fan: Fan, targets: FloatArray) -
     directions = np.arctan2(away[:, 1], away[:, 0])
     # a way that reflects off a wall at the centre of a post has no last leg
     ahead = last / np.maximum(np.hypot(*last.T), 1e-300)[:, None]
-    return _Ways(target - 1, directions, bounces, rows, lengths[real], ahead, shifts)
+    return PostWays(target - 1, directions, bounces, rows, lengths[real], ahead, shifts)
 
 
-def _aimed(room: Room, out: _Ways, back: _Ways, first: NDArray[np.intp], second: NDArray[np.intp]) -> FloatArray:
-    """Return the directions in which rays meet each post about midway between the two ways, (k,) rad."""
-    to, on = out.courses[first], -back.courses[second]
-    midway = on - to
+def _aimed(room: Room, ways: PostWays, rows: NDArray[np.intp], onward: FloatArray) -> FloatArray:
+    """Return directions in which rays meet each post about midway between a way and its course onward (k, 2), rad."""
+    to = ways.courses[rows]
+    midway = onward - to
     midway /= np.maximum(np.hypot(*midway.T), 1e-12)[:, None]
-    left = room.posts[out.posts[first], 2] * (to[:, 0] * midway[:, 1] - to[:, 1] * midway[:, 0])
-    return np.asarray(out.directions[first] + left / out.shifts[first])
+    left = room.posts[ways.posts[rows], 2] * (to[:, 0] * midway[:, 1] - to[:, 1] * midway[:, 0])
+    return np.asarray(ways.directions[rows] + left / ways.shifts[rows])
 
 
-def _pairs(out: _Ways, back: _Ways) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _pairs(out: PostWays, back: PostWays) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return all pairs of a row of `out` and a row of `back` with the same post, (k,) each."""
     start = np.searchsorted(back.posts, out.posts)
     return whole_numbers(start, np.searchsorted(back.posts, out.posts, side="right") - 1)
 
 
-def _sequences(out: _Ways, back: _Ways, first: NDArray[np.intp], second: NDArray[np.intp], walls: int) -> IntArray:
-    """Return the surfaces of each pair: one way, the post, the other way reversed, (k, 2 b + 1), padded with -1."""
-    whole = np.hstack((out.surfaces[first], (walls + out.posts[first])[:, None], back.surfaces[second][:, ::-1]))
+def _sequences(ways: PostWays, rows: NDArray[np.intp], behind: IntArray, walls: int) -> IntArray:
+    """Return the surfaces of each way, its post, and those `behind` (k, b), (k, w + 1 + b), padded with -1."""
+    whole = np.hstack((ways.surfaces[rows], (walls + ways.posts[rows])[:, None], behind))
     # moves the padding to the end and keeps the order of the surfaces
     return np.take_along_axis(whole, np.argsort(whole < 0, axis=1, kind="stable"), axis=1).astype(np.int32)

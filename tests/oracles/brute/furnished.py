@@ -52,14 +52,15 @@ def compare(seed: int, headings: int, thinnest: float = THINNEST, board: Board =
     room = room_of(scene.walls, scene.posts, scene.reflectances)
     x, y = scene.position.tolist()
     scan = predict_scan(room, Place("here", (x, y)), board, turned, PredictionOptions(max_bounces=MOST))
-    sensor = Sensor(
-        board.wavenumber(room.air) * board.aperture_radius,
-        board.threshold_db,
-        2 * board.blanked_range(room.air),
-        2 * board.max_range,
-        MOST,
-    )
-    return Compared(seed, turned, scan.ranges, readings(scene, sensor, all_sound(scene, sensor), turned))
+    sensor = sensor_of(board, room.air, MOST)
+    expected = readings(scene.wavelength, sensor, all_sound(scene, sensor), turned)
+    return Compared(seed, turned, scan.ranges, expected)
+
+
+def sensor_of(board: Board, air: Air, most: int) -> Sensor:
+    """Return the sensor of a board with the paper's receiver, and paths of up to `most` reflections."""
+    ka = board.wavenumber(air) * board.aperture_radius
+    return Sensor(ka, board.threshold_db, 2 * board.blanked_range(air), 2 * board.max_range, most)
 
 
 def random_scene(seed: int, thinnest: float = THINNEST, board: Board = BOARD) -> Scene:

@@ -30,8 +30,8 @@ class Sound:
     """All paths, shortest first."""
 
     lengths: Floats  # (p,), m
-    departures: Floats  # (p,), rad
-    arrivals: Floats  # (p,), rad, from which sound comes
+    departures: Floats  # (p, 2): horizontal part of the unit vector
+    arrivals: Floats  # (p, 2), from which sound comes
     phasors: np.ndarray  # (p,) complex
 
 
@@ -56,14 +56,23 @@ def all_sound(scene: Scene, sensor: Sensor) -> Sound:
             if out.touches + back.touches <= sensor.most and length <= sensor.longest:
                 bent = out.gain * back.gain * _bent(scene, wedge, out, back)
                 rows.append((length, _away(out.points), _away(back.points), bent))
-    rows = [row for row in rows if sensor.nearest <= row[0] <= sensor.longest]
-    rows.sort(key=lambda row: row[0])
     lengths, out_of, into, strengths = (np.array(column) for column in zip(*rows, strict=True))
-    return Sound(lengths, out_of, into, strengths * np.exp(-1j * math.tau / scene.wavelength * lengths))
+    return sound_of(lengths, out_of, into, strengths, sensor, scene.wavelength)
 
 
-def _away(points: Floats) -> float:
-    return math.atan2(*(points[1] - points[0])[::-1])
+def sound_of(
+    lengths: Floats, departures: Floats, arrivals: Floats, strengths: Floats, sensor: Sensor, wavelength: float
+) -> Sound:
+    """Return these paths in order, as far as they are in time."""
+    rows = np.argsort(lengths, kind="stable")
+    rows = rows[(lengths[rows] >= sensor.nearest) & (lengths[rows] <= sensor.longest)]
+    phasors = strengths[rows] * np.exp(-1j * math.tau / wavelength * lengths[rows])
+    return Sound(lengths[rows], departures[rows], arrivals[rows], phasors)
+
+
+def _away(points: Floats) -> Floats:
+    way = points[1] - points[0]
+    return np.asarray(way / math.hypot(*way))
 
 
 def wedges(scene: Scene) -> list[Wedge]:
@@ -120,20 +129,21 @@ def _term(angle: float, n: float, scale: float, near: float) -> complex:
     return complex(-np.exp(-0.25j * math.pi) / (2 * n * math.sqrt(math.tau * scale)) / math.tan(angle) * transition)
 
 
-def _beam(angles: Floats, ka: float) -> Floats:
-    x = ka * np.sin(angles)
+def _beam(cosines: Floats, ka: float) -> Floats:
+    x = ka * np.sqrt(np.maximum(1 - cosines**2, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         disc = np.where(np.abs(x) < 1e-9, 1.0, 2 * j1(x) / x)
-    return np.asarray(np.where(np.cos(angles) > 0, disc * np.cos(angles), 0.0))
+    return np.asarray(np.where(cosines > 0, disc * cosines, 0.0))
 
 
-def readings(scene: Scene, sensor: Sensor, sound: Sound, headings: Floats) -> Floats:
+def readings(wavelength: float, sensor: Sensor, sound: Sound, headings: Floats) -> Floats:
     """Return the range (m, NaN: none) at each heading, (h, 3): threshold lower by a tie, as it is, higher by a tie."""
     begins = np.searchsorted(sound.lengths, sound.lengths - _SAME)
-    ends = np.searchsorted(sound.lengths, sound.lengths + scene.wavelength, side="right")
+    ends = np.searchsorted(sound.lengths, sound.lengths + wavelength, side="right")
     found = np.full((len(headings), 3), np.nan)
     for row, heading in enumerate(headings.tolist()):
-        beams = _beam(sound.departures - heading, sensor.ka) * _beam(sound.arrivals - heading, sensor.ka)
+        along = np.array([math.cos(heading), math.sin(heading)])
+        beams = _beam(sound.departures @ along, sensor.ka) * _beam(sound.arrivals @ along, sensor.ka)
         arriving = beams * sound.phasors
         sums = np.append(0j, np.cumsum(arriving))
         levels = np.abs(sums[ends] - sums[begins])

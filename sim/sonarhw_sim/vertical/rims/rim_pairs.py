@@ -48,12 +48,13 @@ def pairs_of(
     """
     starts = np.searchsorted(back.rims, out.rims)
     most = path_table.MOST_POINTS // _FEWEST_POINTS
-    rows, at = np.empty((0, 2), np.intp), np.empty(0)
-    count = _pair(out, back, starts, wedges, limits, strength, most, rows, at)
-    path_table.check_size(count, _FEWEST_POINTS)
-    rows, at = np.empty((count, 2), np.intp), np.empty(count)
-    _pair(out, back, starts, wedges, limits, strength, most, rows, at)
-    return rows[:, 0], rows[:, 1], at
+    count = path_table.ROOM_FOR_PAIRS
+    while True:
+        rows, at = np.empty((count, 2), np.intp), np.empty(count)
+        count = _pair(out, back, starts, wedges, limits, strength, most, rows, at)
+        path_table.check_size(count, _FEWEST_POINTS)
+        if count <= len(rows):
+            return rows[:count, 0], rows[:count, 1], at[:count]
 
 
 @compiled

@@ -128,3 +128,16 @@ def test_the_gain_of_a_path_contains_the_factor_of_thin_posts_only(radius: float
     exact = cylinder_factor(np.array([math.tau / WAVELENGTH * radius]), np.zeros(1), np.ones(1))[0]
     factor = exact if radius < 0.005 else 1.0
     assert paths.gains == pytest.approx(factor * math.sqrt(radius / (radius + away)))
+
+
+def test_sound_goes_from_a_thin_post_to_an_edge_at_every_bearing() -> None:
+    wall, post = np.array([[4.0, 1.0], [4.5, 2.0]]), np.array([5.0, 0.0])
+    for bearing in np.radians(np.arange(10.0, 11.0, 0.1)).tolist():
+        turn = np.array([[math.cos(bearing), math.sin(bearing)], [-math.sin(bearing), math.cos(bearing)]])
+        room = scene((wall @ turn).reshape(1, 4), np.array([[*(post @ turn), 0.002]]))
+        paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH, faintest_diffraction=1e-7))
+        by_both = paths.select(np.flatnonzero((paths.edges >= 0) & (paths.bounces == 1)))
+        # to the post and back from the edge, and the reverse, for each end of the wall
+        assert len(by_both) == 4
+        nearest = math.dist(wall[0], post) + math.hypot(*wall[0]) + 5.0
+        assert by_both.lengths[0] == pytest.approx(nearest, abs=0.004)
