@@ -1,4 +1,7 @@
-"""Paths over and under low walls: how many a search misses, and its time: `python -m benchmarks.heights`.
+"""Readings and paths in rooms with heights: `python -m benchmarks.heights`.
+
+Counts wrong readings, 180 in each of 24 random boxes and 24 L-shaped rooms with a table, against images in space
+(`tests/oracles/brute/spatial.py`). Then how many paths over and under low walls a search misses, and its time.
 
 Compares mirror paths up to 21.4 m with those of a search with eight times as many slopes. This one can miss paths too,
 so the numbers are a lower bound. The time is that of processors, relative to a search in the plan of the same room.
@@ -8,11 +11,16 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 from sonarhw_sim.rays import passing
 from sonarhw_sim.rays.paths import Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 from sonarhw_sim.vertical.sections import paths_from
 
+from tests.oracles.brute.furnished import Compared
+from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape
+
+ROOMS, HEADINGS = 24, 180
 SEARCH = PathSearch(21.4, 0.00695, diffraction=False)
 NEAR = 8.0  # m
 FURNISHED = """
@@ -44,6 +52,16 @@ height = [0.9, 2.0]
 position = [1.4, 0.8]
 height = 1.1
 """
+
+
+def wrong_readings(compare: Callable[[int, int], Compared]) -> str:
+    """Return how many readings differ from those of images in space."""
+    compared = [compare(seed, HEADINGS) for seed in range(ROOMS)]
+    wrong, unsure = (
+        sum(int(rows.sum()) for rows in column) for column in zip(*((c.wrong, c.unsure) for c in compared), strict=True)
+    )
+    silent = sum(int(np.isnan(c.predicted).sum()) for c in compared)
+    return f"{wrong} wrong of {ROOMS * HEADINGS} readings ({silent} without an echo), {unsure} unsure"
 
 
 def missed(room: Room, place: Place) -> str:
@@ -84,7 +102,9 @@ def _seconds(job: Callable[[], object]) -> float:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the counts and the table."""
+    print(f"boxes: {wrong_readings(compare_in_box)}", flush=True)
+    print(f"L-shaped rooms with a table: {wrong_readings(compare_in_l_shape)}", flush=True)
     print(f"{'':22}   found   missed  up to 8 m  missed   time/plan")
     doorstep, furnished = load_room("doorstep"), parse_room(FURNISHED, "furnished")
     for room, name in ((furnished, "here"), (doorstep, "robot"), (doorstep, "tripod")):

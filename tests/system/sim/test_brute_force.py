@@ -1,12 +1,14 @@
 """Predicted readings in random furnished rooms are those of an exhaustive search that shares no code with the product.
 
-`python -m benchmarks.brute_force` compares 50 000 readings.
+`python -m benchmarks.brute_force` compares 50 000 readings, `python -m benchmarks.heights` 8 640 in rooms with heights.
 """
 
+import numpy as np
 import pytest
 
 from tests.conftest import Count
 from tests.oracles.brute.furnished import compare
+from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape
 
 
 @pytest.mark.timeout(36_000)
@@ -16,3 +18,12 @@ def test_readings_are_those_of_an_exhaustive_search(count: Count) -> None:
         assert not found.wrong.any(), f"room {seed}"
         # else the comparison would prove little
         assert found.unsure.mean() < 0.02
+
+
+@pytest.mark.timeout(36_000)
+def test_readings_between_floor_and_ceiling_are_those_of_images_in_space(count: Count) -> None:
+    boxes = [compare_in_box(seed, 180) for seed in range(count(4, 24))]
+    tables = [compare_in_l_shape(seed, 180) for seed in range(count(1, 24))]
+    for found in (*boxes, *tables):
+        assert not found.wrong.any(), f"room {found.seed}"
+    assert not all(np.isnan(found.predicted).all() for found in boxes)
