@@ -12,16 +12,22 @@ _Group = Sequence[QAction]  # separated from the next one by a line
 
 
 def fill_menus(
-    bar: QMenuBar, commands: Commands, recent: QMenu, steps: QMenu, views: Sequence[View], docks: _Group
+    bar: QMenuBar,
+    commands: Commands,
+    recent: QMenu,
+    steps: QMenu,
+    layouts: QMenu,
+    views: Sequence[View],
+    docks: _Group,
 ) -> None:
     """Add every action to its menu. Actions of a view go to the menu that its `ViewEntry` names.
 
-    `steps`: the menu of undo steps.
+    `steps`: the menu of undo steps; `layouts`: that of named layouts.
     """
     for name, groups in (
         *_menus_of_scans(commands, recent, steps),
         *_menus_of_views(views),
-        *_menus_of_the_window(commands, docks),
+        *_menus_of_the_window(commands, [*docks, commands.reset_layout, layouts.menuAction()]),
     ):
         menu = bar.addMenu(f"&{name}")
         for number, group in enumerate(groups):
@@ -32,11 +38,12 @@ def fill_menus(
 
 def _menus_of_scans(commands: Commands, recent: QMenu, steps: QMenu) -> Iterator[tuple[str, list[_Group]]]:
     found = [commands.open_log, commands.import_scan, commands.recordings]
-    opened = [commands.open_room, *found, recent.menuAction(), commands.save_room]
+    opened = [commands.open_room, *found, recent.menuAction(), commands.save_room, commands.save_room_as]
     pictures = [
         commands.save_view,
         *commands.save_beside.values(),
         commands.copy_view,
+        commands.print_view,
         commands.save_window,
         commands.save_film,
     ]
@@ -61,5 +68,5 @@ def _menus_of_the_window(commands: Commands, docks: _Group) -> Iterator[tuple[st
     steps = [commands.play, commands.back, commands.forward, commands.previous_scan, commands.next_scan]
     yield "Replay", [[*steps, commands.loop, commands.skip_gaps], [commands.leave_replay]]
     look = [commands.dark, *commands.units.actions(), commands.larger, commands.smaller, commands.default_size]
-    yield "View", [[*commands.views.actions(), commands.fit, commands.sound], [*docks, commands.reset_layout], look]
-    yield "Help", [[commands.help, commands.palette]]
+    yield "View", [[*commands.views.actions(), commands.fit, commands.sound], docks, look]
+    yield "Help", [[commands.help, commands.first_steps, commands.palette]]

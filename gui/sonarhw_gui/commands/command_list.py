@@ -20,7 +20,8 @@ class Commands:
         self._owner = owner
         self.all: list[QAction] = []
         self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in a room from a file")
-        self.save_room = self._add("Save room as…", "Ctrl+Shift+S", "Save the room with its edits")
+        self.save_room = self._add("Save room", "Ctrl+S", "Save the room with its edits, in its file if it has one")
+        self.save_room_as = self._add("Save room as…", "Ctrl+Shift+S", "Save the room with its edits in another file")
         self.open_log = self._add("Open log…", "Ctrl+O", "Open a recorded scan for replay")
         self.import_scan = self._add("Import scan…", "Ctrl+I", "Read a CSV scan of another program, after a preview")
         self.recordings = self._add("Recordings…", "Ctrl+Shift+O", "Search earlier recordings")
@@ -34,8 +35,10 @@ class Commands:
         self.report = self._add("Report…", "Ctrl+Shift+E", "One HTML file: pictures, summary, every reading, settings")
         self.connect_scanner = self._add("Connect…", "Ctrl+K", "Choose a scanner: a port of this computer, or a URL")
         self.help = self._add("Help", "F1", "All keys on one page")
+        self.first_steps = self._add("First steps", "Shift+F1", "What is measured, what is predicted, where to click")
         self.palette = self._add("Commands…", "Ctrl+Shift+A", "Search all commands by name, and run one")
         self.copy_view = self._add("Copy picture", "Ctrl+Shift+C", "Copy the large view as a picture")
+        self.print_view = self._add("Print…", "Ctrl+Alt+Shift+P", "Print the large view, after a preview")
         self.reset_layout = self._add("Reset layout", "Ctrl+Alt+0", "Put all views back in their places")
         self.close = self._add("Close", "Ctrl+Q", "Stop the scan and close the window")
         self.scan = self._add("▶ Scan", "F5", "Home the turntable, scan, record")

@@ -14,6 +14,7 @@ from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.dialogs.recordings_dialog import RecordingsDialog
 from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.store.file_watch import WatchedFile
 from sonarhw_gui.store.open_requests import can_open
 
 
@@ -32,7 +33,8 @@ class FileCommands(QMenu):
         commands.import_scan.triggered.connect(self._ask_scan)
         # queued: a file named on the command line is opened before the window is visible
         session.import_asked.connect(self._ask_how_to_read, Qt.ConnectionType.QueuedConnection)
-        commands.save_room.triggered.connect(self._ask_where_to_save_room)
+        commands.save_room.triggered.connect(self._save_room)
+        commands.save_room_as.triggered.connect(self._ask_where_to_save_room)
         self.triggered.connect(self._open_recent)
         session.recent_changed.connect(self.show_recent)
         self.show_recent(session.documents.recent)
@@ -110,6 +112,15 @@ class FileCommands(QMenu):
         dialog = self._dialog(title, pattern, chosen)
         dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
         dialog.show()
+
+    @Slot()
+    def _save_room(self) -> None:
+        """Save the room in its file; without one, as for a room of a log, ask for a name."""
+        path = self._session.files.path(WatchedFile.ROOM)
+        if path is None:
+            self._ask_where_to_save_room()
+        else:
+            self._session.save_room(str(path))
 
     @Slot()
     def _ask_where_to_save_room(self) -> None:

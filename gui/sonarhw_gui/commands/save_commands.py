@@ -75,13 +75,20 @@ class SaveCommands(QObject):
 
     @Slot()
     def _copy_view(self) -> None:
+        image = self.image()
+        if image is not None:
+            QGuiApplication.clipboard().setImage(image)
+
+    def image(self) -> QImage | None:
+        """Return the picture of the large view, with title and legend; None if it has none."""
         view, shown = self._large_view(), self._session.shown
         widget = view.picture()
-        if widget is not None:
-            pixels = png_pixels(widget, f"{shown.scene.title} · {view.entry.name.lower()}", shown)
-            height, width = pixels.shape[:2]
-            image = QImage(pixels.data, width, height, 4 * width, QImage.Format.Format_RGBA8888)
-            QGuiApplication.clipboard().setImage(image.copy())  # the pixels belong to the array
+        if widget is None:
+            return None
+        pixels = png_pixels(widget, f"{shown.scene.title} · {view.entry.name.lower()}", shown)
+        height, width = pixels.shape[:2]
+        image = QImage(pixels.data, width, height, 4 * width, QImage.Format.Format_RGBA8888)
+        return image.copy()  # the pixels belong to the array
 
     def _save_picture(self, view: View) -> None:
         self._ask(Subject(view.entry.name, PICTURES, view.picture()))

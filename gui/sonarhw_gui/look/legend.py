@@ -36,7 +36,7 @@ class Legend(QWidget):
         self._hidden, self._switches = hidden, switches
         self._palette, self._origin = LIGHT, Origin.MEASURED
         self.entries: dict[Class | ViewLayer, QToolButton] = {}
-        row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=4)
+        row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=1)
         for layer, entry in _ENTRIES.items():
             if switches or layer not in hidden:
                 self.entries[layer] = button = self._made(layer, entry)
@@ -213,7 +213,7 @@ _EXPLAINED = (
     _Entry(partial(_symbol_picture, "d", True), "sensor", "the position of the sensor; drag it to move it"),
     _Entry(
         partial(_line_picture, "faint", Qt.PenStyle.DotLine),
-        "newest heading",
+        "newest",
         "where the turntable points now",
     ),
     _Entry(

@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
-from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtGui import QAction, QIcon
+from PySide6.QtCore import QSize, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QIcon, QResizeEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QToolButton, QWidget
 
 from sonarhw_gui.commands.command_list import Commands
@@ -23,6 +23,8 @@ from sonarhw_gui.parts.media_icons import (
 )
 from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.session.replay_control import SPEEDS, ReplayState
+
+_GAP = 6  # pixels
 
 
 class ReplayBar(QWidget):
@@ -97,7 +99,12 @@ class ReplayBar(QWidget):
         commands = self._commands
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 2, 12, 6)
-        row.setSpacing(6)
+        row.setSpacing(_GAP)
+        loop, gaps, leave = (
+            _button(action, Qt.ToolButtonStyle.ToolButtonTextOnly)
+            for action in (commands.loop, commands.skip_gaps, commands.leave_replay)
+        )
+        self._menu_has = loop, gaps, leave  # hidden in a narrow bar
         for part in (
             self.badge,
             _button(commands.previous_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
@@ -108,11 +115,28 @@ class ReplayBar(QWidget):
             self.slider,
             self.time,
             self.speed,
-            _button(commands.loop, Qt.ToolButtonStyle.ToolButtonTextOnly),
-            _button(commands.skip_gaps, Qt.ToolButtonStyle.ToolButtonTextOnly),
-            _button(commands.leave_replay, Qt.ToolButtonStyle.ToolButtonTextOnly),
+            loop,
+            gaps,
+            leave,
         ):
             row.addWidget(part, stretch=1 if part is self.slider else 0)
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the width without the buttons that a narrow bar hides."""
+        whole = super().minimumSizeHint()
+        shown = [button for button in self._menu_has if not button.isHidden()]
+        return QSize(whole.width() - sum(map(self._width_of, shown)), whole.height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Hide the buttons that the Replay menu has too, if they do not fit."""
+        super().resizeEvent(event)
+        needed = self.minimumSizeHint().width() + sum(map(self._width_of, self._menu_has))
+        for button in self._menu_has:
+            button.setVisible(self.width() >= needed)
+
+    @staticmethod
+    def _width_of(button: QToolButton) -> int:
+        return button.sizeHint().width() + _GAP
 
     @Slot(int)
     def _choose_speed(self, index: int) -> None:

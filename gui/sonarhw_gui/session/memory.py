@@ -32,6 +32,8 @@ class Memory:
     look: Look = field(default_factory=Look)
     view: int = 0  # index of the large view
     layout: Mapping[str, QByteArray] = field(default_factory=dict)  # as saved by Qt, by name of the part
+    layouts: Mapping[str, tuple[QByteArray, QByteArray]] = field(default_factory=dict)  # panels and views, by name
+    introduced: bool = False  # whether the hint of the first start has ended
 
 
 def memory_file() -> Path:
@@ -62,6 +64,8 @@ def read_memory(path: Path) -> Memory:
                 for name in names
                 if name.startswith("layout/") and isinstance(data := file.value(name), QByteArray)
             },
+            layouts=_layouts(file),
+            introduced=_text(file, "introduced") == "true",
         )
     except ValidationError as error:
         raise _damaged(path, type(error).__name__) from error
@@ -84,9 +88,29 @@ def write_memory(path: Path, memory: Memory) -> None:
     file.setValue("view", memory.view)
     for name, data in memory.layout.items():
         file.setValue(f"layout/{name}", data)
+    file.beginWriteArray("layouts", len(memory.layouts))
+    for number, (name, (panels, views)) in enumerate(sorted(memory.layouts.items())):
+        file.setArrayIndex(number)
+        file.setValue("name", name)
+        file.setValue("panels", panels)
+        file.setValue("views", views)
+    file.endArray()
+    file.setValue("introduced", "true" if memory.introduced else "false")
     file.sync()
     if file.status() is not QSettings.Status.NoError:
         raise OutputError(f"{path}: cannot be written; the next start uses older settings")
+
+
+def _layouts(file: QSettings) -> dict[str, tuple[QByteArray, QByteArray]]:
+    """Return the named layouts; one that is incomplete is left out."""
+    found = {}
+    for number in range(file.beginReadArray("layouts")):
+        file.setArrayIndex(number)
+        panels, views = file.value("panels"), file.value("views")
+        if isinstance(panels, QByteArray) and isinstance(views, QByteArray):
+            found[_text(file, "name")] = panels, views
+    file.endArray()
+    return found
 
 
 def _damaged(path: Path, why: str) -> InputError:

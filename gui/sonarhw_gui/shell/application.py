@@ -96,6 +96,8 @@ def open_window(start: WindowStart) -> MainWindow:
         if path.name == restored.scene.room_file:
             window.session.files.watch(WatchedFile.ROOM, path)
     if start.memory is not None:
+        if not memory.introduced:
+            window.hint.begin()
         MemoryWriter(window, start.memory)
     if isinstance(restored.source, Log):
         window.session.show_log(restored.source, restored.source_name, restored.source_file)

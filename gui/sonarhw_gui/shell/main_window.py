@@ -1,5 +1,6 @@
 """The main window: creates its parts, connects them, and updates them when the session changes."""
 
+from pathlib import Path
 from typing import cast
 
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
@@ -7,6 +8,7 @@ from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKe
 from PySide6.QtWidgets import QAbstractButton, QApplication, QMainWindow, QVBoxLayout, QWidget
 
 from sonarhw_gui.bars.banner import Banner
+from sonarhw_gui.bars.hint import Hint
 from sonarhw_gui.bars.menus import fill_menus
 from sonarhw_gui.bars.status_bar import StatusBar
 from sonarhw_gui.bars.toolbar import ToolBar
@@ -16,7 +18,9 @@ from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_commands import ConnectCommands
 from sonarhw_gui.commands.file_commands import FileCommands
 from sonarhw_gui.commands.help_commands import HelpCommands
+from sonarhw_gui.commands.layout_menu import LayoutMenu
 from sonarhw_gui.commands.look_commands import LookCommands
+from sonarhw_gui.commands.print_command import PrintCommand
 from sonarhw_gui.commands.save_commands import SaveCommands
 from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.live.window_status import Status
@@ -64,7 +68,7 @@ class MainWindow(QMainWindow):
         self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
         self.causes = CausesPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
-        self.bounces = BounceLine()
+        self.bounces, self.hint = BounceLine(), Hint()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.sound_bar = SoundBar()
         self.toolbar = ToolBar(self.commands)
@@ -72,6 +76,8 @@ class MainWindow(QMainWindow):
         self.look_commands = LookCommands(self.commands, session, self)
         self.files = FileCommands(self.commands, session, self)
         self.saving = SaveCommands(self.commands, session, self, lambda: self.views.large_view, self.views.beside)
+        self.printing = PrintCommand(self.commands, self.saving.image, self)
+        self.layouts = LayoutMenu(self, self.views)
         self.connecting = ConnectCommands(self.commands, session.scanners, self)
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
@@ -91,7 +97,16 @@ class MainWindow(QMainWindow):
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
-        for part in (self.banner, self.legend, self.views, sentence, bounces, self.sound_bar, self.replay_bar):
+        for part in (
+            self.banner,
+            self.legend,
+            self.hint,
+            self.views,
+            sentence,
+            bounces,
+            self.sound_bar,
+            self.replay_bar,
+        ):
             column.addWidget(part, stretch=1 if part is self.views else 0)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
@@ -108,6 +123,7 @@ class MainWindow(QMainWindow):
             self.commands,
             self.files,
             UndoList(self.session.showing, self),
+            self.layouts,
             self.views.all,
             [*self.views.openers, *self.docks.actions],
         )
@@ -126,6 +142,8 @@ class MainWindow(QMainWindow):
         views.connect_gestures(session.showing)
         self.legend.switched.connect(session.showing.switch)
         views.uncovered.connect(self._show_again)
+        views.answered.connect(self.hint.end)
+        commands.first_steps.triggered.connect(self.hint.begin)
         views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
         self.room.edited.connect(session.showing.edit)
@@ -167,8 +185,12 @@ class MainWindow(QMainWindow):
 
     @Slot()
     def _show_title(self) -> None:
-        changed = " *" if self.session.unsaved.changed else ""  # a star marks unsaved changes
-        self.setWindowTitle(f"sonarhw — {self.session.shown.title}{changed}")
+        """Name room, place, files; Qt shows the star of unsaved changes at [*]."""
+        session = self.session
+        log = Path(session.log_file).name if session.replay.loaded else ""
+        files = " · ".join(filter(None, (log, session.shown.scene.room_file)))
+        self.setWindowTitle(f"sonarhw — {session.shown.title}{' — ' if files else ''}{files}[*]")
+        self.setWindowModified(session.unsaved.changed)
 
     def _update_texts_soon(self) -> None:
         if not self.session.status.scanning:
@@ -195,6 +217,7 @@ class MainWindow(QMainWindow):
         for part in (
             self.banner,
             self.legend,
+            self.hint,
             self.views,
             self.sound_bar,
             self.replay_bar,

@@ -20,7 +20,7 @@ from sonarhw_gui.trace.trace_view import TraceView
 from sonarhw_gui.view import View
 
 _BESIDE_SHARE = 0.46  # of the width, for the docks on the right
-_LOW = 800  # pixels; on a lower screen, views share two stacks instead of three
+_LOW = 850  # pixels; on a lower screen, views share two stacks instead of three
 _RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
 _V = TypeVar("_V", bound=View)
 
@@ -32,6 +32,7 @@ class ViewArea(QMainWindow):
     """
 
     uncovered = Signal()  # a view became visible
+    answered = Signal()  # the user selected a reading, or asked a heading
 
     def __init__(self) -> None:
         super().__init__()
@@ -79,6 +80,8 @@ class ViewArea(QMainWindow):
         for view in self.all:
             gestures = view.gestures
             gestures.picked.connect(showing.choose)
+            gestures.picked.connect(self.answered)
+            gestures.asked.connect(self.answered)
             gestures.pointed.connect(showing.point_at)
             gestures.edited.connect(showing.edit)
             gestures.cancelled.connect(showing.cancel)

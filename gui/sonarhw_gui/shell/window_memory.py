@@ -57,6 +57,8 @@ def memory_of(window: MainWindow) -> Memory:
             "docks": window.saveState(),
             "views": window.views.saveState(),
         },
+        layouts=dict(window.layouts.layouts),
+        introduced=window.hint.isHidden(),
     )
 
 
@@ -66,6 +68,7 @@ def restore_window(window: MainWindow, memory: Memory) -> None:
     window.restoreGeometry(memory.layout.get("window", QByteArray()))
     window.restoreState(memory.layout.get("docks", QByteArray()))
     window.views.restore(memory.layout.get("views", QByteArray()))
+    window.layouts.restore(memory.layouts)
     views = window.commands.views.actions()
     if 0 <= memory.view < len(views):
         views[memory.view].trigger()

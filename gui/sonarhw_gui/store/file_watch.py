@@ -37,6 +37,10 @@ class FileWatch:
         if path is not None:
             self._files[what] = path, _stamp(path)
 
+    def path(self, what: WatchedFile) -> Path | None:
+        """Return the file of this kind; None if none is watched."""
+        return self._files[what][0] if what in self._files else None
+
     def grows(self, what: WatchedFile, now: float) -> bool:
         """Return whether the file of this kind has changed within the last seconds."""
         return what in self._files and now - self._changed_at.get(what, -math.inf) < _GROWING

@@ -5,15 +5,18 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication, QImage
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtPrintSupport import QPrinter
+from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
 from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.shell.accessible_names import spoken_name
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.work.prediction_requests import PathsRequest
+from sonarhw_sim.room.model import load_room
 
 from sonarhw.log import read_log
+from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenFake, OpenWith
 from tests.system.gui.driving import predicted, until
 
@@ -69,13 +72,13 @@ def test_undo_steps_are_listed_and_undone_together(qtbot: QtBot, window: MainWin
     for key in (Qt.Key.Key_Up, Qt.Key.Key_PageUp):
         qtbot.keyClick(window, key, Qt.KeyboardModifier.ShiftModifier)
         window.views.plan.drawing.controller._last_key = -1e9  # the next key press is another step
-    assert window.windowTitle().endswith(" *")
+    assert window.isWindowModified()
     steps = window.findChild(UndoList)
     steps.show_steps()
     assert [action.text() for action in steps.actions()] == ["turning the sensor", "moving the sensor"]
     steps.actions()[1].trigger()
     assert window.session.shown.scene is room
-    assert not window.windowTitle().endswith(" *")
+    assert not window.isWindowModified()
 
 
 def test_a_picture_of_the_large_view_is_copied(qtbot: QtBot, window: MainWindow) -> None:
@@ -163,3 +166,80 @@ def test_an_impossible_wall_is_explained_in_the_dialog(qtbot: QtBot, window: Mai
     assert "lies inside post" in dialog.problem.text()
     assert dialog.isVisible()
     dialog.close()
+
+
+def test_every_panel_fits_beside_the_views_of_a_narrow_window(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw_gui.shell.view_area._LOW", 5000)  # every screen counts as low
+    window = open_with(source=read_log(recorded))
+    window.resize(1008, 552)  # a screen of 1024 × 600, with a frame
+    for action in window.docks.actions:
+        action.trigger()
+        qtbot.wait(20)
+        assert (window.width(), window.height()) == (1008, 552), action.text()
+    assert not window.replay_bar._menu_has[0].isVisible()
+    for action in window.docks.actions:
+        if action.isChecked():
+            action.trigger()
+
+
+def test_ctrl_s_saves_an_edited_room_in_its_file(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(ROOM.read_text())
+    window = open_with()
+    window.session.open_file(str(file))
+    until(qtbot, lambda: window.windowTitle().endswith(" — mine.toml[*]") and predicted(window))
+    before = window.session.shown.scene.pose.position
+    qtbot.keyClick(window, Qt.Key.Key_Up, Qt.KeyboardModifier.ShiftModifier)
+    assert window.isWindowModified()
+    qtbot.keyClick(window, Qt.Key.Key_S, Qt.KeyboardModifier.ControlModifier)
+    until(qtbot, lambda: not window.isWindowModified())
+    saved = load_room(file).place(window.session.shown.scene.pose.name)
+    assert saved.position == pytest.approx((before[0], before[1] + 0.01))
+    assert window.findChild(QFileDialog) is None
+
+
+def test_ctrl_s_asks_for_a_name_if_the_room_has_no_file(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_S, Qt.KeyboardModifier.ControlModifier)
+    until(qtbot, lambda: window.findChild(QFileDialog) is not None)
+    assert window.findChild(QFileDialog).windowTitle() == "Save room as"
+
+
+def test_the_large_view_is_printed_with_title_and_legend(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    window.commands.print_view.trigger()
+    preview = window.printing.preview
+    until(qtbot, preview.isVisible)
+    printer = QPrinter()
+    printer.setOutputFormat(QPrinter.OutputFormat.PdfFormat)
+    printer.setOutputFileName(str(tmp_path / "plan.pdf"))
+    window.printing.draw(printer)
+    assert (tmp_path / "plan.pdf").stat().st_size > 10_000
+    preview.close()
+
+
+def test_a_layout_is_saved_used_kept_and_deleted(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    memory = tmp_path / "window.ini"
+    window = open_with(memory=memory)
+    trace, ranges, _table, _echoes = window.views.docks
+    ranges.close()
+    trace.setFloating(True)
+    _choose(window.layouts, "Save layout…")
+    dialog = window.layouts.dialog
+    dialog.setTextValue("lab & bench")
+    dialog.accept()
+    window.commands.reset_layout.trigger()
+    until(qtbot, lambda: ranges.isVisible() and not trace.isFloating())
+    window.close()
+    again = open_with(memory=memory)
+    trace, ranges, _table, _echoes = again.views.docks
+    _choose(again.layouts, "lab && bench")
+    until(qtbot, lambda: trace.isFloating() and not ranges.isVisible())
+    again.layouts.show_names()
+    again.layouts.deleting.actions()[0].trigger()
+    assert not again.layouts.layouts
+
+
+def _choose(menu: QMenu, text: str) -> None:
+    menu.show_names()
+    next(action for action in menu.actions() if action.text() == text).trigger()

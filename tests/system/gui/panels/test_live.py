@@ -39,7 +39,7 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     assert len(trace.predicted.envelope.times) > 500
     assert len(window.views.ranges._outline.getData()[0]) >= 360
     assert window.sentence.text() == shown.sentence
-    assert window.windowTitle() == "sonarhw — Simple room · place figure9 · fake readings"
+    assert window.windowTitle() == "sonarhw — Simple room · place figure9 · fake readings — simple.toml[*]"
 
 
 def test_the_log_of_a_scan_contains_every_reading_and_the_place(

@@ -56,7 +56,7 @@ def test_a_room_is_saved_under_a_new_name_and_overwrites_only_after_a_question(
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     (tmp_path / "simple-edited.toml").write_text("an older room")
     window = open_with()
-    window.commands.save_room.trigger()
+    window.commands.save_room_as.trigger()
     dialog = window.findChild(QFileDialog)
     assert dialog.selectedFiles() == [str(tmp_path / "simple-edited-2.toml")]
     questions: list[str] = []

@@ -29,7 +29,7 @@ def test_title_legend_table_and_tooltip_name_the_origin_of_a_log(
     for path, origin, count in ((simulated, "simulated", 12), (recorded, "fake", ORDER.readings)):
         window.session.show_log(read_log(path), path.name, path)
         until(qtbot, lambda count=count: len(window.session.shown.readings) == count)
-        until(qtbot, lambda origin=origin: window.windowTitle().endswith(f" · {origin} readings"))
+        until(qtbot, lambda origin=origin: f" · {origin} readings — " in window.windowTitle())
         assert {f"{origin}: match", f"{origin} trace"} <= legend_texts(window)
         assert "measured: match" not in legend_texts(window)
         assert reading_tip(window.session.shown, 0).splitlines()[1].startswith(f"{origin} ")

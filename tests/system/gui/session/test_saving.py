@@ -77,7 +77,7 @@ def test_a_view_is_saved_as_png_and_as_svg(
 def test_the_dialog_opens_in_the_folder_of_the_log_and_then_in_the_last_one_used(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
-    window.commands.save_room.trigger()
+    window.commands.save_room_as.trigger()
     dialog = window.findChild(QFileDialog)
     assert dialog.directory().absolutePath() == str(recorded.parent)
     dialog.reject()

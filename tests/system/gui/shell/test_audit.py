@@ -120,7 +120,7 @@ def test_during_a_drag_the_sentence_says_that_it_is_a_draft(qtbot: QtBot, window
 
 
 def test_the_legend_explains_sensor_turntable_ring_and_pointer(window: MainWindow) -> None:
-    assert {"sensor", "turntable zero", "newest heading", "selected", "pointer"} <= set(window.legend.explained)
+    assert {"sensor", "turntable zero", "newest", "selected", "pointer"} <= set(window.legend.explained)
     assert all(entry.isVisible() and entry.toolTip() for entry in window.legend.explained.values())
 
 

@@ -44,8 +44,12 @@ def click_selects_the_reading(program: Outside) -> bool:
 def test_a_csv_scan_is_shown_in_the_given_room(tmp_path: Path) -> None:
     (tmp_path / "turret.csv").write_text("turret_deg,range_cm\n0,15.4\n90,65.7\n")
     with Outside(tmp_path, str(tmp_path / "turret.csv"), str(ROOM), "--place", "figure9") as program:
+        title = "Simple room · place figure9 · imported readings — turret.mcap · simple.toml"
         program.answer("Import turret.csv", "Return")
-        awaited(lambda: program.title == "Simple room · place figure9 · imported readings", "room, place and origin")
+        awaited(
+            lambda: program.title == title,
+            "room, place and origin",
+        )
         awaited(lambda: program.badge(LIGHT.replay), "the badge of a replay")
         awaited(lambda: SENTENCE.match(program.sentence())["range"] == "0.657 m", "its last reading")
         program.key("ctrl+q")

@@ -1,0 +1,60 @@
+"""The hint of the first start: what is measured, what is predicted, and where to click. It goes away by itself."""
+
+from PySide6.QtCore import QMargins, QTimer, Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QWidget
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.parts.flow_layout import FlowLayout
+from sonarhw_gui.parts.plain_label import PlainLabel
+
+_LASTS = 120_000  # ms
+_STEPS = (
+    ("1", "measured", "Orange marks: measured by the sonar."),
+    ("2", "predicted", "Blue line: predicted by the model."),
+    ("3", "chosen", "Click a mark: the sentence below says why."),
+)
+
+
+class Hint(QFrame):
+    """Three steps in one line. Hidden until `begin`; ends when a reading is selected, or after two minutes."""
+
+    ended = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("hint")
+        steps = QWidget()
+        row = FlowLayout(steps, QMargins(6, 2, 6, 2), gap=18)
+        self.labels = [PlainLabel(f"{number}  {text}") for number, _, text in _STEPS]
+        for label in self.labels:
+            row.addWidget(label)
+        self.close_button = QToolButton(autoRaise=True)
+        self.close_button.setText("×")
+        self.close_button.setToolTip("Close this hint; Help > First steps shows it again")
+        self.close_button.clicked.connect(self.end)
+        line = QHBoxLayout(self)
+        line.setContentsMargins(4, 0, 6, 0)
+        line.addWidget(steps, stretch=1)
+        line.addWidget(self.close_button)
+        self.timer = QTimer(self, singleShot=True, interval=_LASTS)
+        self.timer.timeout.connect(self.end)
+        self.hide()
+
+    def show_look(self, look: Look) -> None:
+        """Give each step the colour of what it describes."""
+        for label, (_, colour, _) in zip(self.labels, _STEPS, strict=True):
+            label.setStyleSheet(f"color: {getattr(look.palette, colour)}; font-weight: bold")
+
+    @Slot()
+    def begin(self) -> None:
+        """Show the hint."""
+        self.show()
+        self.timer.start()
+
+    @Slot()
+    def end(self) -> None:
+        """Hide the hint."""
+        self.timer.stop()
+        if not self.isHidden():
+            self.hide()
+            self.ended.emit()

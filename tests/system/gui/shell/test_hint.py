@@ -1,0 +1,39 @@
+"""The hint of the first start: shown once, ended by a click on a reading, called again from the menu."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import click, position_of, predicted, until
+
+
+def test_the_hint_is_shown_at_the_first_start_until_a_reading_is_clicked(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    memory = tmp_path / "window.ini"
+    window = open_with(source=read_log(recorded), memory=memory)
+    assert window.hint.isVisible()
+    for word, label in zip(("measured", "predicted", "Click"), window.hint.labels, strict=True):
+        assert word in label.text()
+    until(qtbot, lambda: predicted(window))
+    ranges = window.views.ranges
+    click(qtbot, ranges, ranges.ranges.vb, position_of(ranges._marks[0], 20))
+    until(qtbot, lambda: not window.hint.isVisible() and window.session.shown.chosen == 20)
+    window.close()
+    again = open_with(source=read_log(recorded), memory=memory)
+    assert not again.hint.isVisible()
+    qtbot.keyClick(again, Qt.Key.Key_F1, Qt.KeyboardModifier.ShiftModifier)
+    assert again.hint.isVisible()
+    again.hint.timer.start(1)
+    until(qtbot, lambda: not again.hint.isVisible())
+
+
+def test_the_hint_is_closed_by_its_button(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    assert not window.hint.isVisible()
+    window.commands.first_steps.trigger()
+    qtbot.mouseClick(window.hint.close_button, Qt.MouseButton.LeftButton)
+    assert not window.hint.isVisible()
