@@ -60,8 +60,8 @@ class PlanView(QWidget):
     def _bar(self) -> QWidget:
         bar = QWidget()
         row = QHBoxLayout(bar)
-        row.setContentsMargins(6, 2, 8, 2)
-        row.setSpacing(2)
+        row.setContentsMargins(2, 2, 4, 2)
+        row.setSpacing(1)
         for tool in TOOLS:
             action = self._action(tool.name, tool.key, tool.tip)
             action.setCheckable(True)
@@ -71,7 +71,7 @@ class PlanView(QWidget):
         self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
         row.addWidget(_button(self.remove))
-        row.addSpacing(8)
+        row.addSpacing(4)
         row.addWidget(self.message, stretch=1)
         self.tools.actions()[0].setChecked(True)
         self.tools.triggered.connect(self._set_tool)

@@ -2,7 +2,7 @@
 
 from typing import TypeVar, cast
 
-from PySide6.QtCore import QByteArray, Qt, Signal, Slot
+from PySide6.QtCore import QByteArray, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QShowEvent
 from PySide6.QtWidgets import QMainWindow, QStackedWidget, QTabWidget, QWidget
 
@@ -25,6 +25,15 @@ _RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
 _V = TypeVar("_V", bound=View)
 
 
+class _Stage(QStackedWidget):
+    """The large views. Only the visible one needs space."""
+
+    def minimumSizeHint(self) -> QSize:
+        """Return that of the visible view."""
+        shown = self.currentWidget()
+        return super().minimumSizeHint() if shown is None else shown.minimumSizeHint()
+
+
 class ViewArea(QMainWindow):
     """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow.
 
@@ -41,7 +50,7 @@ class ViewArea(QMainWindow):
         self.docks: list[ViewDock] = []
         self._stacks: list[list[ViewDock]] = [[], [], []]
         self._restored = False  # whether the arrangement is that of an earlier session
-        self.stage = QStackedWidget()
+        self.stage = _Stage()
         self.plan = self._large(PlanView())
         self.side_by_side = self._large(SideBySide())
         self.bscan = self._large(BScanView())
