@@ -57,6 +57,7 @@ class Combination:
 
 CONTROLLERS = {
     "mega": Controller(("Arduino", "Mega 2560"), "atmega2560"),
+    "uno": Controller(("Arduino", "Uno or Nano"), "atmega328p"),
 }
 
 RANGING = {
@@ -71,6 +72,16 @@ RANGING = {
             Wire("8  BINH", "BINH"),
             Supply("9  5 V", "5 V, 2 A peak"),
             Supply("9 to 1", "470 µF to 1000 µF"),
+        ),
+    ),
+    "hc-sr04": Part(
+        "HC-SR04",
+        "5 V module; others may be 3.3 V",
+        (
+            Supply("VCC", "5 V"),
+            Wire("TRIG", "TRIGGER"),
+            Wire("ECHO", "ECHO", from_part=True),
+            Supply("GND", "ground"),
         ),
     ),
 }
@@ -105,6 +116,33 @@ TURNING = {
             ),
         ),
     ),
+    "28byj": (
+        Part(
+            "ULN2003 board",
+            "with a motor 28BYJ-48, 5 V",
+            (
+                Wire("IN1", "COIL_1"),
+                Wire("IN2", "COIL_2"),
+                Wire("IN3", "COIL_3"),
+                Wire("IN4", "COIL_4"),
+                Supply("+", "5 V, 1 A"),
+                Supply("−", "ground"),
+                Supply("socket", "motor"),
+            ),
+        ),
+    ),
+    "servo": (
+        Part(
+            "Hobby servo",
+            "180°, 0.5 ms to 2.5 ms",
+            (
+                Wire("orange or white", "SERVO"),
+                Supply("red", "5 V, 1 A"),
+                Supply("brown or black", "ground"),
+                Supply("red to brown", "470 µF"),
+            ),
+        ),
+    ),
 }
 
 THERMISTOR = Part(
@@ -118,7 +156,14 @@ TRACE = Part(
     (Wire("output, 0 to 5 V", "A0", from_part=True), Supply("ground", "ground")),
 )
 
-COMBINATIONS = (Combination("mega", "polaroid", "step-dir"),)
+COMBINATIONS = (
+    Combination("mega", "polaroid", "step-dir"),
+    Combination("mega", "hc-sr04", "step-dir"),
+    Combination("uno", "polaroid", "step-dir"),
+    Combination("uno", "hc-sr04", "step-dir"),
+    Combination("uno", "hc-sr04", "28byj"),
+    Combination("uno", "hc-sr04", "servo"),
+)
 
 
 def left_parts(combination: Combination) -> list[Part]:

@@ -48,6 +48,12 @@ def rows(svg: str) -> dict[float, list[str]]:
     return {y: [words for _, words in sorted(texts)] for y, texts in found.items()}
 
 
+def test_each_combination_that_the_firmware_builds_has_a_drawing() -> None:
+    makefile = (FIRMWARE / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
+    [built] = re.findall(r"^COMBINATIONS := (.*)$", makefile, re.MULTILINE)
+    assert sorted(one.name for one in COMBINATIONS) == sorted(built.replace(":", "-").split())
+
+
 @each_combination
 def test_the_drawing_is_the_one_that_the_script_makes(combination: Combination) -> None:
     assert drawing_path(combination).read_text(encoding="utf-8") == drawing(combination), (
@@ -76,8 +82,10 @@ def test_every_drawn_pin_is_that_of_the_firmware(combination: Combination) -> No
     assert all(re.fullmatch(r"\d+|A[01]", pin) for pin in used)
 
 
-def test_the_table_of_the_guide_has_the_pins_of_the_firmware() -> None:
-    assert dict(re.findall(r"^\| `([A-Z_]+)` \| (\d+) \|", GUIDE, re.MULTILINE)) == pins_of("atmega2560")
+@pytest.mark.parametrize(("column", "chip"), [(0, "atmega2560"), (1, "atmega328p")])
+def test_the_table_of_the_guide_has_the_pins_of_the_firmware(column: int, chip: str) -> None:
+    rows = re.findall(r"^\| `([A-Z_0-9]+)` \| (\d+|-) \| (\d+|-) \|", GUIDE, re.MULTILINE)
+    assert {signal: pins[column] for signal, *pins in rows if pins[column] != "-"} == pins_of(chip)
 
 
 @cache

@@ -2,21 +2,10 @@
 
 import re
 
-import pytest
-
-from tests.system.firmware.combinations.images import CHIPS, FIRMWARE, budgets, combinations
+from tests.system.firmware.combinations.images import FIRMWARE, budgets, combinations
 from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
 
 DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
-
-
-@pytest.mark.parametrize("controller", CHIPS)
-def test_documented_pins_match_the_firmware(controller: str) -> None:
-    pins = (FIRMWARE / "avr" / CHIPS[controller] / "pins.h").read_text()
-    in_firmware = dict(re.findall(r"^#define (\w+) [A-L], \d //\s+(\d+)", pins, re.M))
-    column = [*CHIPS].index(controller)
-    rows = re.findall(r"^\| `([A-Z_0-9]+)` \| (\d+|-) \| (\d+|-) \|", DOCUMENT, re.M)
-    assert {name: pins[column] for name, *pins in rows if pins[column] != "-"} == in_firmware
 
 
 def test_documented_budgets_match_the_comments_at_the_handlers() -> None:
