@@ -61,7 +61,7 @@ class PlanView(QWidget):
         bar = QWidget()
         row = QHBoxLayout(bar)
         row.setContentsMargins(2, 2, 4, 2)
-        row.setSpacing(1)
+        row.setSpacing(0)
         for tool in TOOLS:
             action = self._action(tool.name, tool.key, tool.tip)
             action.setCheckable(True)
