@@ -86,19 +86,13 @@ def _place(scan: "GivenScan") -> "Place | None":
 
 
 def _series_of(scan: "GivenScan", heading: float, sweep: int | None) -> "HeadingSeries":
-    from sonarhw_compare.two_scans.scan_difference import HeadingSeries
+    from sonarhw_compare.two_scans.heading_series import heading_series
 
     readings = [reading for reading in scan.readings if sweep is None or reading.sweep == sweep - 1]
     if not readings:
         last = max(reading.sweep for reading in scan.readings) + 1
         raise InputError(f"{scan.where}: has no sweep {sweep}; its sweeps: 1 to {last}")
-    board = scan.board()
-    zero = board.heading_at(0.0, heading)
-    return HeadingSeries(
-        np.array([zero + board.turned(reading.angle) for reading in readings]),
-        np.array([math.nan if reading.range is None else reading.range for reading in readings]),
-        board.rounding,
-    )
+    return heading_series(readings, scan.board(), heading)
 
 
 def _names(first: Path, second: Path, sweeps: tuple[int | None, int | None]) -> tuple[str, str]:

@@ -89,6 +89,11 @@ class FileCommands(QMenu):
         self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.open_board)
 
     @Slot()
+    def ask_scan(self) -> None:
+        """Open a dialog for a log that is drawn over the readings shown."""
+        self._ask_file("Add log", "Logs (*.mcap)", self._session.add_scan)
+
+    @Slot()
     def _show_recordings(self) -> None:
         if self.recordings is None:
             self.recordings = dialog = RecordingsDialog(self._session.live.scan_settings.folder, self._window)

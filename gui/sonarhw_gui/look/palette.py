@@ -58,6 +58,26 @@ MARKS: dict[Class, Mark] = {
 
 
 @dataclass(frozen=True)
+class Overlay:
+    """The mark of a scan that is drawn over the one shown; readable on both papers."""
+
+    colour: str
+    symbol: str  # pyqtgraph's name
+
+
+OVERLAYS = (
+    Overlay("#8E6BD8", "h"),
+    Overlay("#1C9C9C", "d"),
+    Overlay("#A6761D", "p"),
+    Overlay("#D6336C", "s"),
+    Overlay("#5B8C2A", "t2"),
+    Overlay("#7787A5", "star"),
+    Overlay("#C04CC0", "t3"),
+    Overlay("#B0554A", "o"),
+)
+
+
+@dataclass(frozen=True)
 class Palette:
     """The colours of all parts of the window."""
 

@@ -27,6 +27,7 @@ from sonarhw_gui.plan.proposal_layer import ProposalLayer
 from sonarhw_gui.plan.sound_layer import SoundLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import NO_POSITIONS, Outline, ReadingMarks
+from sonarhw_gui.plots.overlay_marks import OverlayMarks
 from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
@@ -62,7 +63,7 @@ class PlanDrawing(Canvas):
         self.arrows = EdgeArrows(self._box)
         self.ruler = RulerLayer(self.plot)
         self.sound = SoundLayer(self.plot)
-        self.proposal = ProposalLayer(self.plot)
+        self.proposal, self.overlays = ProposalLayer(self.plot), OverlayMarks(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -87,6 +88,8 @@ class PlanDrawing(Canvas):
             self.pointer.draw(shown)
         if _differ(before, shown, "proposal", "compared", "readings", "scene", "hidden", "look"):
             self.proposal.draw(shown.proposal, self._marks)
+        if self._measured and _differ(before, shown, "overlays"):
+            self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
         if _differ(before, shown, "sound", "look"):
             self.sound.draw(shown)
             if shown.sound is not None and (before is None or before.sound is None):
@@ -224,6 +227,7 @@ class PlanDrawing(Canvas):
             label_length(self.plot.getAxis(side), what, look)
         for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound, self.proposal):
             layer.set_look(look)
+        self.overlays.set_look()
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)
         self.arrows.set_look(look)

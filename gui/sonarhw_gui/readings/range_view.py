@@ -17,6 +17,7 @@ from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NO_POSITIONS, Outline, Placed, ReadingMarks
+from sonarhw_gui.plots.overlay_marks import OverlayMarks
 from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
@@ -58,6 +59,7 @@ class RangeView(Canvas):
         self.ranges.addItem(self._outline)
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
+        self.overlays = OverlayMarks(self.ranges)
         self.beyond = {
             Kind.SHORT: self._add_arrows(1),
             Kind.LONG: self._add_arrows(-1),
@@ -85,6 +87,11 @@ class RangeView(Canvas):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
+        if before is None or before.overlays is not shown.overlays:
+            visible = [scan for scan in shown.overlays if scan.visible]
+            self.overlays.draw(
+                {scan.style: _over_heading(scan.series.headings, scan.series.ranges) for scan in visible}
+            )
         self._extend_range_axis(shown)
         for marks in self._marks:
             marks.ring(shown.chosen)
@@ -133,6 +140,7 @@ class RangeView(Canvas):
         label_length(self.ranges.getAxis("left"), "range", look)
         self._style_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
+        self.overlays.set_look()
         self._outline.set_look(look.palette)
         for marks in self._marks:
             marks.set_look(look.palette)

@@ -17,6 +17,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.choice import Choice
+from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
 from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment
 from sonarhw_gui.work.bscan_picture import BScanSettings
@@ -147,6 +148,12 @@ class ShownModel(QObject):
         if proposal is not self.shown.proposal:
             self.shown = replace(self.shown, proposal=proposal)
             self._update_due = True
+
+    @Slot(object, object)
+    def overlay(self, scans: tuple[OverlaidScan, ...], pair: ScanPair | None) -> None:
+        """Draw other scans over the readings, and compare two."""
+        self.shown = replace(self.shown, overlays=scans, pair=pair)
+        self._update_due = True
 
     def set_sound(self, sound: SoundMoment | None) -> None:
         """Draw the sound at a moment; None: none."""

@@ -18,6 +18,7 @@ from sonarhw_gui.causes.cause_control import CauseControl
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.scans.scan_list import ScanList
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.scene.scene_edit import with_board
 from sonarhw_gui.session.file_saver import FileSaver
@@ -91,7 +92,7 @@ class WindowSession(QObject):
         self.files = FileWatch()
         self.scanners = ScannerChoice(find_scanner, self)
         self.fitting = FitControl(self)
-        self.causes = CauseControl(self)
+        self.causes, self.scans = CauseControl(self), ScanList(self)
         self.saver = FileSaver(self)
         self.sound = SoundControl(self)
         self.preparation = Preparation()
@@ -107,9 +108,10 @@ class WindowSession(QObject):
         self.replay.broken.connect(self.warned)
         self.showing.edited.connect(self._follow_edit)
         self.showing.changed.connect(self.sound.follow)
+        self.scans.changed.connect(self.showing.overlay)
         self.sound.changed.connect(self._follow_sound)
         self.scanners.chosen.connect(self._use)
-        for part in (self.scanners, self.fitting, self.causes, self.saver):
+        for part in (self.scanners, self.fitting, self.causes, self.scans, self.saver):
             part.failed.connect(self.warned)
         self._timer.timeout.connect(self.tick)
 
@@ -188,6 +190,25 @@ class WindowSession(QObject):
     def find_causes(self) -> None:
         """Search for changes of the room that explain misfits of the readings shown."""
         self.causes.start(self.shown.scene, self.shown.readings)
+
+    @Slot(str)
+    def add_scan(self, path: str) -> None:
+        """Draw the scan in a log over the readings shown."""
+        self.scans.open(path, self.shown.scene)
+
+    @Slot()
+    def keep_scan(self) -> None:
+        """Draw the readings shown now over later ones."""
+        self.scans.keep(self._scan_name, self.shown.readings, self.shown.scene)
+
+    @Slot()
+    def keep_sweeps(self) -> None:
+        """Draw each sweep of the readings shown as a scan of its own."""
+        self.scans.keep_sweeps(self._scan_name, self.shown.readings, self.shown.scene)
+
+    @property
+    def _scan_name(self) -> str:
+        return Path(self.log_file).stem or f"scan {len(self.scans.scans) + 1}"
 
     @Slot(str)
     def open_file(self, path: str) -> None:
@@ -285,6 +306,7 @@ class WindowSession(QObject):
         self.scanners.close()
         self.fitting.close()
         self.causes.close()
+        self.scans.close()
         self.saver.close()
         self.showing.close()
         watch_compilation(Quiet())
@@ -296,7 +318,7 @@ class WindowSession(QObject):
         """Fetch the results of all threads since the last tick, and emit the changes."""
         now = time.monotonic()
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
-        for part in (self.scanners, self.fitting, self.causes, self.saver):
+        for part in (self.scanners, self.fitting, self.causes, self.scans, self.saver):
             part.tick()
         self._look_at_files(now)
         for opened in self.documents.take():

@@ -33,6 +33,7 @@ from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.readings.sentence import BounceLine, Sentence
+from sonarhw_gui.scans.scans_panel import ScansPanel
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.accessible_names import name_tab_stops
 from sonarhw_gui.shell.command_states import show_history, show_scanner
@@ -45,6 +46,7 @@ from sonarhw_gui.shell.wiring import (
     connect_device,
     connect_fit,
     connect_replay,
+    connect_scans,
     connect_sound,
 )
 from sonarhw_gui.shown.shown import Shown
@@ -66,7 +68,7 @@ class MainWindow(QMainWindow):
         self.views = ViewArea()
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
-        self.causes = CausesPanel()
+        self.causes, self.scans = CausesPanel(), ScansPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.bounces, self.hint = BounceLine(), Hint()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
@@ -115,6 +117,7 @@ class MainWindow(QMainWindow):
             ("Room", "F8", self.room),
             ("Fit", "F9", self.fit_panel),
             ("Causes", "F11", self.causes),
+            ("Scans", "F12", self.scans),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
@@ -135,6 +138,8 @@ class MainWindow(QMainWindow):
         connect_device(self.device, session)
         connect_fit(self.fit_panel, session)
         connect_causes(self.causes, session)
+        connect_scans(self.scans, session)
+        self.scans.add_requested.connect(self.files.ask_scan)
         connect_replay(self.replay_bar, session)
         connect_sound(self.sound_bar, session)
         self.sound_bar.film_requested.connect(commands.save_film.trigger)

@@ -13,6 +13,7 @@ from sonarhw_gui.plan.plan_view import PlanView
 from sonarhw_gui.plan.side_by_side import SideBySide
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.readings.table_view import TableView
+from sonarhw_gui.scans.difference_view import DifferenceView
 from sonarhw_gui.session.shown_model import ShownModel
 from sonarhw_gui.shell.view_dock import ViewDock
 from sonarhw_gui.shown.shown import Shown
@@ -58,6 +59,7 @@ class ViewArea(QMainWindow):
         self.ranges = self._beside(RangeView(), stack=1)
         self.table = self._beside(TableView(), stack=2)
         self.candidates = self._beside(CandidateView(), stack=2)
+        self.differences = self._beside(DifferenceView(), stack=2)
         self.setCentralWidget(self.stage)
         self.setDockNestingEnabled(True)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)

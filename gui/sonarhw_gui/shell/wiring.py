@@ -6,6 +6,7 @@ from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
+from sonarhw_gui.scans.scans_panel import ScansPanel
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.sound.sound_bar import SoundBar
 
@@ -60,6 +61,16 @@ def connect_causes(panel: CausesPanel, session: WindowSession) -> None:
     panel.proposed.connect(session.showing.propose)
     panel.picked.connect(session.showing.choose)
     session.causes.changed.connect(panel.show_causes)
+
+
+def connect_scans(panel: ScansPanel, session: WindowSession) -> None:
+    """Connect the panel of scans with their list."""
+    panel.kept.connect(session.keep_scan)
+    panel.sweeps_kept.connect(session.keep_sweeps)
+    panel.removed.connect(session.scans.remove)
+    panel.switched.connect(session.scans.switch)
+    panel.pair_chosen.connect(session.scans.compare)
+    session.scans.changed.connect(panel.show_scans)
 
 
 def connect_replay(bar: ReplayBar, session: WindowSession) -> None:

@@ -17,6 +17,7 @@ from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Class, ViewLayer
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from sonarhw_gui.work.bscan_picture import BScans
@@ -69,6 +70,8 @@ class Shown:
     trace: ChosenTrace | None = None  # of the asked heading or the selected reading; computed after the selection
     sound: SoundMoment | None = None  # while it is played
     bscan: BScans | None = None  # as last shown
+    overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings
+    pair: ScanPair | None = None  # of these and the readings, whose differences are shown
     proposal: Proposal | None = None  # a change of the room that may be tried
     cursor: Cursor | None = None
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws

@@ -89,12 +89,12 @@ def test_a_picture_of_the_large_view_is_copied(qtbot: QtBot, window: MainWindow)
 
 
 def test_views_are_moved_floated_closed_and_reset(qtbot: QtBot, window: MainWindow) -> None:
-    trace, ranges, table, echoes = window.views.docks
+    trace, ranges, table, echoes, _ = window.views.docks
     trace.setFloating(True)
     ranges.close()
     echoes.opener.trigger()
     until(qtbot, lambda: echoes.in_front and not table.in_front)
-    assert [action.isChecked() for action in window.views.openers] == [True, False, False, True]
+    assert [action.isChecked() for action in window.views.openers] == [True, False, False, True, False]
     ranges.opener.trigger()
     until(qtbot, ranges.isVisible)
     window.commands.reset_layout.trigger()
@@ -221,7 +221,7 @@ def test_the_large_view_is_printed_with_title_and_legend(qtbot: QtBot, window: M
 def test_a_layout_is_saved_used_kept_and_deleted(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     memory = tmp_path / "window.ini"
     window = open_with(memory=memory)
-    trace, ranges, _table, _echoes = window.views.docks
+    trace, ranges, *_others = window.views.docks
     ranges.close()
     trace.setFloating(True)
     _choose(window.layouts, "Save layout…")
@@ -232,7 +232,7 @@ def test_a_layout_is_saved_used_kept_and_deleted(qtbot: QtBot, open_with: OpenWi
     until(qtbot, lambda: ranges.isVisible() and not trace.isFloating())
     window.close()
     again = open_with(memory=memory)
-    trace, ranges, _table, _echoes = again.views.docks
+    trace, ranges, *_others = again.views.docks
     _choose(again.layouts, "lab && bench")
     until(qtbot, lambda: trace.isFloating() and not ranges.isVisible())
     again.layouts.show_names()

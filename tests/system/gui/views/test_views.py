@@ -21,7 +21,7 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 
 
 def test_every_view_implements_the_protocol(window: MainWindow) -> None:
-    assert len(window.views.all) == 7
+    assert len(window.views.all) == 8
     for view in window.views.all:
         assert isinstance(view, View), type(view)
 
