@@ -85,14 +85,13 @@ def solved_paths(
         place, fan.directions, fan.touched, fan.candidates, targets, longest, blocking
     )
     ray, bounces, target = fan.candidates[real].T
-    most = points.shape[1] - 2
+    most = points.shape[1] - 3
     surfaces = np.where(np.arange(most) < bounces[:, None], fan.touched[ray, :most], -1).astype(np.int32)
     # surface -1, "none", selects the appended 1
-    gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences[real])
-    points = np.concatenate((points[real], np.full((len(ray), 1, 2), np.nan)), axis=1)
+    gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences)
     bends = bounces.astype(np.int32)
-    paths = PartialPaths(lengths[real], gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points)
-    return paths.select(np.flatnonzero(gains > 0))
+    paths = PartialPaths(lengths, gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points)
+    return paths if (gains > 0).all() else paths.select(np.flatnonzero(gains > 0))
 
 
 def with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
@@ -109,10 +108,12 @@ def shortest_first(paths: PartialPaths, by_points: bool = True) -> PartialPaths:
     These are paths with equal points: through a vertex, several sequences describe one path. Without `by_points`, only
     paths with equal surfaces are dropped.
     """
-    paths = paths.select(_in_order(paths))
-    if by_points:
-        return paths.select(np.flatnonzero(first_of_kind(paths.lengths, paths.edges, paths.points)))
-    return paths.select(_first_of_equal(np.column_stack((paths.edges, paths.bends, paths.surfaces))))
+    order = _in_order(paths)
+    if not by_points:
+        table = np.column_stack((paths.edges, paths.bends, paths.surfaces))
+        return paths.select(order[_first_of_equal(table[order])])
+    paths = paths.select(order)
+    return paths.select(np.flatnonzero(first_of_kind(paths.lengths, paths.edges, paths.points)))
 
 
 def _first_of_equal(table: IntArray) -> NDArray[np.intp]:

@@ -138,18 +138,19 @@ def _solved_ways(room: Room, place: FloatArray, fan: Fan, targets: FloatArray) -
         surfaces._replace(listing=nothing),
     )
     # a place above a low post is no way to it
-    real &= lengths > 0.0
-    ray, bounces, target = fan.candidates[real].T
-    points, row = points[real], np.arange(len(ray))
+    away_from_post = lengths > 0.0
+    points, lengths, divergences = points[away_from_post], lengths[away_from_post], divergences[away_from_post]
+    ray, bounces, target = fan.candidates[real][away_from_post].T
+    row = np.arange(len(ray))
     away, last = points[:, 1] - place, points[row, bounces + 1] - points[row, bounces]
     # every reflection swaps left and right
-    shifts = np.where(bounces % 2, -1.0, 1.0) * lengths[real] * divergences[real]
+    shifts = np.where(bounces % 2, -1.0, 1.0) * lengths * divergences
     touched = fan.touched[ray]
     rows = np.where(np.arange(touched.shape[1]) < bounces[:, None], touched, -1).astype(np.int32)
     directions = np.arctan2(away[:, 1], away[:, 0])
     # a way that reflects off a wall at the centre of a post has no last leg
     ahead = last / np.maximum(np.hypot(*last.T), 1e-300)[:, None]
-    return PostWays(target - 1, directions, bounces, rows, lengths[real], ahead, shifts)
+    return PostWays(target - 1, directions, bounces, rows, lengths, ahead, shifts)
 
 
 def _aimed(room: Room, ways: PostWays, rows: NDArray[np.intp], onward: FloatArray) -> FloatArray:

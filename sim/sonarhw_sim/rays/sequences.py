@@ -38,15 +38,18 @@ def solve_candidates(
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Solve candidates (c, 3) of `follow_fan`.
 
-    Returns four arrays: whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool; its
-    points from the source to the target, (c, b + 2, 2) m, padded with NaN, for up to b reflections; its length (c,) m;
-    its divergence (c,), the width of its ray tube over its length, 1 without posts.
+    Returns whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool, and for each of the
+    r valid ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
+    its length (r,) m; its divergence (r,), the width of its ray tube over its length, 1 without posts.
     """
     count, most = len(candidates), int(candidates[:, 1].max(initial=0))
-    real, points = np.zeros(count, dtype=np.bool_), np.full((count, most + 2, 2), np.nan)
-    lengths, divergences = np.zeros(count), np.ones(count)
-    _solve(source, directions, touched, candidates, targets, longest, surfaces, real, points, lengths, divergences)
-    return real, points, lengths, divergences
+    # most candidates are no paths, and the system gives memory only to rows that are filled
+    real, points = np.zeros(count, dtype=np.bool_), np.empty((count, most + 3, 2))
+    lengths, divergences = np.empty(count), np.empty(count)
+    found = _solve(
+        source, directions, touched, candidates, targets, longest, surfaces, real, points, lengths, divergences
+    )
+    return real, points[:found], lengths[:found], divergences[:found]
 
 
 @compiled
@@ -62,22 +65,33 @@ def _solve(
     points: FloatArray,
     lengths: FloatArray,
     divergences: FloatArray,
-) -> None:
-    """Fill in the results of `solve_candidates`."""
+) -> int:
+    """Fill in the results of `solve_candidates`, and return the number of paths."""
     walls, posts = surfaces.walls, surfaces.posts
+    found, width = 0, points.shape[1]
     for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
-        path = points[c, : bounces + 2]
+        path = points[found, : bounces + 2]
         path[0, 0], path[0, 1] = source[0], source[1]
         path[bounces + 1, 0], path[bounces + 1, 1] = targets[target, 0], targets[target, 1]
+        divergence = 1.0
         if _touches_post(sequence, walls.shape[0]):
-            solved, divergences[c] = _refine(path, directions[ray], sequence, walls, posts)
+            solved, divergence = _refine(path, directions[ray], sequence, walls, posts)
         else:
             solved = _unfold(path, sequence, walls)
+        if not solved:
+            continue
+        length = 0.0
         for k in range(bounces + 1):
-            lengths[c] += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        real[c] = solved and lengths[c] <= longest[target] and path_is_free(path, surfaces)
+            length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        if length > longest[target] or not path_is_free(path, surfaces):
+            continue
+        for k in range(bounces + 2, width):
+            points[found, k, 0], points[found, k, 1] = np.nan, np.nan
+        real[c], lengths[found], divergences[found] = True, length, divergence
+        found += 1
+    return found
 
 
 @inlined

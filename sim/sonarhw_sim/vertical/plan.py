@@ -59,8 +59,8 @@ def _edges_of_bands(room: Room, spans: FloatArray, middles: FloatArray) -> tuple
         walls = np.flatnonzero((spans[: len(room.walls), 0] < height) & (height < spans[: len(room.walls), 1]))
         here = find_edges(room.walls[walls], tuple(room.names[wall] for wall in walls.tolist()))
         here = replace(here, faces=walls[here.faces].astype(np.int32))
-        for row in range(len(here)):
-            key = (*here.points[row].tolist(), here.starts[row], here.openings[row], *here.faces[row].tolist())
+        for row, bare in enumerate(_bare(here).tolist()):
+            key = (*here.points[row].tolist(), here.starts[row], here.openings[row], *here.faces[row].tolist(), *bare)
             found.setdefault(key, (here, row))
             bands.setdefault(key, []).append(band)
     exists = np.zeros((len(found), len(middles)), np.bool_)
@@ -76,7 +76,12 @@ def _joined(rows: list[tuple[Edges, int]]) -> Edges:
         np.array([edges.openings[row] for edges, row in rows]),
         np.array([edges.faces[row] for edges, row in rows], dtype=np.int32).reshape(-1, 2),
         tuple(edges.names[row] for edges, row in rows),
+        np.array([_bare(edges)[row] for edges, row in rows]).reshape(-1, 2),
     )
+
+
+def _bare(edges: Edges) -> FloatArray:
+    return np.full((len(edges), 2), np.inf) if edges.bare is None else edges.bare
 
 
 def edge_numbers(edges: Edges, room: Room, walls: Sequence[int]) -> IntArray:

@@ -94,7 +94,7 @@ def ways_to(
     """Return the ways of these rows (m,) of approaches to points (m, 2), and whether each is one in the plan, (m,)."""
     assert plan.passing is not None
     bounces = approaches.bounces[rows]
-    real, points, _, _ = solve_candidates(
+    real, found, _, _ = solve_candidates(
         position,
         np.zeros(len(approaches.walls)),
         approaches.surfaces,
@@ -103,7 +103,8 @@ def ways_to(
         np.full(len(rows), np.inf),
         plan.passing.blocking,
     )
-    points = np.concatenate((points, np.full((len(rows), 1, 2), np.nan)), axis=1)
+    points = np.full((len(rows), *found.shape[1:]), np.nan)
+    points[real] = found
     legs = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0))
     met = np.full(points.shape[:2], -1, np.int32)
     met[:, 1 : points.shape[1] - 2] = approaches.surfaces[rows, : points.shape[1] - 3]

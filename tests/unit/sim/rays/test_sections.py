@@ -180,6 +180,20 @@ def test_paths_by_boxes_and_tables_with_lids_are_those_of_independent_images(
         assert row == pytest.approx(exact[key], abs=1e-7)
 
 
+def test_a_narrow_wall_that_another_joins_is_as_loud_by_the_floor_with_a_low_wall_in_the_room() -> None:
+    strip = wall("strip", (1.0, -0.005), (1.0, 0.005)) + wall("stem", (1.0, 0.0), (1.1, 0.0))
+    far = wall("rug", (-3.0, -0.5), (-3.0, 0.5), height=(0.0, 0.01))
+    loudest = []
+    for walls in (strip, strip + far):
+        room = room_of(walls, LEVELS[: LEVELS.index("[ceiling]")])
+        search = replace(SEARCH, max_length=3.0, diffraction=True, faintest_diffraction=1e-6)
+        paths = paths_from(room, Place("here", (0.0, 0.2), height=0.3), search)
+        bent = np.flatnonzero((paths.edges >= 0) & (paths.bounces == 1) & (paths.surfaces[:, 0] >= len(room.walls)))
+        loudest.append(sorted(paths.gains[bent].tolist()))
+    assert len(loudest[0]) > 1
+    assert loudest[0] == pytest.approx(loudest[1], rel=1e-9)
+
+
 def _by_direction(rows: list[tuple[float, ...]]) -> dict[tuple[float, ...], tuple[float, ...]]:
     """Return rows of `as_rows` by length and directions: two walls of equal reflectance may be touched at one point."""
     return {tuple(round(value, 5) + 0.0 for value in (row[0], *row[2:])): row for row in rows}
