@@ -240,8 +240,8 @@ def supply(device: Statistics, resets: int) -> Diagnosis:
     """Judge the cause of the last start, and whether the device restarted during the checks."""
     cause = ResetCause(device.reset_cause) if device.reset_cause in [*ResetCause] else ResetCause.UNKNOWN
     advice = (
-        "the 6500 draws 2 A during a ping: give it a supply of 5 V and 3 A of its own with a common ground, and 470 µF "
-        "close to it"
+        "the 6500 draws 2 A during a ping, and a servo 1 A: give it a supply of 5 V and 3 A of its own with a common "
+        "ground, and 470 µF close to it"
     )
     if cause is ResetCause.BROWNOUT:
         return failed("supply", "the last start followed a drop of the supply", advice)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from sonarhw import Scanner
 from sonarhw.bringup import diagnoses
 from sonarhw.bringup.diagnoses import Diagnosis, Verdict
 from sonarhw.bringup.doctor import Plate, examine
-from sonarhw.device.device_protocol import RefusalError
 from sonarhw.device.emulated_board import BUILT, emulated_board
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
@@ -22,7 +20,7 @@ from sonarhw.device.faulty_board import FaultyDevice
 from sonarhw.device.wiring_faults import Wires, WiringFault
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace
-from sonarhw.wire.messages import Capabilities, Feature, Refusal, ResetCause, Statistics
+from sonarhw.wire.messages import ResetCause, Statistics
 from tests.fixtures.example_logs import example_reading
 from tests.fixtures.plain_echoes import DISTANCE, PLATE_DEG, HallEchoes
 from tests.system.cli.instrument.test_scan_command import sonarhw
@@ -170,14 +168,14 @@ class NoisyHall(HallEchoes):
         return replace(result, trace=trace)
 
 
-@pytest.mark.skipif(not (BUILT / "sonar.elf").exists(), reason="the firmware is not built")
+@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 def test_noise_at_the_tap_of_the_emulated_board_fails() -> None:
     with emulated_board(NoisyHall(), pace=3.0) as board, Scanner.open(board.url) as scanner:
         made = [*examine(scanner, False, None)]
     assert [one.check for one in made if one.verdict is Verdict.FAIL] == ["noise"]
 
 
-@pytest.mark.skipif(not (BUILT / "sonar.elf").exists(), reason="the firmware is not built")
+@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 def test_a_silent_echo_wire_is_told_from_a_silent_board_by_the_traces_of_the_emulated_board() -> None:
     low = WiringFault.ECHO_LOW
     with emulated_board(NoisyHall(), pace=3.0, miswire=low) as board, Scanner.open(board.url) as scanner:
@@ -185,7 +183,7 @@ def test_a_silent_echo_wire_is_told_from_a_silent_board_by_the_traces_of_the_emu
     assert "the board transmits and receives: check the wire of ECHO and its pull-up" in echoes.advice
 
 
-@pytest.mark.skipif(not (BUILT / "sonar.elf").exists(), reason="the firmware is not built")
+@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 def test_a_jammed_table_and_a_plate_elsewhere_fail_on_the_emulated_board() -> None:
     made = []
     with emulated_board(HallEchoes(), pace=3.0, start_deg=40) as board, Scanner.open(board.url) as scanner:
@@ -196,36 +194,18 @@ def test_a_jammed_table_and_a_plate_elsewhere_fail_on_the_emulated_board() -> No
     assert [one.check for one in made if one.verdict is Verdict.FAIL] == ["steps", "plate"]
 
 
-class ServoBoard(FakeBoard):
-    """A board on a servo: 180 degrees, and nothing that finds lost steps."""
-
-    def capabilities(self, command: int) -> Capabilities:
-        able = super().capabilities(command)
-        features = able.features & ~(Feature.HOME_MARK | Feature.LOST_STEPS)
-        return replace(able, features=features, lowest_angle=-90_000_000, highest_angle=90_000_000)
-
-
-class HandTurnedBoard(ServoBoard):
-    """A board on a motor without home switches, as a 28BYJ-48."""
-
-    def homing(self, now: float) -> NoReturn:
-        raise RefusalError(Refusal.OUT_OF_RANGE, "no zero mark; turn it to zero by hand and send SetZero")
-
-
-def test_a_servo_is_examined_over_its_range() -> None:
-    with serve(ServoBoard(HallEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
-        made = check_diagnoses(endpoint.url, [], "")
-    assert [one.check for one in made if one.verdict is Verdict.SKIPPED] == ["steps"]
-
-
-def test_a_table_without_home_switches_takes_its_present_angle_as_zero() -> None:
-    board = HandTurnedBoard(HallEchoes(), seed=2)
-    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
-        made = [*examine(scanner, True, None)]
-    skipped = [(one.check, one.text) for one in made if one.verdict is Verdict.SKIPPED]
-    assert skipped[0] == ("zero", "no home switches: the present angle is zero")
-    assert [check for check, _ in skipped] == ["zero", "steps", "direction", "plate"]
-    assert not any(one.verdict is Verdict.FAIL for one in made), made
+@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
+@pytest.mark.parametrize(
+    ("combination", "not_checked"),
+    [
+        ("uno-hc-sr04-servo", ["BLNK", "noise", "steps"]),
+        ("uno-hc-sr04-28byj", ["BLNK", "noise", "zero", "steps"]),
+    ],
+)
+def test_cheap_turntables_are_checked_as_far_as_they_allow(combination: str, not_checked: list[str]) -> None:
+    with emulated_board(HallEchoes(), pace=3.0, start_deg=0, combination=combination) as board:
+        made = check_diagnoses(board.url, [], "")
+    assert [one.check for one in made if one.verdict is Verdict.SKIPPED] == not_checked
 
 
 @pytest.mark.parametrize(
