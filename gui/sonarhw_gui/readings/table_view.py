@@ -43,7 +43,6 @@ _LEAST = {
 }
 _PLURAL: dict[Class, str] = {Kind.MATCH: "matches"}  # for screen readers: "matches: 64"
 _USUAL_PATH = "bottom>top>bottom"
-_WORDS = 44  # pixels, the least width of the filter
 _HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
 _MARK = 20  # pixels, mark of a class with the gap before the name
 _BESIDE = 12  # pixels, margins
@@ -87,7 +86,6 @@ class TableView(QWidget):
         self.model = ReadingModel(self)
         self.view = self._made_view()
         self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
-        self.words.setMinimumWidth(_WORDS)
         self.words.setToolTip("Show only readings whose path, heading or class contains all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
         self.copy = QToolButton()
