@@ -16,7 +16,7 @@ from sonarhw.errors import SonarError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.plugins.plugin_list import is_plugin
-from tests.contract.scanners import ONE_LINE, SCANNERS
+from tests.contract.scanners import LONG, ONE_LINE, SCANNERS
 from tests.contract.talk import Talk
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice
 
@@ -24,8 +24,9 @@ from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run each test once per scanner; tests with the mark `one_line` over one kind of line, unless --soak is given."""
     if "url" in metafunc.fixturenames:
-        one_line = metafunc.definition.get_closest_marker("one_line") and not metafunc.config.getoption("--soak")
-        names = ["--url"] if metafunc.config.getoption("--url") else [*(ONE_LINE if one_line else SCANNERS)]
+        soak = metafunc.config.getoption("--soak")
+        usual = ONE_LINE if metafunc.definition.get_closest_marker("one_line") else [*(SCANNERS.keys() - set(LONG))]
+        names = ["--url"] if metafunc.config.getoption("--url") else sorted(SCANNERS if soak else usual)
         metafunc.parametrize("url", names, indirect=True, scope="package")
 
 

@@ -76,9 +76,15 @@ def ser2net(device: str) -> Iterator[str]:
 @contextmanager
 def emulated() -> Iterator[str]:
     """Build the firmware and the emulator, and run the firmware on the emulated board."""
-    subprocess.run(["make", "-C", FIRMWARE, "all", "emulator"], check=True, stdout=subprocess.DEVNULL)
-    with emulated_board(PlainEchoes(), pace=2.0) as board:
-        yield board.url
+    with _emulated("mega") as url:
+        yield url
+
+
+@contextmanager
+def emulated_uno() -> Iterator[str]:
+    """Run the firmware of an Arduino Uno with a 6500, which sends no traces, on the emulated board."""
+    with _emulated("uno") as url:
+        yield url
 
 
 SCANNERS: dict[str, Scanner] = {
@@ -87,8 +93,17 @@ SCANNERS: dict[str, Scanner] = {
     "fake over TCP": over_tcp,
     "fake behind ser2net": behind_ser2net,
     "firmware on the emulated board": emulated,
+    "firmware on an emulated Uno": emulated_uno,
 }
+LONG = ("firmware on an emulated Uno",)  # only with --soak
 ONE_LINE = ("fake in this process", "firmware on the emulated board")  # each kind of device once
+
+
+@contextmanager
+def _emulated(chip: str) -> Iterator[str]:
+    subprocess.run(["make", "-C", FIRMWARE, f"CHIP={chip}", "all", "emulator"], check=True, stdout=subprocess.DEVNULL)
+    with emulated_board(PlainEchoes(), pace=2.0, combination=f"{chip}-polaroid-step-dir") as board:
+        yield board.url
 
 
 def _board() -> FakeBoard:

@@ -7,7 +7,8 @@ from pathlib import Path
 from tests.checkout import CHECKOUT
 
 FIRMWARE = CHECKOUT / "firmware"
-MEGA = "mega-polaroid-step-dir"
+MEGA, UNO = "mega-polaroid-step-dir", "uno-polaroid-step-dir"
+FREE_STACK = 256  # bytes that an Uno never uses
 CHIPS = {"mega": "atmega2560", "uno": "atmega328p"}
 
 
