@@ -2,9 +2,9 @@
 
 import math
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES
 
@@ -133,7 +133,7 @@ def _figures(difference: "ScanDifference") -> dict[str, Any]:
 
 def _median_of(run: "tuple[HeadingDifference, ...]") -> float | None:
     apart = [row.difference for row in run if row.difference is not None]
-    return float(np.median(apart)) if apart else None
+    return median(apart) if apart else None
 
 
 def _lines(difference: "ScanDifference", names: tuple[str, str]) -> list[str]:
