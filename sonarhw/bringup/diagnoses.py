@@ -216,8 +216,8 @@ def direction(readings: Sequence[Reading], plate: float, marked: bool = True) ->
     if abs(nearest.angle - plate) <= HEADING_ERROR:
         return passed("direction", text)
     if abs(nearest.angle + plate) <= HEADING_ERROR:
-        inverted = "--invert mark --invert cam --invert motor" if marked else "--invert motor"
-        advice = f"the table turns the other way: `sonarhw wiring URL {inverted}`"
+        all_three = "`sonarhw wiring URL --invert mark --invert cam --invert motor`"
+        advice = f"the table turns the other way: {all_three if marked else '`sonarhw wiring URL --invert motor`'}"
         return failed("direction", text, advice)
     return failed("direction", text, "take away what is nearer than the plate, and check zero and gear")
 

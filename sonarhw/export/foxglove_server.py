@@ -28,7 +28,7 @@ class FoxgloveServer:
         try:
             import foxglove
         except ImportError as error:
-            raise MissingExtra("--foxglove needs the SDK of Foxglove", "foxglove") from error
+            raise MissingExtra("a server for Foxglove needs its SDK", "foxglove") from error
         logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # a viewer that leaves is no error
         host, port = host_and_port(address)
         self._context = context = foxglove.Context()  # a channel closes without it
