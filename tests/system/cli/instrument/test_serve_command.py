@@ -175,4 +175,4 @@ def test_the_missing_extra_is_named() -> None:
     command = [sys.executable, "-c", program, "serve", "fake:simple?place=figure9", "--foxglove"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     install = "run pip install '.[foxglove]' in the source folder of sonarhw"
-    assert done.stderr == f"sonarhw: --foxglove needs the SDK of Foxglove, which is not installed: {install}\n"
+    assert done.stderr == f"sonarhw: a server for Foxglove needs its SDK, which is not installed: {install}\n"
