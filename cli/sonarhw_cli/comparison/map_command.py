@@ -73,7 +73,6 @@ def map_logs(
     fit, with their uncertainties. Sound is then followed in this room.
     """
     from sonarhw_compare.map import map_scans
-    from sonarhw_compare.map.features import CONFIRMING
     from sonarhw_sim.board.profile import load_board
 
     room_file, picture = _outputs(out or [], force, room_name, board, poses_file, *log_files)
@@ -84,48 +83,37 @@ def map_logs(
     given = [open_scan(file, board) for file in log_files]
     chosen = load_board(board) if board else given[0].board()
     scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
+    if None in spreads and not (room_file or plan_next):
+        raise InputError(
+            f"--poses {poses_file}: an unknown pose is found with the room: add --out ROOM.toml, or --next"
+        )
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
-    found_room = None
+    shown = None
     with progress_of_share() as show:
         if room_file or plan_next:
-            found_room = _found(scans, moved, given, spreads, plan_next, show)
-            room, scans = found_room.room, found_room.scans
+            shown = _room_of_scans(scans, moved, given, spreads, plan_next, show)
+            room, scans = shown.room, shown.scans
         found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
-    if found.places < CONFIRMING:
-        warn(
-            f"scans from {counted(found.places, 'place')} only: walls, corners and edges are confirmed by "
-            f"{CONFIRMING} places; until then they are possible, or missing"
-        )
-    if found.followed_room is not None and found.undetermined > found.echoes / 2:
-        warn(
-            f"{found.undetermined} of {found.echoes} echoes have no path in the room in which sound is "
-            "followed: walls may be false or missing; give the room with --room, or more scans"
-            if room is None
-            else f"{found.undetermined} of {found.echoes} echoes have no path in this room; check the room, "
-            "the board and the places of the scans"
-        )
-    if found_room:
-        for title in found_room.left_out:
-            warn(f"{title}: its pose was not found, so the room is found without it")
-    if room_file and found_room:
+    for doubt in _doubts(found, room_name is not None, shown):
+        warn(doubt)
+    if room_file and shown:
         with written_file(room_file, overwrite=force) as file:
-            file.write(found_room.room.text.encode())
+            file.write(shown.room.text.encode())
     if picture:
         from sonarhw_compare.map.map_picture import draw_map
 
         with written_file(picture, overwrite=force) as file:
             write_picture(draw_map(found, room), file, checked_out(picture, PICTURES, True))
     if as_json:
-        print_json(_figures(found) | ({} if found_room is None else {"found": found_room.figures}))
+        print_json(_figures(found) | ({} if shown is None else {"found": shown.figures}))
         return
     _print(found, room is not None)
-    if found_room:
-        for line in found_room.lines:
-            print_line(line)
+    for line in shown.lines if shown else ():
+        print_line(line)
 
 
 @dataclass(frozen=True)
-class _FoundRoom:
+class _RoomOfScans:
     """A found room for the outputs of the command."""
 
     room: "Room"
@@ -133,6 +121,27 @@ class _FoundRoom:
     figures: dict[str, Any]
     lines: list[str]
     left_out: tuple[str, ...]  # titles of scans that could not be located
+
+
+def _doubts(found: "RoomMap", is_given: bool, shown: _RoomOfScans | None) -> Iterator[str]:
+    """Yield one line for each reason to doubt a map."""
+    from sonarhw_compare.map.features import CONFIRMING
+
+    if found.places < CONFIRMING:
+        yield (
+            f"scans from {counted(found.places, 'place')} only: walls, corners and edges are confirmed by "
+            f"{CONFIRMING} places; until then they are possible, or missing"
+        )
+    if found.followed_room is not None and found.undetermined > found.echoes / 2:
+        count = f"{found.undetermined} of {found.echoes} echoes have no path in"
+        yield (
+            f"{count} this room; check the room, the board and the places of the scans"
+            if is_given
+            else f"{count} the room in which sound is followed: walls may be false or missing; give the room with "
+            "--room, or more scans"
+        )
+    for title in shown.left_out if shown else ():
+        yield f"{title}: its pose was not found, so the room is found without it"
 
 
 def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> tuple[Path | None, Path | None]:
@@ -146,14 +155,14 @@ def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> tu
     return chosen.get(True), chosen.get(False)
 
 
-def _found(
+def _room_of_scans(
     scans: "list[PlacedScan]",
     board: "Board",
     given: "Sequence[GivenScan]",
     spreads: "Sequence[PoseSpread | None]",
     plan_next: bool,
     show: Callable[[float, str], None],
-) -> _FoundRoom:
+) -> _RoomOfScans:
     from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, open_ends
     from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
     from sonarhw_sim.air import Air
@@ -185,7 +194,7 @@ def _found(
             }
             for one in nexts
         ]
-    return _FoundRoom(room, list(placed.scans), figures, lines, placed.left_out)
+    return _RoomOfScans(room, list(placed.scans), figures, lines, placed.left_out)
 
 
 def _next_text(one: "NextPlace") -> str:

@@ -99,6 +99,15 @@ def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
     assert figures["poses"][given[2]][0]["probability"] > 0.9
 
 
+def test_an_unknown_pose_needs_a_search_for_the_room(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = tmp_path / "poses.csv"
+    poses.write_text("log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg\na.mcap,0,0,0,,\nb.mcap,,,,,")
+    assert run(["map", *logs(folder, "ab"), "--poses", str(poses)]) == 2
+    assert f"--poses {poses}: an unknown pose is found with the room" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
