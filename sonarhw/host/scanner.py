@@ -329,12 +329,14 @@ class Scanner:
     def stop(self) -> None:
         """Stop the running action, which then ends as STOPPED. Any thread may call this. A scan keeps its readings.
 
-        Raises NoAnswer or LinkLost if no action runs and the device does not answer.
+        Raises NoAnswer or LinkLost if no action runs and the device does not answer; at once if it is lost already.
         """
         self._use.stop_wanted = True
         if self._use.claim():  # no action is running
             try:
                 self._use.stop_wanted = False
+                if (lost := self._session.loss) is not None:
+                    raise LinkLost(str(lost))
                 self._perform(requesting(Stop()))
             finally:
                 self._use.release()

@@ -278,6 +278,15 @@ def test_a_link_that_vanishes_during_a_scan_is_an_error(served: Serve) -> None:
     assert 5 <= len(readings) < LONG.readings
 
 
+def test_a_stop_without_an_action_does_not_wait_for_a_lost_device(served: Serve) -> None:
+    with served() as endpoint:
+        scanner = Scanner.open(endpoint.url, reconnect=10 * HANG)
+    wait_until(lambda: scanner.state is Connection.LOST)
+    with pytest.raises(LinkLost, match="link was lost"):
+        scanner.stop()
+    scanner.close()
+
+
 def test_another_protocol_version_is_an_error_with_both_versions(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
     with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.2"):
