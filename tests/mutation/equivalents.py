@@ -4,7 +4,6 @@ from tests.mutation.mutants import Mutant
 
 _LARGEST = "critical - 2 * scene.degrees[2] < largest < critical"
 _OF_READINGS = "topics.get(item.channel) == READINGS"
-_STEP = "_FAR * deviations * vector / abs(vector[row])"
 # path, line, changes of it, reason
 _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     (
@@ -181,12 +180,6 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "if chosen[h, c] < 0 or math.isnan(ranges[i]):",
         ("0 → (-1)",),
         "where no path is chosen, the chance is 0",
-    ),
-    (
-        "compare/sonarhw_compare/fit/search/ridges.py",
-        "moved[: len(vector)] += _FAR * deviations * vector / abs(vector[row])",
-        (f"moved[: len(vector)] += {_STEP} → moved[:len(vector)] -= {_STEP}",),
-        "both directions of the vector are tried",
     ),
     (
         "sim/sonarhw_sim/predict/models.py",
