@@ -61,9 +61,10 @@ _ROS, _RAW = FORMATS[-2:]
 def import_format(file: Path, rate: float | None = None) -> ImportFormat | None:
     """Return the format of a file by its suffix; None: CSV.
 
-    With a sampling `rate`, text is a table of samples. A folder is a bag of ROS 2.
+    With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag, or without a
+    suffix, is a bag of ROS 2.
     """
-    if file.is_dir():
+    if (file / "metadata.yaml").exists() or (file.is_dir() and not file.suffix):
         return _ROS
     known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
     return _RAW if known is None and rate is not None else known
