@@ -84,6 +84,12 @@ def _ensemble(objective: Objective, start: Mixture, walkers: int, random: Random
     """Return the initial ensemble, (walkers, size), a little wider than `start`."""
     lower, upper = objective.problem.bounds
     begin = start.draws(walkers, random, _WIDER)
+    # back along the line from the mean, so that parameters that change together still do at a bound
+    rows = slice(len(objective.problem.parameters))
+    mean = np.clip(start.mean, lower, upper)[rows]
+    away = begin[:, rows] - mean
+    reach = np.where(away > 0, upper[rows] - mean, mean - lower[rows]) / np.maximum(np.abs(away), 1e-300)
+    begin[:, rows] = mean + away * np.minimum(1.0, reach.min(axis=1, initial=1.0))[:, None]
     # walkers on a bound would all have the same value
     spread = np.sqrt(np.diag(start.covariance))
     inside = np.minimum(spread, upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)

@@ -23,7 +23,7 @@ class Target:
         self.precision = np.linalg.inv(0.5**apart)
         lower, upper = np.full(SIZE, -1e3), np.full(SIZE, 1e3)
         lower[0] = max(lowest, lower[0])
-        self.problem = SimpleNamespace(bounds=(lower, upper), steps=np.ones(SIZE))
+        self.problem = SimpleNamespace(bounds=(lower, upper), steps=np.ones(SIZE), parameters=("",) * SIZE)
 
     def __call__(self, values: FloatArray) -> float:
         lower, upper = self.problem.bounds
