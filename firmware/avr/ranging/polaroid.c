@@ -40,7 +40,7 @@ static void wake_in(uint16_t count, uint32_t ticks)
     TIMER_INTERRUPTS |= _BV(OCIE1B);
 }
 
-// End of blanking or of re-arming. Budget 150 cycles.
+// End of blanking or of re-arming. Budget 170 cycles.
 ISR(TIMER_COMPB_vect)
 {
     if (wait_left) {
