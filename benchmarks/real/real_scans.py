@@ -44,7 +44,7 @@ from benchmarks.real.judged_scans import (
 from benchmarks.real.sensor_table import print_sensors
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
 
-FIGURE = Path("docs/figures/real_scans.png")
+FIGURE = Path("docs/explanation/real_scans.png")
 
 
 def main() -> None:
