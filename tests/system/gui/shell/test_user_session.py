@@ -21,7 +21,9 @@ def closed(path: Path) -> Log | None:
 
 
 def shown_heading(program: Outside) -> float:
-    return float(SENTENCE.match(program.sentence())["heading"])
+    """Return the heading of the sentence; not a number while a draft is shown."""
+    found = SENTENCE.match(program.sentence())
+    return float(found["heading"]) if found else math.nan
 
 
 def range_texts(log: Log) -> dict[float, str]:
