@@ -181,9 +181,9 @@ def test_pictures_of_the_demo_live_and_in_replay(
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
         window.session.showing.choose(SELECTED_LIVE)
         window.commands.fit.trigger()  # far readings have extended the visible range
-        until(qtbot, lambda: traced(window))
+        # on a busy machine, the board may have been away for a moment
+        until(qtbot, lambda: traced(window) and window.status_bar.badge.text() == "● live")
         album.keep(window, "live")
-        assert window.status_bar.badge.text() == "● live"
         dock(qtbot, window, "Device")
         until(qtbot, lambda: window.session.shown.readings[-1].angle < radians(3 * (HEADINGS - 1)))
         album.keep(window, "device")
