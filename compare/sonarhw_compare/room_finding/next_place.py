@@ -1,4 +1,4 @@
-"""Where to scan next: the places and headings from which a scan would tell most about a found room.
+"""The places and headings from which another scan makes a found room most certain.
 
 The gain of a place is the expected decrease of the entropy of walls and posts, ½ ln det(I + D J Jᵀ D / σ²) in nats: D
 has their present standard deviations, J the derivative of each predicted range by them (Cover and Thomas, Elements of
@@ -26,7 +26,7 @@ _PLACES = 60  # that are tried, about
 _CLEARANCE = 0.15  # m, of a place from walls and posts
 _HEADINGS, _SECTORS = 72, 12  # of a scan
 _RANGE = 0.01  # m, standard deviation of a range
-_LARGEST = 0.1  # m or rad; an open end may be anywhere, but its echo tells only where it is near
+_LARGEST = 0.1  # m or rad, standard deviation of a wall or end; a larger one is not linear, and counts as this one
 _SAME_PATH = 0.05  # m, largest change of a range by a step; a larger one is another echo
 _MOST_OF_GAIN = 0.6  # share of the sum over headings that the reported sectors have
 
@@ -80,10 +80,10 @@ def _slopes(position: tuple[float, float], room: Room, rooms: Sequence[tuple[Mov
     return slopes
 
 
-def _weighed(position: tuple[float, float], told: FloatArray) -> NextPlace:
-    """Return a place with the gain of its scan; `told` (m, n) are slopes times standard deviations of the moves."""
-    gain = float(np.linalg.slogdet(np.eye(len(told)) + told @ told.T)[1]) / 2
-    by_sector = np.log1p((told**2).sum(axis=0)).reshape(_SECTORS, -1).sum(axis=1)
+def _weighed(position: tuple[float, float], scaled: FloatArray) -> NextPlace:
+    """Return a place with the gain of its scan; `scaled` (m, n): slopes times standard deviations of the moves."""
+    gain = float(np.linalg.slogdet(np.eye(len(scaled)) + scaled @ scaled.T)[1]) / 2
+    by_sector = np.log1p((scaled**2).sum(axis=0)).reshape(_SECTORS, -1).sum(axis=1)
     order = np.argsort(-by_sector, kind="stable")
     enough = int(np.searchsorted(np.cumsum(by_sector[order]), _MOST_OF_GAIN * by_sector.sum())) + 1
     return NextPlace(position, gain, _runs(np.sort(order[:enough])) if gain > 0 else ())

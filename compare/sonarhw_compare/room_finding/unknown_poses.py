@@ -45,14 +45,15 @@ def find_room_and_poses(
 
     `tick` receives the completed share, 0..1. Raises InputError as `find_room` does, and if no pose is known.
     """
-    placed = {k: scans[k] for k in range(len(scans)) if not spreads or spreads[k] is not None}
-    if not placed:
-        raise InputError("no pose is known; give that of the first log")
+    spreads = spreads or [PoseSpread()] * len(scans)
     known = {k: spread for k, spread in enumerate(spreads) if spread is not None}
+    if not known:
+        raise InputError("no pose is known; give that of the first log")
+    placed = {k: scans[k] for k in known}
     steps = len(scans) - len(placed) + 1  # of which each ends with a room, at most
 
     def found_with(step: int) -> FoundRoom:
-        own = [known.get(k, PoseSpread() if not spreads else _LOCATED) for k in sorted(placed)]
+        own = [known.get(k, _LOCATED) for k in sorted(placed)]
         given = [placed[k] for k in sorted(placed)]
         return find_room(given, board, air, own, lambda share: tick((step + share) / steps))
 
@@ -65,7 +66,7 @@ def find_room_and_poses(
             break
         poses |= {k: located[k][1] for k in chosen}
         refined = zip(sorted(placed), found.draft.places, strict=True)
-        placed = {k: scans[k] if k in known or not spreads else replace(placed[k], place=at) for k, at in refined}
+        placed = {k: scans[k] if k in known else replace(placed[k], place=at) for k, at in refined}
         placed |= {k: replace(scans[k], place=_place(scans[k], poses[k][0])) for k in chosen}
         step += 1
         found = found_with(step)

@@ -62,16 +62,12 @@ class Outside:
 
     def _find(self) -> str:
         assert self._process.poll() is None, self._process.communicate()[1]
-        search = [
-            "xdotool",
-            "search",
-            "--all",
-            "--onlyvisible",
-            "--pid",
-            str(self._process.pid),
-            "--name",
-            "^sonarhw — ",
-        ]
+        return self._windows("^sonarhw — ")
+
+    def _windows(self, title: str) -> str:
+        """Return the numbers of the visible windows of the program whose title matches an expression, one a line."""
+        named = ["--all", "--onlyvisible", "--pid", str(self._process.pid), "--name", title]
+        search = ["xdotool", "search", *named]
         return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
 
     def ended(self) -> tuple[int, str]:
@@ -95,19 +91,9 @@ class Outside:
 
     def answer(self, dialog: str, *keys: str) -> None:
         """Press keys in a dialog with this title until it is closed."""
-        search = [
-            "xdotool",
-            "search",
-            "--all",
-            "--onlyvisible",
-            "--pid",
-            str(self._process.pid),
-            "--name",
-            f"^{dialog}$",
-        ]
 
         def found() -> str:
-            return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
+            return self._windows(f"^{dialog}$")
 
         def closed() -> bool:
             self.key(*keys)
