@@ -9,7 +9,8 @@ SAMPLE ?= 100
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # versions and hashes are locked; packages build with the locked setuptools
 INSTALL := $(BIN)/python -m pip install --quiet --no-build-isolation
-locked = $(INSTALL) --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1))
+# --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml]
+locked = $(INSTALL) --no-deps --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1))
 # tests spend half their time waiting, so files run in parallel; the slowest, wheel and notebook, start first
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 # -noreset: otherwise the X server resets when its last window closes, and rejects connections meanwhile
@@ -35,6 +36,7 @@ $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/b
 
 $(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
 	$(call locked,base foxglove gui ros study video dev)
+	$(BIN)/python -m pip check
 	touch $@
 
 # with a window if there is a display; otherwise writes the same results to a new folder

@@ -75,7 +75,7 @@ def install_with_dependencies(wheel: Path, clean: Path) -> Path:
     install = [python, "-m", "pip", "install", "--quiet", "--no-compile", "--no-build-isolation"]
     for names in (["build"], ["base", "gui"]):
         locked = [f"--requirement={CHECKOUT}/requirements/{name}.txt" for name in names]
-        subprocess.run([*install, "--require-hashes", *locked], check=True, env=environment)
+        subprocess.run([*install, "--no-deps", "--require-hashes", *locked], check=True, env=environment)
     subprocess.run([*install, "--no-deps", wheel], check=True, env=environment)
     subprocess.run([python, "-m", "pip", "check"], check=True, env=environment)
     return python
