@@ -27,6 +27,7 @@ from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, compare_readings
+from sonarhw_compare.notes.placed_notes import PlacedNotes, notes_of_log
 from sonarhw_compare.report.html_report import report_html, report_of
 
 
@@ -101,7 +102,7 @@ def write_report(
     receiver: Receiver | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write one HTML file about a scan: pictures, a summary, every reading and the settings.
+    """Write one HTML file about a scan: pictures, a summary, notes beside the log, every reading and the settings.
 
     Scan, room, place, board, `fit` and `receiver` are given as in `compare`. Raises InputError if the file exists
     already (unless `overwrite`), OutputError if it cannot be written. Emits the warnings of `compare`.
@@ -115,7 +116,20 @@ def write_report(
     options = PredictionOptions(receiver=receiver)
     free = frozenset(_words(fit))
     found = fit_scan(given.readings, known, here, profile, free, options=options) if free else None
-    report = report_of(Path(given.where).name, given.readings, known, here, profile, options, log=given.log, fit=found)
+    notes = notes_of_log(Path(scan), given.readings) if isinstance(scan, str | Path) else PlacedNotes()
+    for doubt in notes.doubts:
+        warnings.warn(doubt, stacklevel=2)
+    report = report_of(
+        Path(given.where).name,
+        given.readings,
+        known,
+        here,
+        profile,
+        options,
+        log=given.log,
+        fit=found,
+        notes=notes.texts,
+    )
     _warn_of_few_explained(given, report.comparison)
     page = report_html(report).encode()
     with atomic_file(path, overwrite=overwrite) as file:

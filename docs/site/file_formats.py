@@ -18,8 +18,9 @@ _CHOICES = {choice.__name__: choice for choice in (Receiver, EdgeStrength)}
 
 BEGIN = f"""# Room files and board profiles
 
-Generated from the models by `python docs/site/file_formats.py`. Both are [TOML](https://toml.io) files in UTF-8 of at
-most {MOST_BYTES / 2**20:g} MiB. Every number is finite. An unknown key is an error.
+Generated from the models by `python docs/site/file_formats.py`. Room files and board profiles are
+[TOML](https://toml.io) files in UTF-8 of at most {MOST_BYTES / 2**20:g} MiB. Every number is finite. An unknown key is
+an error. [Notes on readings](#notes-file) are described at the end.
 
 `sonarhw room new FILE.toml` and `sonarhw profile new FILE.toml` write an annotated file. `sonarhw room check FILE` and
 `sonarhw profile check FILE` check one. How to draw a room: [own rooms](../how_to/rooms.md).
@@ -46,9 +47,37 @@ those too.
 """
 
 
+NOTES = """## Notes file
+
+Notes on readings are kept beside the log, which is never changed: those of `scan.mcap` in `scan.notes.csv`. The window
+writes the file at once when a note is saved, and removes it with the last note. `sonarhw compare` and `sonarhw report`
+show the notes. Copy and rename both files together.
+
+The file is CSV in UTF-8 with this header, and may be edited:
+
+```
+sweep,reading,heading_deg,range_m,note
+1,54,270,0.827,false wall: bottom>top>bottom
+```
+
+| column | value | unit | meaning |
+|---|---|---|---|
+| `sweep` | whole number |  | sweep of the reading, from 1, as in `compare --sweep` |
+| `reading` | whole number |  | number of the reading within its scan, from 0, as in the report |
+| `heading_deg` | number | degrees | turntable angle of the reading, as in `log export` |
+| `range_m` | number | m | range of the reading; empty without an echo |
+| `note` | text to 500 characters |  | the note, one line; `'` before a formula keeps it a text |
+
+A note belongs to the reading with this sweep and number, if heading and range agree with it. Otherwise the log has
+changed: one line says so, and the note stays in the file. A line that is not a note is kept and not shown. A file
+without this header is not changed. If the folder of a log cannot be written, the window keeps the notes in its own
+folder, and shows them when it opens the log again.
+"""
+
+
 def page() -> str:
     """Return the whole page."""
-    parts = [BEGIN, *_document("Room file", RoomFile), *_document("Board profile", BoardFile)]
+    parts = [BEGIN, *_document("Room file", RoomFile), *_document("Board profile", BoardFile), NOTES]
     return "\n".join(parts)
 
 

@@ -36,10 +36,15 @@ from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sonarhw_compare.fit.plain_fit import Fit
     from sonarhw_compare.matching.match import Comparison, Summary
     from sonarhw_compare.matching.probability_score import ProbabilityScore
     from sonarhw_compare.matching.regions import Region
+    from sonarhw_compare.notes.placed_notes import PlacedNotes
+
+    from sonarhw.readings import Reading
 
 
 def compare(
@@ -90,7 +95,8 @@ def compare(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Compare a log with its prediction. The class and path of every reading are printed, then a summary.
+    """Compare a log with its prediction. The class and path of every reading are printed, with its note from the
+    notes file beside the log if it has one, then a summary.
 
     The log score and the calibration judge the predicted probabilities of the readings (`simulate --probability`).
     With --with, the log is compared with another scan instead.
@@ -125,10 +131,11 @@ def compare(
         find_missing(comparison, receiver, as_json=as_json, out=out, force=force)
         return
     score = _score(comparison, receiver, model, pings, room_tolerance)
+    notes = notes_beside(log_file, [row.reading for row in comparison.rows])
     if as_json:
-        print_json(_figures(comparison, found, explained) | asdict(score))
+        print_json(_figures(comparison, found, explained, notes) | asdict(score))
     else:
-        _print(comparison, found, score)
+        _print(comparison, found, score, notes)
     for doubt in () if found is None else found.doubts:
         warn(doubt)
 
@@ -191,6 +198,16 @@ def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
         warn(doubt)
 
 
+def notes_beside(log_file: Path, readings: "Sequence[Reading]") -> "PlacedNotes":
+    """Return the notes on the readings of a log, and warn of those that are not shown."""
+    from sonarhw_compare.notes.placed_notes import notes_of_log
+
+    notes = notes_of_log(log_file, readings)
+    for doubt in notes.doubts:
+        warn(doubt)
+    return notes
+
+
 def save_comparison(comparison: "Comparison", out: BinaryIO, suffix: str = ".png") -> None:
     """Write the picture of the scan over its prediction."""
     from sonarhw_compare.matching.comparison_picture import draw_comparison
@@ -199,20 +216,22 @@ def save_comparison(comparison: "Comparison", out: BinaryIO, suffix: str = ".png
     write_picture(draw_comparison(comparison), out, suffix)
 
 
-def _figures(comparison: "Comparison", found: "Fit | None", explained: bool) -> dict[str, object]:
+def _figures(comparison: "Comparison", found: "Fit | None", explained: bool, notes: "PlacedNotes") -> dict[str, object]:
     from sonarhw_compare.explain.details import details
 
     fitted = None
     if found is not None:
         fitted = {"free": list(found.free), "search": found.search, "at_edge": list(found.at_edge)}
-    return asdict(comparison.summary()) | {"fit": fitted} | (details(comparison) if explained else {})
+    return asdict(comparison.summary()) | {"fit": fitted} | (details(comparison, notes.texts) if explained else {})
 
 
-def _print(comparison: "Comparison", found: "Fit | None", score: "ProbabilityScore") -> None:
+def _print(comparison: "Comparison", found: "Fit | None", score: "ProbabilityScore", notes: "PlacedNotes") -> None:
     from sonarhw_compare.explain.sentences import explain_reading
 
     for row in comparison.rows:
         print_line(f"{row.kind.label:11}  {explain_reading(comparison, row.index)}")
+        if row.index in notes.texts:
+            print_line(f"{'':11}  note: {notes.texts[row.index]}")
     print_line()
     for line in summary_lines(comparison.summary()):
         print_line(line)

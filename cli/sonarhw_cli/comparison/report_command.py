@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.choices import Receiver
 
-from sonarhw_cli.comparison.compare_command import warn_of_few_explained
+from sonarhw_cli.comparison.compare_command import notes_beside, warn_of_few_explained
 from sonarhw_cli.comparison.plain_fit_option import FitOption, plain_fit
 from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.options import (
@@ -34,7 +34,7 @@ def report(
     fit: FitOption = "",
     force: Force = False,
 ) -> None:
-    """Write one HTML file about a scan. It has pictures, a summary, every reading and the settings."""
+    """Write one HTML file about a scan. It has pictures, a summary, notes, every reading and the settings."""
     from sonarhw_compare.report.html_report import report_html
 
     checked_out(out, (".html",), force, log_file, room_name, board)
@@ -63,6 +63,7 @@ def report_on(
     print_place(room, here)
     options = PredictionOptions(receiver=receiver)
     found = plain_fit(scan.readings, room, here, chosen, fit, options)
-    made = report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found)
+    notes = notes_beside(log_file, scan.readings).texts
+    made = report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found, notes=notes)
     warn_of_few_explained(log_file, made.comparison)
     return made

@@ -4,6 +4,7 @@ Lengths are in metres, angles in degrees and levels in dB; missing values are No
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -20,11 +21,14 @@ from sonarhw_compare.matching.regions import Region
 Details = dict[str, Any]
 
 
-def details(comparison: Comparison) -> Details:
-    """Return what `compare --json --explain` adds to the summary."""
+def details(comparison: Comparison, notes: Mapping[int, str] | None = None) -> Details:
+    """Return what `compare --json --explain` adds to the summary. `notes`: by the place of their reading, from 0."""
+    texts = notes or {}
     return {
         "echoes": asdict(echo_statistics(comparison)),
-        "readings": [reading_details(comparison, index) for index in range(len(comparison.rows))],
+        "readings": [
+            reading_details(comparison, index) | {"note": texts.get(index)} for index in range(len(comparison.rows))
+        ],
         "regions": region_details(comparison),
     }
 

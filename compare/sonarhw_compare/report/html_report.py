@@ -3,7 +3,7 @@
 import math
 import platform
 from base64 import b64encode
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -34,9 +34,9 @@ body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 68em; marg
 h1 { margin-bottom: 0; } h2 { margin-top: 1.8em; border-bottom: 1px solid #ccc; }
 img { max-width: 100%; } table { border-collapse: collapse; } .facts td:first-child { color: #555; }
 td, th { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; }
-:is(.readings, .regions) td:nth-child(-n+5) {
+:is(.readings, .regions) td:nth-child(-n+5), .notes td:nth-child(-n+3) {
   text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-.regions th { border-bottom: 1px solid #ccc; }
+:is(.regions, .notes) th { border-bottom: 1px solid #ccc; }
 .readings th { position: sticky; top: 0; background: #fff; border-bottom: 1px solid #ccc; }
 pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 1.15em; }
 @media print { .readings th { position: static; } }
@@ -53,6 +53,7 @@ class Report:
     link: Facts = ()  # statistics of the link, if known
     fit: Fit | None = None  # how pose and offset were fitted
     left_out: int = 0  # number of older readings that are not listed
+    notes: Sequence[tuple[int, Reading, str]] = ()  # place of the reading in the scan from 0, the reading, the note
 
 
 def report_of(
@@ -66,9 +67,11 @@ def report_of(
     log: Log | None = None,
     link: Facts = (),
     fit: Fit | None = None,
+    notes: Mapping[int, str] | None = None,
 ) -> Report:
     """Return the report on readings at a place, or at that of a fit; of more than 3600, on the newest.
 
+    `notes`: by the place of their reading, from 0; those on readings that are not listed are part of the report, too.
     Raises InputError without readings.
     """
     if not readings:
@@ -83,7 +86,8 @@ def report_of(
         options=options,
         origin=None if log is None else log.origin,
     )
-    return Report(name, comparison, log, link, fit, max(0, len(readings) - MOST_READINGS))
+    pinned = [(place, readings[place], text) for place, text in sorted((notes or {}).items())]
+    return Report(name, comparison, log, link, fit, max(0, len(readings) - MOST_READINGS), pinned)
 
 
 def report_html(report: Report) -> str:
@@ -125,6 +129,7 @@ def _body(report: Report) -> Iterator[str]:
     if bscan is not None:
         yield "<h2>B-scan</h2>"
         yield _picture("png", bscan, f"Traces side by side, {both}, heading by range")
+    yield from _notes(report)
     yield "<h2>Figures</h2>"
     yield _facts(_figures(summary))
     yield "<h2>Regions of constant depth</h2>"
@@ -258,14 +263,26 @@ def _made(metadata: LogMetadata) -> Iterator[tuple[str, str]]:
         yield "recorded with room file", metadata.room_file
 
 
+def _notes(report: Report) -> Iterator[str]:
+    if not report.notes:
+        return
+    yield "<h2>Notes</h2>"
+    yield from _table("notes", ("no.", "heading (°)", "scan (m)", "note"))
+    board = report.comparison.prediction.board
+    for _, reading, text in report.notes:
+        heading = report.comparison.heading + board.turned(reading.angle)
+        yield _row((str(reading.number), f"{in_degrees(heading, 1):.1f}", _metres(reading.range), text))
+    yield "</tbody></table>"
+
+
 def _readings(report: Report) -> Iterator[str]:
     comparison = report.comparison
+    notes = {place - report.left_out: f"; note: {text}" for place, _, text in report.notes}
     yield "<h2>Readings</h2>"
     if report.left_out:
         yield f"<p>The newest {len(comparison.rows)}; {report.left_out} older ones are left out.</p>"
-    yield '<table class="readings"><thead><tr>'
     names = ("no.", "heading (°)", "scan (m)", "predicted (m)", "residual (mm)", "class", "explanation")
-    yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
+    yield from _table("readings", names)
     for row in comparison.rows:
         cells = (
             str(row.reading.number),
@@ -274,10 +291,20 @@ def _readings(report: Report) -> Iterator[str]:
             _metres(row.predicted),
             "" if row.residual is None else millimetres(row.residual),
             row.kind.label,
-            explain_reading(comparison, row.index),
+            explain_reading(comparison, row.index) + notes.get(row.index, ""),
         )
-        yield "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+        yield _row(cells)
     yield "</tbody></table>"
+
+
+def _table(kind: str, names: Iterable[str]) -> Iterator[str]:
+    """Yield the begin of a table."""
+    yield f'<table class="{kind}"><thead><tr>'
+    yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
+
+
+def _row(cells: Iterable[str]) -> str:
+    return "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in cells) + "</tr>"
 
 
 def _metres(length: float | None) -> str:

@@ -40,6 +40,25 @@ def test_json_with_explain_adds_every_reading_to_the_summary(log: str, capsys: p
     assert false_wall["threshold_change_db"] == 0
     assert false_wall["explanation"].startswith("0.827 m at 270.0°: three reflections, bottom, top, bottom")
     assert readings[3]["echoes"] == []
+    assert [reading["note"] for reading in readings] == [None] * 4
+
+
+def test_notes_beside_the_log_are_printed_and_those_of_another_log_are_a_warning(
+    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = ("sweep,reading,heading_deg,range_m,note", "1,2,270,0.827,false wall", "1,9,5,1.5,gone")
+    (tmp_path / "scan.notes.csv").write_text("\n".join(lines))
+    assert compared(capsys, log, "--explain")["readings"][2]["note"] == "false wall"  # type: ignore[index]
+    assert run(["compare", log, "--room", ROOM, "--place", "figure9", "--board", "paper"]) == 0
+    printed = capsys.readouterr()
+    at = next(k for k, line in enumerate(printed.out.splitlines()) if "0.827 m at 270.0°" in line)
+    assert printed.out.splitlines()[at + 1].split() == ["note:", "false", "wall"]
+    assert "scan.notes.csv: 1 note belongs to a reading that scan.mcap does not contain" in printed.err
+    page = tmp_path / "report.html"
+    assert run(["report", log, "--room", ROOM, "--place", "figure9", "--board", "paper", "--out", str(page)]) == 0
+    text = page.read_text()
+    assert "<td>2</td><td>270.0</td><td>0.827</td><td>false wall</td>" in text
+    assert "; note: false wall</td>" in text
 
 
 def test_explain_without_json_is_refused(log: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,1 @@
+"""Notes on readings, kept in a file beside the log."""
