@@ -1,20 +1,16 @@
-/* Loads and runs the firmware: in real time, faster by a factor, or as fast as possible. */
+/* Loads and runs the firmware. */
 #include "emulator.h"
 
 #include <errno.h>
 #include <fcntl.h>
-#include <getopt.h>
 #include <gelf.h>
-#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <simavr/avr_eeprom.h>
-#include <simavr/avr_ioport.h>
 #include <simavr/sim_elf.h>
 #include <simavr/sim_time.h>
 
@@ -24,11 +20,7 @@
 #define ENTRY_CYCLES 5 // from the interrupt to its vector; simavr omits them
 #define SERIAL_AT 4 // stored_serial in identity.c
 #define EMULATED_SERIAL "EMULATED" // as in sonarhw/wire/origin.py
-#define MOST_BEHIND 0.1 // s; a longer delay of the machine is not caught up
-#define HOST_LATE 1.6 // s of board time without a byte from the host; the firmware gives up after 2 s
-#define PATIENT 0.5 // pace while the host is late
 
-struct options options = {.pace = 1, .initial_degrees = 0, .temperature = NAN};
 static volatile sig_atomic_t ending;
 static avr_t *chip;
 
@@ -43,7 +35,8 @@ bool end_requested(void) { return ending; }
 
 double seconds(const avr_t *avr) { return (double)avr->cycle / FREQUENCY; }
 
-uint16_t symbol(const char *name)
+// Address of a variable in the chip's memory.
+static uint16_t symbol(const char *name)
 {
     int file = open(options.elf, O_RDONLY);
     elf_version(EV_CURRENT);
@@ -67,55 +60,21 @@ uint16_t symbol(const char *name)
     return 0;
 }
 
-struct listener {
-    avr_t *avr;
-    bool high;
-    void (*changed)(avr_t *, bool);
-};
-
-static void pin_changed(struct avr_irq_t *irq, uint32_t value, void *parameter)
+// struct place of core/scan/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
+struct ping current_ping(const avr_t *avr)
 {
-    (void)irq;
-    struct listener *listener = parameter;
-    if (listener->high == (value != 0))
-        return;
-    listener->high = value != 0;
-    listener->changed(listener->avr, listener->high);
-}
-
-void listen_to_pin(avr_t *avr, struct pin pin, void (*changed)(avr_t *, bool))
-{
-    struct listener *listener = calloc(1, sizeof *listener);
-    if (!listener)
-        die("out of memory");
-    *listener = (struct listener){avr, false, changed};
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pin.port), pin.bit), pin_changed, listener);
-}
-
-// by port; otherwise simavr returns a pin to its pull-up whenever the firmware writes to the port
-static avr_ioport_external_t driven['L' + 1];
-
-void set_pin(avr_t *avr, struct pin pin, bool high)
-{
-    avr_ioport_external_t *external = &driven[(int)pin.port];
-    external->name = (unsigned)pin.port;
-    external->mask |= 1u << pin.bit;
-    external->value = (external->value & ~(1u << pin.bit)) | (high ? 1u << pin.bit : 0);
-    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(pin.port), external);
-    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pin.port), pin.bit), high);
+    static uint16_t place;
+    if (!place)
+        place = symbol("ping_place");
+    struct ping ping = {.index = avr->data[place + 2]};
+    memcpy(&ping.sweep, avr->data + place, 2);
+    return ping;
 }
 
 // After a reset of the chip, restore what simavr has cleared: timers and the levels of input pins.
 static void after_reset(avr_t *avr)
 {
-    for (int port = 'A'; port <= 'L'; port++)
-        for (int bit = 0; bit < 8; bit++)
-            if (driven[port].mask & 1u << bit) {
-                bool high = driven[port].value & 1u << bit;
-                struct pin pin = {(char)port, bit};
-                set_pin(avr, pin, !high);
-                set_pin(avr, pin, high);
-            }
+    restore_pins(avr);
     ranging_reset(avr);
     turntable_reset(avr);
     line_reset();
@@ -134,17 +93,6 @@ void hang_board(avr_t *avr)
     avr_loadcode(avr, jump_to_itself, sizeof jump_to_itself, avr->flashend - 1);
     avr->pc = avr->flashend - 1;
 }
-
-static uint32_t wiring;
-
-void miswire(avr_t *avr, uint32_t faults)
-{
-    wiring = faults;
-    turntable_show(avr);
-    ranging_show(avr);
-}
-
-bool miswired(enum wiring_fault fault) { return wiring & fault; }
 
 static void read_eeprom(avr_t *avr)
 {
@@ -197,34 +145,6 @@ static avr_t *make_chip(void)
     return avr;
 }
 
-static double real_seconds(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + now.tv_nsec * 1e-9;
-}
-
-// Slow down while the host is late: at a fast pace the firmware would treat a slow host as gone.
-static double pace(const avr_t *avr)
-{
-    return options.pace > PATIENT && line_silence(avr) > HOST_LATE ? PATIENT : options.pace;
-}
-
-// Wait until real time reaches the board's time.
-static void keep_pace(const avr_t *avr)
-{
-    static double before, due; // the board's time at the last call, and the real time that corresponds to it
-    if (options.pace == 0)
-        return;
-    due += (seconds(avr) - before) / pace(avr);
-    before = seconds(avr);
-    double ahead = due - real_seconds();
-    if (ahead < -MOST_BEHIND || ahead > 1)
-        due = real_seconds();
-    else if (ahead > 0)
-        usleep((useconds_t)(ahead * 1e6));
-}
-
 static void end(int signal)
 {
     (void)signal;
@@ -235,64 +155,6 @@ static void never_sleep(avr_t *avr, avr_cycle_count_t cycles)
 {
     (void)avr;
     (void)cycles;
-}
-
-// The parts in a name such as uno-hc-sr04-servo.
-static void choose_parts(const char *name)
-{
-    options.controller = controller_of(name);
-    options.ranging = strstr(name, "-hc-sr04-") ? HC_SR04 : POLAROID;
-    options.turning = strstr(name, "-servo") ? SERVO : strstr(name, "-28byj") ? FOUR_COILS : STEP_DIR;
-}
-
-static void read_options(int count, char **words)
-{
-    static const struct option known[] = {
-        {"combination", required_argument, NULL, 'c'},
-        {"firmware", required_argument, NULL, 'f'}, {"eeprom", required_argument, NULL, 'e'},
-        {"link", required_argument, NULL, 'l'},     {"pace", required_argument, NULL, 'p'},
-        {"stands", required_argument, NULL, 's'},   {"temperature", required_argument, NULL, 't'},
-        {"any-baud", no_argument, NULL, 'a'},       {"parent", required_argument, NULL, 'd'},
-        {"miswire", required_argument, NULL, 'm'},  {NULL, 0, NULL, 0},
-    };
-    for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
-        switch (option) {
-        case 'c':
-            choose_parts(optarg);
-            break;
-        case 'f':
-            options.elf = optarg;
-            break;
-        case 'e':
-            options.eeprom = optarg;
-            break;
-        case 'l':
-            options.link = optarg;
-            break;
-        case 'p':
-            options.pace = atof(optarg);
-            break;
-        case 's':
-            options.initial_degrees = atof(optarg);
-            break;
-        case 't':
-            options.temperature = atof(optarg);
-            break;
-        case 'a':
-            options.any_baud = true;
-            break;
-        case 'm':
-            wiring = (uint32_t)atol(optarg);
-            break;
-        case 'd':
-            parent_start(atoi(optarg));
-            break;
-        default:
-            exit(2);
-        }
-    }
-    if (!options.elf || !options.controller)
-        die("--firmware FILE.elf or --combination mega-polaroid-step-dir is missing");
 }
 
 static uint32_t longest[INTERRUPTS];

@@ -1,11 +1,14 @@
 /* Emulated board: the real firmware on libsimavr, with models of everything that is connected to the chip.
  *
  *   emulator.c         loads and runs the firmware
+ *   options.c          the options of the emulator
  *   controllers.c      the chips and pins of the controllers
+ *   pins.c             the pins of the chip, and the wires to the models
  *   ranging_model.c    the 6500: INIT, BLNK and BINH in, ECHO and the envelope out; or an HC-SR04: TRIGGER in, ECHO out
  *   turntable_model.c  stepper on a driver or on four pins, gear, table, home switches
  *   servo_model.c      a hobby servo
  *   serial_line.c      the serial line, on a pseudo-terminal
+ *   pace.c             runs in real time, or faster by a factor
  *   parent.c           the process that started the emulator and computes the echoes
  */
 #ifndef EMULATOR_H
@@ -47,6 +50,7 @@ struct options {
     double initial_degrees; // initial angle of the table, degrees
     double temperature; // °C; NAN: no thermistor
     bool any_baud; // ignore the baud rate of the host
+    uint32_t wiring; // enum wiring_fault
 };
 
 struct ping {
@@ -63,15 +67,24 @@ struct echoes {
     float *trace; // 0 to 1
 };
 
+/* options.c */
 extern struct options options;
+void read_options(int count, char **words); // ends the program if they are wrong
 
+/* controllers.c */
 const struct controller *controller_of(const char *combination); // NULL if unknown
+
+/* emulator.c */
 void die(const char *why);
 bool end_requested(void); // whether a signal has requested the end
 void switch_off(void); // saves the EEPROM and ends the program
 double seconds(const avr_t *avr); // time of the board
+struct ping current_ping(const avr_t *avr); // sweep and index that the firmware has set
+void reset_board(avr_t *avr); // as with the reset button
+void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
+const uint32_t *longest_interrupts(void); // longest duration of each handler in cycles, INTERRUPTS values
 
-/* emulator.c */
+/* pins.c */
 enum wiring_fault { // as in sonarhw/device/wiring_faults.py
     CAM_INVERTED = 1,
     CAM_OPEN = 2,
@@ -88,12 +101,9 @@ enum wiring_fault { // as in sonarhw/device/wiring_faults.py
 };
 void miswire(avr_t *avr, uint32_t faults);
 bool miswired(enum wiring_fault fault);
-uint16_t symbol(const char *name); // address in the chip's memory
-void reset_board(avr_t *avr); // as with the reset button
-void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
 void listen_to_pin(avr_t *avr, struct pin pin, void (*changed)(avr_t *, bool));
 void set_pin(avr_t *avr, struct pin pin, bool high);
-const uint32_t *longest_interrupts(void); // longest duration of each handler in cycles, INTERRUPTS values
+void restore_pins(avr_t *avr); // after a reset of the chip
 
 /* ranging_model.c */
 void ranging_start(avr_t *avr, double temperature);
@@ -121,6 +131,9 @@ void line_poll(avr_t *avr);
 void line_end(void);
 double line_silence(const avr_t *avr); // s of board time since the last byte of a connected client
 const char *line_name(void);
+
+/* pace.c */
+void keep_pace(const avr_t *avr); // wait until real time reaches the board's time
 
 /* parent.c */
 void parent_start(int descriptor);

@@ -33,7 +33,6 @@ static struct {
     struct echoes echoes;
     unsigned next; // index of the next echo
     double temperature;
-    uint16_t place; // address of ping_place
     avr_irq_t *converter;
     unsigned pending; // mV of the previous conversion
     unsigned conversions; // of this trace
@@ -72,9 +71,8 @@ static avr_cycle_count_t noise(avr_t *avr, avr_cycle_count_t when, void *unused)
 
 static void request_echoes(avr_t *avr)
 {
-    // struct place of core/scan/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
-    struct ping ping = {.degrees = turntable_degrees(), .index = avr->data[board.place + 2]};
-    memcpy(&ping.sweep, avr->data + board.place, 2);
+    struct ping ping = current_ping(avr);
+    ping.degrees = turntable_degrees();
     parent_request_echoes(avr, &ping, &board.echoes);
 }
 
@@ -244,7 +242,6 @@ bool ranging_listens(void) { return board.transmitting; }
 void ranging_start(avr_t *avr, double temperature)
 {
     board.temperature = temperature;
-    board.place = symbol("ping_place");
     board.converter = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, 0);
     avr_irq_register_notify(board.converter + ADC_IRQ_OUT_TRIGGER, conversion, avr);
     ranging_show(avr);
