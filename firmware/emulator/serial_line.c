@@ -137,6 +137,7 @@ void line_poll(avr_t *avr)
         return;
     line.received_at = 0;
     line.received_size = (size_t)got;
+    line.last_byte = avr->cycle; // a short frame at a high baud rate ends before the next poll
     if (!line.feeding) {
         line.feeding = true;
         avr_cycle_timer_register(avr, byte_cycles(avr), feed, NULL);
