@@ -26,13 +26,12 @@ NOT_MEASURED = (
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Repeat the same generated examples in every run but --soak, and let the commands under test be interrupted.
+    """Repeat the same generated examples in every run but --soak, on a machine of any speed.
 
-    A shell may have started pytest with these signals ignored.
+    Let the commands under test be interrupted: a shell may have started pytest with these signals ignored.
     """
-    settings.register_profile("same", derandomize=True)
-    if not config.getoption("--soak"):
-        settings.load_profile("same")
+    settings.register_profile("any speed", derandomize=not config.getoption("--soak"), deadline=None)
+    settings.load_profile("any speed")
     for number in (signal.SIGINT, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from sonarhw.host.device_info import DeviceInfo
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.readings import Reading
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
@@ -66,10 +67,11 @@ def line(counted: LinkStatistics, device: Statistics, baud: int | None) -> Diagn
     return passed("line", f"{at}{counted.frames_received} frames, none damaged{round_trip}")
 
 
-def firmware(name: str, protocol: tuple[int, int]) -> Diagnosis:
-    """Judge the version of the firmware."""
-    text = f"{name}, protocol {protocol[0]}.{protocol[1]}"
-    if protocol < (PROTOCOL_MAJOR, PROTOCOL_MINOR):
+def firmware(info: DeviceInfo) -> Diagnosis:
+    """Judge the version of the firmware, and state the parts for which it is built."""
+    parts = [info.board, info.capabilities.turning if info.capabilities else ""]
+    text = ", ".join([info.firmware, f"protocol {info.protocol[0]}.{info.protocol[1]}", *filter(None, parts)])
+    if info.protocol < (PROTOCOL_MAJOR, PROTOCOL_MINOR):
         newest = f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}"
         return failed(
             "firmware", f"{text}; {newest} has all checks", "write the firmware of this version: `sonarhw flash PORT`"

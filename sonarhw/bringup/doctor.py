@@ -37,7 +37,7 @@ def examine(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diag
     for _ in range(EXCHANGES):
         device = scanner.device_statistics()
     yield diagnoses.line(scanner.statistics, device, scanner.baud)
-    yield diagnoses.firmware(info.firmware, info.protocol)
+    yield diagnoses.firmware(info)
     yield diagnoses.temperature(info.temperature_c)
     yield diagnoses.echo_idle(scanner.inputs())
     scanner.configure(trace=bool(info.trace_rate))

@@ -102,8 +102,9 @@ def ask_identity(port: str, combination: Combination) -> DeviceInfo:
     """Return the identity of a board after it was flashed. Raises DeviceError if another firmware answers."""
     with Scanner.open(port) as scanner:
         info = scanner.info
-    expected = (_TARGETS[combination.controller].firmware, _PROFILES[combination.ranging])
-    if not info.firmware.startswith(expected[0]) or info.board != expected[1]:
-        found = f"the firmware {info.firmware!r} for {info.board!r} answers"
-        raise DeviceError(f"{port}: {found}; expected {expected[0]} for {expected[1]}; flash it again")
+    firmware, parts = _TARGETS[combination.controller].firmware, (_PROFILES[combination.ranging], combination.turning)
+    found = (info.board, info.capabilities.turning if info.capabilities else "")
+    if not info.firmware.startswith(firmware) or found != parts:
+        answers = f"the firmware {info.firmware!r} for {found[0]!r} and {found[1]!r} answers"
+        raise DeviceError(f"{port}: {answers}; expected {firmware} for {parts[0]} and {parts[1]}; flash it again")
     return info

@@ -66,6 +66,7 @@ class BoardIdentity:
 
     serial: str = "FAKE-0001"
     profile: str = ""  # name of its board profile
+    turning: str = "step-dir"
     trace_rate: int = 50_000  # Hz
     firmware: str = f"{FAKE_FIRMWARE} 0.1.0"
     major: int = PROTOCOL_MAJOR
@@ -166,6 +167,7 @@ class FakeBoard(ProtocolDevice):
             longest_trace=round(MAX_LISTEN * rate),
             fastest_baud=max(self.line.bauds, default=0),
             readings_kept=KEPT_READINGS,
+            turning=self._identity.turning,
         )
 
     @property

@@ -27,6 +27,7 @@ class DeviceCapabilities:
     longest_trace: int  # samples
     fastest_baud: int  # 0: the line has no baud rate
     readings_kept: int  # number of newest readings that the device keeps for Resend
+    turning: str  # what turns the table: step-dir, 28byj, servo or another word; empty if unknown
 
 
 @dataclass(frozen=True)
@@ -130,4 +131,5 @@ def _capabilities(message: Capabilities) -> DeviceCapabilities:
         longest_trace=message.longest_trace,
         fastest_baud=message.fastest_baud,
         readings_kept=message.readings_kept,
+        turning=message.turning,
     )

@@ -24,11 +24,11 @@ def _since_1_1(wire: Wire, meaning: str, default: int) -> Any:
     return _since(1, wire, meaning, default)
 
 
-def _since_1_2(wire: Wire, meaning: str, default: int | bytes) -> Any:
+def _since_1_2(wire: Wire, meaning: str, default: int | bytes | str) -> Any:
     return _since(2, wire, meaning, default)
 
 
-def _since(minor: int, wire: Wire, meaning: str, default: int | bytes) -> Any:
+def _since(minor: int, wire: Wire, meaning: str, default: int | bytes | str) -> Any:
     """A field that senders of versions below 1.`minor` omit; receivers then use `default`."""
     meaning = f"{meaning} · 1.{minor}, else {default if isinstance(default, int) else 'none'}"
     return field(default=default, metadata={"wire": wire, "meaning": meaning, "since": minor})
@@ -485,6 +485,7 @@ class Capabilities(AnswerMessage):
     longest_trace: int = _on_wire(U16, "highest number of samples in a trace")
     fastest_baud: int = _on_wire(U32, "highest baud rate of the line; 0: the line has no baud rate (TCP, USB CDC)")
     readings_kept: int = _on_wire(U16, "number of readings that the device keeps for Resend")
+    turning: str = _since_1_2(Text(), "what turns the table: `step-dir`, `28byj`, `servo`; empty if unknown", "")
 
 
 @dataclass(frozen=True)

@@ -98,6 +98,7 @@ def _figures(scanner: "ConnectedScanner", device: "Statistics | None") -> dict[s
             "longest_listen_s": round(can.longest_listen, 6),
             "ping_period_s": round(can.ping_period, 6),
             "fastest_baud": can.fastest_baud or None,
+            "turning": can.turning or None,
         },
         "baud": scanner.baud,
         "link": asdict(scanner.statistics),
@@ -138,6 +139,7 @@ def _capabilities(device: "DeviceInfo") -> list[tuple[str, str]]:
     low, high = math.degrees(can.lowest_angle), math.degrees(can.highest_angle)
     return [
         ("capabilities", ", ".join(_features(can)) or "none"),
+        ("turned by", can.turning or "not stated"),
         ("turns", f"{low:.6g} to {high:.6g} degrees, at most {math.degrees(can.fastest):.4g} degrees a second"),
         ("listens", f"{can.longest_listen * 1000:.4g} ms, a ping every {can.ping_period * 1000:.4g} ms"),
         ("line", f"up to {can.fastest_baud} baud" if can.fastest_baud else "no baud rate"),

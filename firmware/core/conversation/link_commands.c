@@ -56,6 +56,7 @@ void on_ask_capabilities(const struct command_frame *frame)
         .longest_trace = TRACE_SAMPLES,
         .fastest_baud = FASTEST_BAUD,
         .readings_kept = kept_at_least(ping_settings.echoes),
+        .turning = {TURNING, sizeof TURNING - 1},
     });
 }
 

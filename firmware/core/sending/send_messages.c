@@ -134,6 +134,7 @@ void send_capabilities(const struct capabilities *message)
     put_u16(&payload, message->longest_trace);
     put_u32(&payload, message->fastest_baud);
     put_u16(&payload, message->readings_kept);
+    put_text(&payload, &message->turning);
     outbox_send(CAPABILITIES, &payload);
 }
 

@@ -288,6 +288,7 @@ struct capabilities {
     uint16_t longest_trace; // highest number of samples in a trace
     uint32_t fastest_baud; // highest baud rate of the line; 0: the line has no baud rate (TCP, USB CDC)
     uint16_t readings_kept; // number of readings that the device keeps for Resend
+    struct text turning; // what turns the table: `step-dir`, `28byj`, `servo`; empty if unknown · 1.2, else none
 };
 
 struct turntable_settings {

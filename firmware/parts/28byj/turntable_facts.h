@@ -3,6 +3,7 @@
 #ifndef TURNTABLE_FACTS_H
 #define TURNTABLE_FACTS_H
 
+#define TURNING "28byj" // as TURNING in the Makefile
 #define MICROSTEPS 4096 // half steps per turn
 #define MICRODEGREES_A_STEP (360000000L / MICROSTEPS)
 #define FULL_STEPS 2048

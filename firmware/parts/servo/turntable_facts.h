@@ -2,6 +2,7 @@
 #ifndef TURNTABLE_FACTS_H
 #define TURNTABLE_FACTS_H
 
+#define TURNING "servo" // as TURNING in the Makefile
 #define MICROSTEPS 8000 // per turn: a step is half a microsecond of the pulse, 0.045 degrees
 #define MICRODEGREES_A_STEP (360000000L / MICROSTEPS)
 #define FULL_STEPS 0 // not a stepper

@@ -3,6 +3,7 @@
 #ifndef TURNTABLE_FACTS_H
 #define TURNTABLE_FACTS_H
 
+#define TURNING "step-dir" // as TURNING in the Makefile
 #define MICROSTEPS 7200 // per turn of the table: 0.05 degrees each
 #define MICRODEGREES_A_STEP (360000000L / MICROSTEPS)
 #define FULL_STEPS 450

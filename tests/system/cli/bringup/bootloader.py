@@ -27,13 +27,24 @@ _PROFILE = "polaroid-6500"
 class BootloaderBoard:
     """The board. `firmware` runs before it is flashed; empty: nothing that answers."""
 
-    def __init__(self, firmware: str, chip: str = "atmega2560", writes: bool = True, profile: str = _PROFILE) -> None:
-        """A board that does not keep what is written has `writes` False. `profile` is that of the flashed firmware."""
+    def __init__(
+        self,
+        firmware: str,
+        chip: str = "atmega2560",
+        writes: bool = True,
+        profile: str = _PROFILE,
+        turning: str = "step-dir",
+    ) -> None:
+        """A board that does not keep what is written has `writes` False.
+
+        `profile` and `turning` are those of the flashed firmware.
+        """
         self.flash = bytearray(b"\xff" * 0x40000)
         self.flashed = False
         self._signature, self._writes = SIGNATURES[chip], writes
-        self._device = _running(firmware, _PROFILE) if firmware else None
-        self._flashed_firmware = ("sonarhw-mega 0.1.0" if chip == "atmega2560" else "sonarhw-uno 0.1.0", profile)
+        self._device = _running(firmware) if firmware else None
+        name = "sonarhw-mega 0.1.0" if chip == "atmega2560" else "sonarhw-uno 0.1.0"
+        self._flashed_firmware = (name, profile, turning)
         self._address = 0
         self._waiting = bytearray()
         self._booting = self._version_1 = False
@@ -158,8 +169,8 @@ class BootloaderBoard:
         return b""
 
 
-def _running(firmware: str, profile: str) -> FakeBoard:
-    identity = BoardIdentity(firmware=firmware, serial="SONAR-000005", profile=profile)
+def _running(firmware: str, profile: str = _PROFILE, turning: str = "step-dir") -> FakeBoard:
+    identity = BoardIdentity(firmware=firmware, serial="SONAR-000005", profile=profile, turning=turning)
     return FakeBoard(PlainEchoes(), seed=5, identity=identity)
 
 

@@ -62,18 +62,20 @@ def test_a_recognised_board_is_written_verified_and_greeted() -> None:
 
 @pytest.mark.parametrize("controller", [[], ["--controller", "nano"]])
 def test_an_uno_gets_the_image_for_its_ranging_board_and_turntable(controller: list[str]) -> None:
-    with bootloader_board(OLD_UNO, chip="atmega328p", profile="hc-sr04") as board:
+    with bootloader_board(OLD_UNO, chip="atmega328p", profile="hc-sr04", turning="servo") as board:
         done = sonarhw("flash", board.port, *controller, "--ranging", "hc-sr04", "--turning", "servo")
         assert (done.returncode, done.stdout) == (0, f"{board.port}: sonarhw-uno 0.1.0, protocol 1.2, SONAR-000005\n")
         image = bytes_of(FOLDER / "uno-hc-sr04-servo.hex")
         assert bytes(board.flash[: len(image)]) == image
 
 
-def test_a_board_that_answers_for_another_ranging_board_is_an_error() -> None:
-    with bootloader_board(OLD_UNO, chip="atmega328p", profile="polaroid-6500") as board:
-        done = sonarhw("flash", board.port, "--ranging", "hc-sr04")
+@pytest.mark.parametrize(("profile", "turning"), [("polaroid-6500", "servo"), ("hc-sr04", "step-dir")])
+def test_a_board_that_answers_for_another_ranging_board_or_turntable_is_an_error(profile: str, turning: str) -> None:
+    with bootloader_board(OLD_UNO, chip="atmega328p", profile=profile, turning=turning) as board:
+        done = sonarhw("flash", board.port, "--ranging", "hc-sr04", "--turning", "servo")
     assert done.returncode == 1
-    assert "'sonarhw-uno 0.1.0' for 'polaroid-6500' answers; expected sonarhw-uno for hc-sr04" in done.stderr
+    assert f"'sonarhw-uno 0.1.0' for '{profile}' and '{turning}' answers; " in done.stderr
+    assert "expected sonarhw-uno for hc-sr04 and servo; flash it again" in done.stderr
 
 
 def test_force_flashes_a_board_that_does_not_answer() -> None:

@@ -175,7 +175,7 @@ def test_a_turn_too_far_is_refused(url: str) -> None:
 
 def test_info_watch_prints_link_statistics_until_it_is_interrupted(url: str) -> None:
     with started("info", url, "--watch") as info:
-        shown = lines(info, 14)
+        shown = lines(info, 15)
         info.send_signal(signal.SIGINT)
         assert end(info) == (130, "")
     assert re.match(r"ready +\d+ frames, 0 missing, .*; clock drift [+-]\d+ ppm", shown[-1])
