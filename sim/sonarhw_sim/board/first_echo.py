@@ -2,7 +2,8 @@
 
 The result is that of `sonarhw_sim.board.receiver` on the signal of `sonarhw_sim.board.traces`. Pulses are added in
 order of their arrival, and the detector listens in between, so nothing after the first echo is computed. Pulses come
-from a table (`sonarhw_sim.board.pulse_table`). Compiled by numba.
+from a table (`sonarhw_sim.board.pulse_table`). Their phases serve all headings. Pulses that begin with the same
+sample, such as those of a path and its reverse, are added as one. Compiled by numba.
 """
 
 import math
@@ -54,7 +55,10 @@ class _Work(NamedTuple):
     imaginary: FloatArray  # (n,)
     rows: NDArray[np.intp]  # (p,), paths whose pulses were added
     weights: ComplexArray  # (p, q), their weights of the pulses of the table
+    sums: ComplexArray  # (q,), weights of all pulses that begin with one sample
     pulse: FloatArray  # (2, length), the last pulse
+    phased: ComplexArray  # (p, q), weights without the beam, for every heading
+    is_phased: BoolArray  # (p,), of which paths they are known
 
 
 def first_echoes(
@@ -95,7 +99,10 @@ def _work(samples: int, paths: int, nodes: int, length: int) -> _Work:
         np.zeros(samples),
         np.zeros(paths, np.intp),
         np.zeros((paths, nodes), np.complex128),
+        np.zeros(nodes, np.complex128),
         np.zeros((2, length)),
+        np.zeros((paths, nodes), np.complex128),
+        np.zeros(paths, np.bool_),
     )
 
 
@@ -140,6 +147,7 @@ def _first_echo(
     at, charge, written, found = opens, 0.0, own, math.nan
     # a plain 0 has a type of its own, for which `_loudest` would be compiled once more
     used: int = np.int64(0)  # type: ignore[assignment]
+    last = -table.lead - 1  # where the last pulse begins
     for path in range(sound.times.shape[0] + 1):
         begin = count
         if path < sound.times.shape[0]:
@@ -154,14 +162,23 @@ def _first_echo(
                 continue
 
         # the signal before this pulse is complete
-        found, at, charge = _listened(at, begin, charge, written, detector, work)
-        if not math.isnan(found) or path == sound.times.shape[0]:
-            break
+        if begin > last:
+            if used > 0:
+                _add(last, work.sums, table, detector.gain, work)
+                written = min(count, last + length)
+            found, at, charge = _listened(at, begin, charge, written, detector, work)
+            if not math.isnan(found) or path == sound.times.shape[0]:
+                break
+            work.sums[:] = 0.0
+            last = begin
+        if not work.is_phased[path]:
+            _phase(work.phased[path], sound.times[path], before_gain[path], table)
+            work.is_phased[path] = True
+        _weigh(work.weights[used], work.phased[path], leaving, arriving, table)
+        for q in range(work.sums.shape[0]):
+            work.sums[q] += work.weights[used, q]
         work.rows[used] = path
-        _weigh(work.weights[used], sound.times[path], before_gain[path], leaving, arriving, table)
-        _add(begin, work.weights[used], table, detector.gain, work)
         used += 1
-        written = min(count, begin + length)
     winner = -1
     if not math.isnan(found):
         if found > detector.ends:
@@ -203,12 +220,17 @@ def _listened(
 
 
 @compiled_part
-def _weigh(
-    weights: ComplexArray, time: float, amplitude: complex, leaving: float, arriving: float, table: PulseTable
-) -> None:
-    """Write the weight of each pulse of the table in the pulse that arrives at `time`."""
-    size = amplitude * leaving * arriving * np.exp(-2j * math.pi * table.carrier * time)
+def _phase(phased: ComplexArray, time: float, amplitude: complex, table: PulseTable) -> None:
+    """Write the weight of each pulse of the table in the pulse that arrives at `time`, without the beam."""
+    size = amplitude * np.exp(-2j * math.pi * table.carrier * time)
     later = time - int(time * RATE) / RATE
+    for q in range(phased.shape[0]):
+        phased[q] = size * np.exp(-2j * math.pi * table.nodes[q] * later)
+
+
+@compiled_part
+def _weigh(weights: ComplexArray, phased: ComplexArray, leaving: float, arriving: float, table: PulseTable) -> None:
+    """Write the weight of each pulse of the table, with the beam."""
     # for most sound, both angles are equal
     out = table.wavenumber * math.sqrt(max(0.0, 1.0 - leaving * leaving))
     back = table.wavenumber * math.sqrt(max(0.0, 1.0 - arriving * arriving))
@@ -216,7 +238,7 @@ def _weigh(
         frequency = abs(table.carrier + table.nodes[q])
         factor = disc(out * frequency, table.discs)
         factor *= factor if out == back else disc(back * frequency, table.discs)
-        weights[q] = size * factor * np.exp(-2j * math.pi * table.nodes[q] * later)
+        weights[q] = phased[q] * (leaving * arriving * factor)
 
 
 @compiled_part

@@ -238,25 +238,26 @@ class PredictedScan:
 
     def _first_at_once(self) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return `first_detected` without noise, and without sound of rough surfaces."""
-        speed, every = self.room.air.speed_of_sound, np.arange(len(self.paths))
+        speed = self.room.air.speed_of_sound
         if self.only_at is None:
-            times, rows = first_echoes(self.headings, self._sound(every, self.paths.leaving), self.board, speed)
-            return times, np.append(every, -1)[rows]
+            sound = self._sound(self.paths, self.apparent_lengths, self.paths.leaving)
+            return first_echoes(self.headings, sound, self.board, speed)
         times, winners = np.full(len(self.headings), np.nan), np.full(len(self.headings), -1, dtype=np.intp)
         for k, heading in enumerate(self.headings):
-            here, paths = self._present_at(k)
-            senders = heading if self.sender_headings is None else self.sender_headings[here]
-            in_order = np.argsort(self.apparent_lengths[here], kind="stable")
-            sound = self._sound(here[in_order], turned(paths.leaving, heading - senders)[in_order])
+            here = np.flatnonzero(self.only_at == k)
+            here = here[np.argsort(self.apparent_lengths[here], kind="stable")]
+            paths, senders = self.paths.select(here), heading
+            if self.sender_headings is not None:
+                senders = self.sender_headings[here]
+            sound = self._sound(paths, self.apparent_lengths[here], turned(paths.leaving, heading - senders))
             times[k : k + 1], row = first_echoes(self.headings[k : k + 1], sound, self.board, speed)
-            winners[k] = np.append(here[in_order], -1)[row[0]]
+            winners[k] = np.append(here, -1)[row[0]]
         return times, winners
 
-    def _sound(self, rows: NDArray[np.intp], leaving: FloatArray) -> Sound:
-        """Return the sound along the paths in `rows`, in order of time, which depart along `leaving` (p, 2)."""
-        paths = self.paths.select(rows)
+    def _sound(self, paths: Paths, lengths: FloatArray, leaving: FloatArray) -> Sound:
+        """Return the sound along `paths` (p,), in order of their apparent lengths (p,) m, departing along `leaving`."""
         return Sound(
-            self.apparent_lengths[rows] / self.room.air.speed_of_sound,
+            lengths / self.room.air.speed_of_sound,
             self._phased(paths),
             leaving,
             paths.arriving,
@@ -426,15 +427,20 @@ def silent_scan(
 
 def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     """Return what `with_first_echoes` returns, if all paths exist at all headings."""
-    room, board, in_time = scan.room, scan.board, np.flatnonzero(scan.in_time & ~scan.paths.scattered)
-    paths, ka = scan.paths.select(in_time), board.wavenumber(room.air) * board.aperture_radius
+    room, board, paths, in_time = (
+        scan.room,
+        scan.board,
+        scan.paths,
+        np.flatnonzero(scan.in_time & ~scan.paths.scattered),
+    )
+    ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, scan.headings)
     first = first_detected(
         scan.headings,
-        paths.leaving,
-        paths.arriving,
-        strengths(room, board, paths),
-        together(paths.lengths, paths.phases, board.wavelength(room.air), board),
-        scan.blocked_by_face(paths, scan.headings),
+        paths.leaving[in_time],
+        paths.arriving[in_time],
+        strengths(room, board, paths)[in_time],
+        together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(room.air), board),
+        blocked[:, in_time] if len(blocked) else blocked,
         10 ** (board.threshold_db / 20),
         ka,
         beam_table(ka),

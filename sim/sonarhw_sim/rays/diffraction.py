@@ -86,8 +86,8 @@ def diffracted_paths(
     max_bounces: int,
 ) -> PartialPaths:
     """Return all paths that combine a path of `out` to an edge with a reversed one of `back`."""
-    out, out_edges = _paths_to_edges(room, out)
-    back, back_edges = (out, out_edges) if back is out else _paths_to_edges(room, back)
+    one_way, (out, out_edges) = back is out, _paths_to_edges(room, out)
+    back, back_edges = (out, out_edges) if one_way else _paths_to_edges(room, back)
     faces = room.reflectances[room.edges.faces]
     first, second, gains, phases = join_at_edges(out_edges, back_edges, room.edges, faces, edge_diffraction, max_length)
     few = np.flatnonzero(out.bends[first] + back.bends[second] <= max_bounces)
@@ -105,16 +105,16 @@ def diffracted_paths(
 
 def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, EdgePaths]:
     """Return the paths that reach an edge through its own wedge of air, by edge and length, with their angles."""
-    paths = paths.select(np.flatnonzero(paths.edges >= 0))
-    rows = np.arange(len(paths.lengths))
-    before = paths.points[rows, paths.bends] - room.edges.points[paths.edges]
+    rows = np.flatnonzero(paths.edges >= 0)
+    edges = paths.edges[rows]
+    before = paths.points[rows, paths.bends[rows]] - room.edges.points[edges]
     direction = np.arctan2(before[:, 1], before[:, 0])
-    within = inside_wedge(direction, room.edges.starts[paths.edges], room.edges.openings[paths.edges])
+    within = inside_wedge(direction, room.edges.starts[edges], room.edges.openings[edges])
     # a reflection at the edge itself does not count as a path to it
     within &= np.hypot(*before.T) > _AT_EDGE
-    order = np.lexsort((paths.lengths, paths.edges))
+    order = np.lexsort((paths.lengths[rows], edges))
     order = order[within[order]]
-    paths, direction = paths.select(order), direction[order]
+    paths, direction = paths.select(rows[order]), direction[order]
     angles = np.mod(direction - room.edges.starts[paths.edges], math.tau)
     away = paths.points[:, 1] - paths.points[:, 0]
     departures = np.arctan2(away[:, 1], away[:, 0])
@@ -134,11 +134,30 @@ def fill_rows(
 
     `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used.
     """
-    column, total = np.arange(table.shape[1]), count + other_count
-    row, k = np.nonzero(column < count[:, None])
-    table[row, k] = one[first[row], k]
-    row, k = np.nonzero((column >= count[:, None]) & (column < total[:, None]))
-    table[row, k] = other[second[row], total[row] - 1 - k]
+    if table.ndim == 2:
+        table, one, other = table[:, :, None], one[:, :, None], other[:, :, None]
+    counts = (np.asarray(each, np.int64) for each in (first, count, second, other_count))
+    _fill(table, one, other, *counts)
+
+
+@compiled
+def _fill(
+    table: NDArray[Any],
+    one: NDArray[Any],
+    other: NDArray[Any],
+    first: NDArray[np.int64],
+    count: NDArray[np.int64],
+    second: NDArray[np.int64],
+    other_count: NDArray[np.int64],
+) -> None:
+    """Fill the rows of `table` (m, k, d) as `fill_rows`."""
+    for row in range(table.shape[0]):
+        total = count[row] + other_count[row]
+        for axis in range(table.shape[2]):
+            for k in range(count[row]):
+                table[row, k, axis] = one[first[row], k, axis]
+            for k in range(count[row], total):
+                table[row, k, axis] = other[second[row], total - 1 - k, axis]
 
 
 def join_at_edges(

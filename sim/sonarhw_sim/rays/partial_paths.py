@@ -112,8 +112,7 @@ def shortest_first(paths: PartialPaths, by_points: bool = True) -> PartialPaths:
     if not by_points:
         table = np.column_stack((paths.edges, paths.bends, paths.surfaces))
         return paths.select(order[_first_of_equal(table[order])])
-    paths = paths.select(order)
-    return paths.select(np.flatnonzero(first_of_kind(paths.lengths, paths.edges, paths.points)))
+    return paths.select(order[first_of_kind(paths.lengths[order], paths.edges[order], paths.points[order])])
 
 
 def _first_of_equal(table: IntArray) -> NDArray[np.intp]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class PathTable:
     def join(cls, tables: Sequence[Self]) -> Self:
         """Return the rows of all tables, in order; expects at least one table."""
         columns = ([getattr(table, column.name) for table in tables] for column in fields(cls))
-        return cls(*(np.concatenate(_widened(column)) for column in columns))
+        return cls(*(_joined(column) for column in columns))
 
 
 def check_size(paths: int, points: int) -> None:
@@ -46,16 +46,16 @@ def check_size(paths: int, points: int) -> None:
         )
 
 
-def _widened(arrays: list[NDArray[np.generic]]) -> list[NDArray[np.generic]]:
-    """Return the arrays with their second axis padded to the longest: with -1 for no surface, NaN for no point."""
+def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:
+    """Return the rows of all arrays, padded on the second axis to the longest: -1 for no surface, NaN for no point."""
     if arrays[0].ndim == 1:
-        return arrays
-    width = max(array.shape[1] for array in arrays)
-    check_size(sum(map(len, arrays)), width)
-    return [_pad(array, width) for array in arrays]
-
-
-def _pad(array: NDArray[np.generic], width: int) -> NDArray[np.generic]:
-    nothing = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
-    missing = [(0, 0), (0, width - array.shape[1]), *[(0, 0)] * (array.ndim - 2)]
-    return np.pad(array, missing, constant_values=nothing)
+        return np.concatenate(arrays)
+    count, width = sum(map(len, arrays)), max(array.shape[1] for array in arrays)
+    check_size(count, width)
+    nothing = -1 if np.issubdtype(arrays[0].dtype, np.integer) else np.nan
+    rows = np.full((count, width, *arrays[0].shape[2:]), nothing, np.result_type(*arrays))
+    first = 0
+    for array in arrays:
+        rows[first : first + len(array), : array.shape[1]] = array
+        first += len(array)
+    return rows

@@ -54,23 +54,27 @@ def _series(z: float) -> complex:
     return complex(f, (1.0 - 15.0 * inverse**2 + 945.0 * inverse**4) * inverse) / (math.pi * z)
 
 
-def _auxiliary(z: FloatArray) -> ComplexArray:
-    """Return f(z) + j g(z) for z from 0 on, same shape; the error is below 2e-8."""
-    inverse = 1.0 / (math.pi * np.maximum(z, _SERIES_FROM) ** 2)
-    f, g = 1.0 - 3.0 * inverse**2 + 105.0 * inverse**4, (1.0 - 15.0 * inverse**2) * inverse
-    far = (f + 1j * g) / (math.pi * np.maximum(z, _SERIES_FROM))
-    x = np.minimum(z, _SERIES_FROM) * _NODES_PER_UNIT
-    node = x.astype(np.intp)
-    t, table = x - node, fresnel_table()
-    (low, rise), (high, fall) = table[node].T, table[node + 1].T
-    near = (1.0 + 2.0 * t) * (1.0 - t) ** 2 * low + t**2 * (3.0 - 2.0 * t) * high
-    near += (t * (1.0 - t) ** 2 * rise + t**2 * (t - 1.0) * fall) / _NODES_PER_UNIT
-    return np.where(z < _SERIES_FROM, near, far)
+@compiled
+def _auxiliary(z: FloatArray, table: ComplexArray) -> ComplexArray:
+    """Return f(z) + j g(z) for z (m,) from 0 on; the error is below 2e-8. `table` is that of `fresnel_table`."""
+    found = np.empty(z.shape[0], np.complex128)
+    for k in range(z.shape[0]):
+        if z[k] >= _SERIES_FROM:
+            inverse = 1.0 / (math.pi * z[k] ** 2)
+            f, g = 1.0 - 3.0 * inverse**2 + 105.0 * inverse**4, (1.0 - 15.0 * inverse**2) * inverse
+            found[k] = complex(f, g) / (math.pi * z[k])
+            continue
+        node = int(z[k] * _NODES_PER_UNIT)
+        t = z[k] * _NODES_PER_UNIT - node
+        values = (1.0 + 2.0 * t) * (1.0 - t) ** 2 * table[node, 0] + t**2 * (3.0 - 2.0 * t) * table[node + 1, 0]
+        slopes = t * (1.0 - t) ** 2 * table[node, 1] + t**2 * (t - 1.0) * table[node + 1, 1]
+        found[k] = values + slopes / _NODES_PER_UNIT
+    return found
 
 
 def transition(x: FloatArray) -> ComplexArray:
-    """Return F(x) = 2j √x e^{jx} ∫ e^{-jt²} dt from √x to infinity, for x from 0 on, same shape."""
-    return np.asarray(np.sqrt(math.tau * x) * _auxiliary(np.sqrt(2.0 * x / math.pi)))
+    """Return F(x) = 2j √x e^{jx} ∫ e^{-jt²} dt from √x to infinity, for x (m,) from 0 on, (m,)."""
+    return np.asarray(np.sqrt(math.tau * x) * _auxiliary(np.sqrt(2.0 * x / math.pi), fresnel_table()))
 
 
 def _turns(angle: FloatArray, n: FloatArray) -> FloatArray:
@@ -88,7 +92,7 @@ def _term(angle: FloatArray, n: FloatArray, scale: FloatArray) -> ComplexArray:
     beyond = np.where(at_boundary, 1.0, beyond)
     aside = np.abs(np.sin(0.5 * beyond))
     size = -0.5 * aside / (n * np.tan(0.5 * beyond / n))
-    return np.where(at_boundary, -0.5, size * (1.0 - 1.0j) * _auxiliary(scale * aside))
+    return np.where(at_boundary, -0.5, size * (1.0 - 1.0j) * _auxiliary(scale * aside, fresnel_table()))
 
 
 @compiled_part
