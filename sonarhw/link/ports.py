@@ -10,6 +10,8 @@ from pathlib import Path
 
 from serial.tools.list_ports import comports
 
+from sonarhw.errors import LinkError
+
 # by vendor and product: USB adapters and boards that scanners use
 KNOWN_USB_IDS = {
     (0x2341, 0x0010): "Arduino Mega 2560",
@@ -30,6 +32,7 @@ KNOWN_USB_IDS = {
     (0x2E8A, 0x000A): "Raspberry Pi Pico",
 }
 _PROCESSES = Path("/proc")
+_TERMINALS = "/dev/pts/"
 
 
 @dataclass(frozen=True)
@@ -75,17 +78,28 @@ class PortFinder:
         """Remember the device at `url`. A URL with a scheme, such as `socket://`, never changes."""
         self._url = url
         self._usb: Usb | None = None
+        self._created: int | None = None  # ns since the epoch, of a pseudo-terminal
 
     def __call__(self) -> str:
-        """Return the present URL of the device."""
+        """Return the present URL of the device. Raises LinkError if another program now has the pseudo-terminal."""
         if "://" in self._url:
             return self._url
+        self._check_same_terminal()
         ports = serial_ports()
         here = _usb_of(self._url, ports)
         if here or os.path.exists(self._url) or not self._usb:
             self._usb = here or self._usb
             return self._url
         return find_port(self._usb, ports) or self._url
+
+    def _check_same_terminal(self) -> None:
+        """The system gives the number of a closed pseudo-terminal to the next program that opens one."""
+        if not self._url.startswith(_TERMINALS) or not os.path.exists(self._url):
+            return
+        created = os.stat(self._url).st_ctime_ns
+        if self._created not in (None, created):
+            raise LinkError(f"{self._url}: the pseudo-terminal is gone, and another program has its number now")
+        self._created = created
 
 
 def _usb_of(device: str, ports: list[Port]) -> Usb | None:

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 import serial
 
-from sonarhw.errors import LinkLost
+from sonarhw.errors import LinkError, LinkLost
+from sonarhw.link.ports import PortFinder
 from sonarhw.link.serial_link import BOOTLOADER, Link
 from sonarhw.wire.limits import FIRST_BAUD
 
@@ -118,3 +119,22 @@ def test_closing_a_port_leaves_dtr_unchanged(terminal: str) -> None:
             assert not termios.tcgetattr(descriptor)[2] & termios.HUPCL
     finally:
         os.close(descriptor)
+
+
+def test_a_terminal_that_another_program_has_now_is_not_opened_again() -> None:
+    ends = os.openpty()
+    url = os.ttyname(ends[1])
+    find = PortFinder(url)
+    assert [find(), find()] == [url, url]
+    for end in ends:
+        os.close(end)
+    opened = []
+    while not os.path.exists(url):
+        opened.append(os.openpty())
+    try:
+        with pytest.raises(LinkError, match="another program has its number now"):
+            find()
+        assert PortFinder(url)() == url
+    finally:
+        for end in (end for pair in opened for end in pair):
+            os.close(end)
