@@ -52,7 +52,11 @@ def _menus_of_scans(commands: Commands, recent: QMenu, steps: QMenu) -> Iterator
     yield "Scan", [[commands.connect_scanner], run, [commands.find]]
     yield (
         "Edit",
-        [[commands.undo, commands.redo, steps.menuAction()], [commands.previous, commands.next, commands.newest]],
+        [
+            [commands.undo, commands.redo, steps.menuAction()],
+            [commands.previous, commands.next, commands.newest],
+            [commands.note, commands.delete_note],
+        ],
     )
 
 

@@ -32,6 +32,8 @@ class ViewMenus(QObject):
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         menu.addActions(view.actions())
         menu.addSeparator()
+        menu.addActions([self._commands.note, self._commands.delete_note])
+        menu.addSeparator()
         menu.addAction(_action(menu, "Fit this view", view.fit))
         show_all = _action(menu, "Show all layers", self._showing.show_all)
         show_all.setEnabled(bool(self._showing.shown.hidden))

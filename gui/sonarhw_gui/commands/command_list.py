@@ -51,6 +51,8 @@ class Commands:
         self.previous = self._add("Previous reading", "Left", "Select the previous reading")
         self.next = self._add("Next reading", "Right", "Select the next reading")
         self.newest = self._add("Newest reading", "Esc", "Select and follow the newest reading")
+        self.note = self._add("Add note…", "N", "Pin a note to the selected reading; it is kept beside the log")
+        self.delete_note = self._add("Delete note", "Shift+N", "Delete the note of the selected reading")
         self.play = self._add("Play or pause", "Space", "Replay the log, or pause")
         self.back = self._add("Step back", ",", "Pause at the previous reading")
         self.forward = self._add("Step forward", ".", "Pause at the next reading")

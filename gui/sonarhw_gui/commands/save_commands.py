@@ -176,7 +176,7 @@ class SaveCommands(QObject):
         link = session.live.link
         live = link is not None and not session.replay.loaded
         facts = [(name, value) for name, value, _ in link_figures(link)] if live else []
-        return ReportPage(self._log_name(), recorded, scene, facts)
+        return ReportPage(self._log_name(), recorded, scene, facts, session.showing.pinned_notes)
 
     def _picture(self, view: QWidget, ending: str) -> Picture:
         shown = self._session.shown

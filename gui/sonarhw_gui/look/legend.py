@@ -13,6 +13,7 @@ from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.note_symbol import NOTE_SIZE, note_symbol
 from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette, ViewLayer
 from sonarhw_gui.parts.eye import EYE_WIDTH, draw_eye
 from sonarhw_gui.parts.flow_layout import FlowLayout
@@ -46,11 +47,15 @@ class Legend(QWidget):
             row.addWidget(button)
         self._draw()
 
-    def show_state(self, origin: Origin, hidden: frozenset[Class | ViewLayer], own_body: bool = False) -> None:
+    def show_state(
+        self, origin: Origin, hidden: frozenset[Class | ViewLayer], own_body: bool = False, notes: bool = False
+    ) -> None:
         """Name the readings by their origin, and show which layers are hidden.
 
-        `own_body`: whether the board states echoes of its carrier; only then their class is listed.
+        `own_body`: whether the board states echoes of its carrier; only then their class is listed. `notes`: whether
+        there are notes on readings.
         """
+        self.explained[_NOTE].setVisible(notes)
         if Kind.OWN_BODY in self.entries:
             self.entries[Kind.OWN_BODY].setVisible(own_body)
         if (origin, hidden) != (self._origin, self._hidden):
@@ -155,6 +160,17 @@ def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: floa
     return picture
 
 
+def _note_picture(colours: Palette, ratio: float) -> QPixmap:
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(QPointF(-2.3, 15.7))  # the symbol is in the upper right quarter
+        drawSymbol(
+            painter, note_symbol(), NOTE_SIZE, pg.mkPen(colours.note_ink, width=1), pg.mkBrush(colours.note_paper)
+        )
+    return picture
+
+
 def _tick_picture(colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
@@ -179,6 +195,7 @@ class _Entry:
     meaning: str
 
 
+_NOTE = "note"
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     **{
@@ -221,6 +238,7 @@ _EXPLAINED = (
         "turntable zero",
         "the heading of step 0 of the turntable: the short line at the sensor",
     ),
+    _Entry(_note_picture, _NOTE, "a note on a reading; N edits that of the selected reading"),
     _Entry(partial(_symbol_picture, "o", False), "selected", "the selected reading, with a ring in every view"),
     _Entry(
         partial(_symbol_picture, "crosshair", False),

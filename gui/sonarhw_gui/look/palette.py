@@ -105,6 +105,8 @@ class Palette:
     extra: str = EXTRA
     own_body: str = OWN_BODY
     highlight: str = "#0072B2"
+    note_paper: str = "#F0E442"  # the same on both papers, as the sheets that it reminds of
+    note_ink: str = "#4A4400"
     live: str = "#00694C"  # badges, with white text
     replay: str = "#7A4B00"
     idle: str = "#666666"

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
-from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QKeyEvent
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.room_edit import Point
@@ -27,6 +27,7 @@ from sonarhw_gui.plan.proposal_layer import ProposalLayer
 from sonarhw_gui.plan.sound_layer import SoundLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import NO_POSITIONS, Outline, ReadingMarks
+from sonarhw_gui.plots.note_marks import NoteMarks
 from sonarhw_gui.plots.overlay_marks import OverlayMarks
 from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import label_length
@@ -60,6 +61,7 @@ class PlanDrawing(Canvas):
         self.plot.addItem(self._outline)
         self.path, self.pointer = PathLayer(self.plot), CursorLayer(self.plot)
         self._marks = ReadingMarks(self.plot, self._tip)
+        self.notes = NoteMarks(self.plot)
         self.arrows = EdgeArrows(self._box)
         self.ruler = RulerLayer(self.plot)
         self.sound = SoundLayer(self.plot)
@@ -68,6 +70,7 @@ class PlanDrawing(Canvas):
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
         self.clicked.connect(self.controller.click)
+        self.menu_pressed.connect(self._pick_for_menu)
         self.hovered.connect(self.controller.hover)
 
     def show_state(self, shown: Shown) -> None:
@@ -187,16 +190,21 @@ class PlanDrawing(Canvas):
 
     def pick(self, event: MouseClickEvent) -> bool:
         """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""
-        if self._measured:
-            index = self.arrows.reading_at(event.scenePos())
-            if index is None:
-                index = nearest_reading(self._box, self._marks.placed, event.scenePos())
-        else:
-            index = self._towards(event)
+        index = self._reading_at(event.scenePos()) if self._measured else self._towards(event)
         if index is not None:
             event.accept()
             self.gestures.picked.emit(index)
         return index is not None
+
+    @Slot(object)
+    def _pick_for_menu(self, position: QPointF) -> None:
+        index = self._reading_at(position) if self._measured else None
+        if index is not None:
+            self.gestures.picked.emit(index)
+
+    def _reading_at(self, position: QPointF) -> int | None:
+        index = self.arrows.reading_at(position)
+        return nearest_reading(self._box, self._marks.placed, position) if index is None else index
 
     def on_outline(self, at: Point) -> bool:
         """Return whether a point lies on the predicted outline."""
@@ -230,6 +238,7 @@ class PlanDrawing(Canvas):
         self.overlays.set_look()
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)
+        self.notes.set_look(look.palette)
         self.arrows.set_look(look)
 
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
@@ -249,6 +258,8 @@ class PlanDrawing(Canvas):
                     for kind, points in shown.classes.items()
                 }
             )
+        if fresh or _differ(before, shown, "notes"):
+            self.notes.draw(shown.notes, self._marks)
         if fresh or _differ(before, shown, "chosen"):
             self._marks.ring(shown.chosen)
 

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Signal, Slot
+from PySide6.QtCore import QEvent, Qt, Signal, Slot
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QGraphicsView
 
 from sonarhw_gui.look.appearance import Look
@@ -35,6 +36,7 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
     """The widget that contains the plots of one view."""
 
     clicked = Signal(object)  # MouseClickEvent of the left button
+    menu_pressed = Signal(object)  # QPointF in the scene, of the right button; a menu may follow
     hovered = Signal(object)  # QPointF in the scene; None when the mouse leaves
 
     def __init__(self, *plots: pg.PlotItem) -> None:
@@ -61,6 +63,12 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         """Ask for one repaint of everything, before items change: partial updates trigger an extra repaint."""
         self.scene().update()
         self.viewport().update()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Emit `menu_pressed` for the right button."""
+        if event.button() is Qt.MouseButton.RightButton:
+            self.menu_pressed.emit(self.mapToScene(event.position().toPoint()))
+        super().mousePressEvent(event)
 
     def leaveEvent(self, event: QEvent) -> None:
         """Emit `hovered` with None."""

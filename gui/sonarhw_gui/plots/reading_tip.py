@@ -20,6 +20,8 @@ def reading_tip(shown: Shown, index: int) -> str:
             lines.append(f"residual {unit.text(row.residual)} {unit.label}")
         if row.kind in MARKS:
             lines.append(f"{MARKS[row.kind].name}: {MARKS[row.kind].meaning}")
+    if note := shown.notes.of(index):
+        lines.append(f"note: {note}")
     return "\n".join(lines)
 
 

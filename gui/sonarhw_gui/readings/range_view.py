@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QPointF, Qt
+from PySide6.QtCore import QPointF, Qt, Slot
 from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF
 from PySide6.QtWidgets import QWidget
 from sonarhw_compare.matching.match import TOLERANCE, Kind
@@ -17,8 +17,9 @@ from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NO_POSITIONS, Outline, Placed, ReadingMarks
+from sonarhw_gui.plots.note_marks import NoteMarks
 from sonarhw_gui.plots.overlay_marks import OverlayMarks
-from sonarhw_gui.plots.pick import nearest_reading
+from sonarhw_gui.plots.pick import PICK_DISTANCE, nearest_reading
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.plots.spots import Spots
@@ -60,6 +61,7 @@ class RangeView(Canvas):
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
         self.overlays = OverlayMarks(self.ranges)
+        self.notes = NoteMarks(self.ranges)
         self.beyond = {
             Kind.SHORT: self._add_arrows(1),
             Kind.LONG: self._add_arrows(-1),
@@ -68,6 +70,7 @@ class RangeView(Canvas):
         self._pointer = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer.append(self._add_line(self.ranges, 0))
         self.clicked.connect(self._click)
+        self.menu_pressed.connect(self._pick_for_menu)
         self.hovered.connect(self._move)
         self.fit()
 
@@ -87,6 +90,8 @@ class RangeView(Canvas):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
+        if before is None or before.notes is not shown.notes or not shown.same_readings(before):
+            self.notes.draw(shown.notes, self._marks[0])
         if before is None or before.overlays is not shown.overlays:
             visible = [scan for scan in shown.overlays if scan.visible]
             self.overlays.draw(
@@ -141,6 +146,7 @@ class RangeView(Canvas):
         self._style_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
         self.overlays.set_look()
+        self.notes.set_look(look.palette)
         self._outline.set_look(look.palette)
         for marks in self._marks:
             marks.set_look(look.palette)
@@ -215,6 +221,12 @@ class RangeView(Canvas):
             event.accept()
             self.gestures.picked.emit(index)
 
+    @Slot(object)
+    def _pick_for_menu(self, position: QPointF) -> None:
+        index = self._under(position, PICK_DISTANCE)
+        if index is not None:
+            self.gestures.picked.emit(index)
+
     def _move(self, place: QPointF | None) -> None:
         """Link the cursor of all views; over the residuals, use the range of the nearest reading."""
         for plot in (self.ranges, self.residuals):
@@ -243,10 +255,10 @@ class RangeView(Canvas):
             for line, value in zip(self._pointer, (heading, heading, cursor.range), strict=True):
                 line.setValue(value)
 
-    def _under(self, click: QPointF) -> int | None:
+    def _under(self, click: QPointF, within: float = _ANY_DISTANCE) -> int | None:
         for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
             if plot.sceneBoundingRect().contains(click):
-                return nearest_reading(plot.vb, marks.placed, click, _ANY_DISTANCE)
+                return nearest_reading(plot.vb, marks.placed, click, within)
         return None
 
 

@@ -4,6 +4,7 @@
 half a million comparisons in a log of one hour.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import mark_picture
 from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.parts.plain_label import plain_tip
+from sonarhw_gui.scene.note_texts import NO_NOTES
 from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
 from sonarhw_gui.shown.reading_order import RowQuery, order_of
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
@@ -58,7 +60,9 @@ class ReadingModel(QAbstractTableModel):
             self._emit_data_changed()
         if before is None or not shown.same_readings(before):
             self._sentences.clear()
-            self._change(shown.rows, order_of(shown.rows, self.query))
+            self._change(shown.rows, order_of(shown.rows, self.query, shown.notes))
+        elif before.notes is not shown.notes:
+            self._change(self.rows, order_of(self.rows, self.query, shown.notes))
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
             self._emit_data_changed()
@@ -66,7 +70,7 @@ class ReadingModel(QAbstractTableModel):
     def set_query(self, query: RowQuery) -> None:
         """Apply a filter and an order."""
         self.query = query
-        self._change(self.rows, order_of(self.rows, query))
+        self._change(self.rows, order_of(self.rows, query, self._shown.notes if self._shown else NO_NOTES))
 
     def row_of(self, reading: int) -> int | None:
         """Return the table row of a reading; None if it is filtered out."""
@@ -91,7 +95,7 @@ class ReadingModel(QAbstractTableModel):
         match role:
             case _Role.DisplayRole:
                 return self._text(self._shown, row, column)
-            case _Role.ToolTipRole if column in (Column.PATH, Column.SENTENCE):
+            case _Role.ToolTipRole if column in (Column.NOTE, Column.PATH, Column.SENTENCE):
                 return plain_tip(self._text(self._shown, row, column))
             case _Role.DecorationRole if column is Column.CLASS:
                 return self._marks[CLASSES[self.rows.classes[row]]]
@@ -111,11 +115,13 @@ class ReadingModel(QAbstractTableModel):
         """Sort by a column. Sentences begin with the range and are sorted by it."""
         by = Column.MEASURED if column == Column.SENTENCE else Column(column)
         descending = order is Qt.SortOrder.DescendingOrder
-        self.set_query(RowQuery(by, descending, self.query.hidden, self.query.text))
+        self.set_query(replace(self.query, column=by, descending=descending))
 
     # changes
 
     def _text(self, shown: Shown, row: int, column: Column) -> str:
+        if column is Column.NOTE:
+            return shown.notes.of(row)
         if column is not Column.SENTENCE:
             return cell_text(self.rows, row, column, shown.look)
         if row not in self._sentences:

@@ -56,7 +56,7 @@ class Sentence(PlainLabel):
 
 
 class BounceLine(ElidedLabel):
-    """Lists the bounces of the selected reading's path, numbered as in the plan, with the loss of each."""
+    """The note on the selected reading, and the bounces of its path, numbered as in the plan, with the loss of each."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,13 +65,14 @@ class BounceLine(ElidedLabel):
         self._look: Look | None = None
 
     def show_state(self, shown: Shown) -> None:
-        """Show the bounces, in grey while they belong to an older prediction."""
+        """Show note and bounces, in grey while they belong to an older prediction."""
         self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look))
             self.setFixedHeight(ceil(QFontMetricsF(self.font()).lineSpacing()) + _BELOW)
-        text = bounces_text(shown)
+        note = "" if shown.asked is not None else shown.notes.of(shown.chosen)
+        text = " — ".join(filter(None, (f"note: {note}" if note else "", bounces_text(shown))))
         if text != self.text():
             self.setText(text)
 

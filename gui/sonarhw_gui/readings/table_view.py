@@ -1,4 +1,4 @@
-"""The view "Readings": a table to sort, filter by class and by text, and copy as CSV."""
+"""The view "Readings": a table to sort, filter by class, by text and by notes, and copy as CSV."""
 
 from dataclasses import replace
 from functools import partial
@@ -38,6 +38,7 @@ from sonarhw_gui.view import Gestures, ViewEntry
 
 _LEAST = {
     Column.CLASS: "missed",
+    Column.NOTE: "a note on this",
     Column.PATH: "north>pillar",
     Column.SENTENCE: "0.827 m at 270.0°: three reflections",
 }
@@ -85,9 +86,13 @@ class TableView(QWidget):
         self._following = False  # whether the selection changes because the selected reading or the rows changed
         self.model = ReadingModel(self)
         self.view = self._made_view()
-        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
-        self.words.setToolTip("Show only readings whose path, heading or class contains all these words")
+        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading, class or note (Ctrl+F)")
+        self.words.setToolTip("Show only readings whose path, heading, class and note contain all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
+        self.noted = QToolButton(autoRaise=True)
+        self.noted.setCheckable(True)
+        self.noted.hide()
+        self.noted.setToolTip("List only readings with a note")
         self.copy = QToolButton()
         copy = QAction("Copy CSV", self)
         copy.setToolTip("Copy the selected rows; with fewer than two selected, copy all listed rows (Ctrl+C)")
@@ -97,7 +102,7 @@ class TableView(QWidget):
         bar = QHBoxLayout()
         bar.setContentsMargins(6, 2, 6, 2)
         bar.setSpacing(2)
-        for part in (*self.classes.values(), self.words, self.copy):
+        for part in (*self.classes.values(), self.noted, self.words, self.copy):
             bar.addWidget(part, stretch=1 if part is self.words else 0)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
@@ -119,6 +124,8 @@ class TableView(QWidget):
         self._following = False
         if before is None or not shown.same_readings(before):
             self._count(shown)
+        if before is None or before.notes is not shown.notes:
+            self._count_notes(shown)
         if before is None or _width_inputs(before) != _width_inputs(shown):
             self._widen_columns(shown)
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
@@ -170,6 +177,7 @@ class TableView(QWidget):
         self.view.clicked.connect(self._pick)
         self.model.modelReset.connect(self._follow_again)
         self.words.textChanged.connect(self._filter)
+        self.noted.toggled.connect(self._filter)
         self.view.copied.connect(self.copy_rows)
         self.view.resized.connect(self._choose_columns)
         self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
@@ -185,6 +193,7 @@ class TableView(QWidget):
         for column in Column:
             self.view.setColumnWidth(column, self._needed(shown, column))
         self._path_width = metrics.horizontalAdvance(_USUAL_PATH) + _BESIDE
+        self.noted.setFont(font)
         for button in self.classes.values():
             button.setFont(font)
             button.setIconSize(SWITCH_SIZE)
@@ -226,6 +235,8 @@ class TableView(QWidget):
         if self._shown is None:
             return
         needed = {column: self._needed(self._shown, column) for column in Column}
+        if not self._shown.notes:
+            del needed[Column.NOTE]
         for column in _HIDDEN_FIRST:
             if sum(needed.values()) > self.view.viewport().width():
                 del needed[column]
@@ -251,6 +262,15 @@ class TableView(QWidget):
             least = _MANY if kind is Unclassed.WAITING else 0  # a few are compared within a moment
             button.setVisible(count > least or kind in shown.hidden)
 
+    def _count_notes(self, shown: Shown) -> None:
+        count = len(shown.notes)
+        self.noted.setText(f"{count} {'note' if count == 1 else 'notes'}")
+        self.noted.setAccessibleName(f"only readings with a note: {count}")
+        self.noted.setFixedSize(self.noted.sizeHint())
+        self.noted.setVisible(count > 0)
+        if not count:
+            self.noted.setChecked(False)  # otherwise no reading would be listed
+
     def _fade_counts(self, shown: Shown) -> None:
         """Show the counts in grey while they belong to an older prediction."""
         colours = QPalette()
@@ -263,7 +283,8 @@ class TableView(QWidget):
     def _filter(self) -> None:
         hidden = frozenset(kind for kind in CLASSES if self._shown is not None and kind in self._shown.hidden)
         self._following = True
-        self.model.set_query(replace(self.model.query, hidden=hidden, text=self.words.text()))
+        query = replace(self.model.query, hidden=hidden, text=self.words.text(), noted=self.noted.isChecked())
+        self.model.set_query(query)
         self._following = False
         self._follow_again()
 
@@ -298,9 +319,9 @@ class TableView(QWidget):
             self.gestures.picked.emit(int(self.model.order[index.row()]))
 
 
-def _width_inputs(shown: Shown) -> tuple[Look, int, bool]:
+def _width_inputs(shown: Shown) -> tuple[Look, int, bool, bool]:
     """Return the values that the column widths depend on."""
-    return shown.look, _digits(shown), shown.scene.room is None
+    return shown.look, _digits(shown), shown.scene.room is None, bool(shown.notes)
 
 
 def _digits(shown: Shown) -> int:

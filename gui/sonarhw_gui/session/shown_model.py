@@ -6,13 +6,17 @@ Every change emits `Shown`, at once or with the next tick.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
+from sonarhw_compare.notes.note_file import ReadingNote
+from sonarhw_compare.notes.placed_notes import note_on
 
 from sonarhw.readings import Reading
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Class, ViewLayer
-from sonarhw_gui.scene.history import History
+from sonarhw_gui.scene.history import Edited, History
+from sonarhw_gui.scene.note_texts import NoteTexts
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.trace_forecast import TraceForecast
@@ -20,6 +24,7 @@ from sonarhw_gui.shown.choice import Choice
 from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
 from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment
+from sonarhw_gui.store.note_store import NoteStore
 from sonarhw_gui.work.bscan_picture import BScanSettings
 from sonarhw_gui.work.forecast import Forecast
 
@@ -30,8 +35,12 @@ class ShownModel(QObject):
     changed = Signal(object)  # Shown
     edited = Signal()  # the scene was edited; `changed` may follow later
 
-    def __init__(self, scene: Scene, look: Look, source: ReadingSource, parent: QObject) -> None:
+    def __init__(
+        self, scene: Scene, look: Look, source: ReadingSource, parent: QObject, unsaved: Path | None = None
+    ) -> None:
+        """`unsaved`: the folder for notes that cannot be stored beside their log."""
         super().__init__(parent)
+        self.note_store = NoteStore(unsaved)
         self.shown = Shown(scene, look=look)
         self.history = History()
         self.forecast, self.traces = Forecast(), TraceForecast()
@@ -53,9 +62,7 @@ class ShownModel(QObject):
     @Slot()
     def undo(self) -> None:
         """Undo the last edit."""
-        before = self.history.undo(self.shown.scene)
-        if before is not None:
-            self._change(before)
+        self._restore(self.history.undo(self.shown.scene, self.shown.notes))
 
     def undo_steps(self, count: int) -> None:
         """Undo the last `count` edits."""
@@ -65,16 +72,51 @@ class ShownModel(QObject):
     @Slot()
     def redo(self) -> None:
         """Repeat the edit that was undone last."""
-        after = self.history.redo(self.shown.scene)
-        if after is not None:
-            self._change(after)
+        self._restore(self.history.redo(self.shown.scene, self.shown.notes))
 
     @Slot(object)
     def cancel(self, gesture: object) -> None:
         """Undo the edits of an unfinished gesture, without a step in the history."""
-        before = self.history.cancel(gesture)
-        if before is not None:
-            self._change(before)
+        self._restore(self.history.cancel(gesture))
+
+    @Slot(int, str)
+    def pin(self, reading: int, text: str) -> None:
+        """Pin a note to a reading; an empty text deletes the note."""
+        before, notes = self.shown.notes, self.shown.notes.with_note(reading, text)
+        if notes != before:
+            verb = "adding" if not before.of(reading) else "editing" if text else "deleting"
+            self.history.remember(before, f"{verb} a note")
+            self._change_notes(notes)
+
+    def open_notes(self) -> None:
+        """Show the notes that are stored for the log of the readings."""
+        self._emit(replace(self.shown, notes=self.note_store.open(self._log, self._source.all_readings)))
+
+    @property
+    def pinned_notes(self) -> tuple[ReadingNote, ...]:
+        """The notes, with what identifies their readings in the log."""
+        readings = self._source.all_readings
+        return tuple(note_on(readings[place], text) for place, text in self.shown.notes.by_reading.items())
+
+    def has_reading(self, place: int, reading: Reading) -> bool:
+        """Return whether this reading is at this place of the scan; the source may have changed."""
+        readings = self._source.all_readings
+        return place < len(readings) and readings[place] is reading
+
+    @property
+    def _log(self) -> Path | None:
+        return Path(self._source.log_file) if self._source.log_file else None
+
+    def _restore(self, state: Edited | None) -> None:
+        match state:
+            case NoteTexts():
+                self._change_notes(state)
+            case Scene():
+                self._change(state)
+
+    def _change_notes(self, notes: NoteTexts) -> None:
+        self._emit(replace(self.shown, notes=notes))
+        self.note_store.save(notes, self._source.all_readings, self._log)
 
     def _change(self, scene: Scene, moving: bool = False) -> None:
         self.shown = replace(self.shown, scene=scene)
@@ -197,6 +239,8 @@ class ShownModel(QObject):
     def begin(self) -> None:
         """Start with no readings."""
         self._forget_question()
+        self.history.forget_notes()
+        self.shown = replace(self.shown, notes=self.note_store.open(None, ()))
         self._choice.follow_newest()
         self.forecast.begin_scan()
         self.traces.begin_scan()

@@ -76,7 +76,10 @@ class WindowSession(QObject):
         find_scanner: ScannerFinder | None = None,
         unsaved: Path | None = None,
     ) -> None:
-        """`unsaved`: the folder for rooms with unsaved changes; None: they are not stored."""
+        """`unsaved`: the folder for rooms with unsaved changes, and for notes that cannot be stored beside their log.
+
+        None: they are not stored.
+        """
         super().__init__()
         self._ticking = False
         self.status = Status(can_scan=opener is not None, scan_settings=scan_settings)
@@ -85,7 +88,7 @@ class WindowSession(QObject):
         self._before_replay: Scene | None = None
         self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
         self._scanner_scene = scene  # contains the last confirmed position of the scanner
-        self.showing = ShownModel(scene, look or Look(), self._source, self)
+        self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
         self.documents = Documents(scan_settings.folder)
@@ -151,6 +154,7 @@ class WindowSession(QObject):
         self._begin()
         self.showing.follow(log.readings)
         self._source.load(log, name, path)
+        self.showing.open_notes()
         self.files.watch(WatchedFile.LOG, path if log.torn else None)
         if log.torn:
             message = f"{name}: {log.torn}; {len(log.readings)} whole readings are shown"
@@ -169,6 +173,7 @@ class WindowSession(QObject):
             if self._before_replay is not None:
                 self.set_scene(self._before_replay)
             self.showing.follow(self.live.readings)
+            self.showing.open_notes()
 
     def set_scene(self, scene: Scene, source: Path | None = None) -> None:
         """Show the readings in another scene; earlier edits can no longer be undone.
@@ -339,6 +344,7 @@ class WindowSession(QObject):
             self.showing.forecast.failures,
             self.documents.messages,
             self.unsaved.messages,
+            self.showing.note_store.messages,
         ):
             for message in messages:
                 self.warned.emit(message)

@@ -20,6 +20,7 @@ from sonarhw_gui.commands.file_commands import FileCommands
 from sonarhw_gui.commands.help_commands import HelpCommands
 from sonarhw_gui.commands.layout_menu import LayoutMenu
 from sonarhw_gui.commands.look_commands import LookCommands
+from sonarhw_gui.commands.note_commands import NoteCommands
 from sonarhw_gui.commands.print_command import PrintCommand
 from sonarhw_gui.commands.save_commands import SaveCommands
 from sonarhw_gui.commands.undo_list import UndoList
@@ -81,6 +82,7 @@ class MainWindow(QMainWindow):
         self.printing = PrintCommand(self.commands, self.saving.image, self)
         self.layouts = LayoutMenu(self, self.views)
         self.connecting = ConnectCommands(self.commands, session.scanners, self)
+        self.notes = NoteCommands(self.commands, session, self)
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
         self._text_timer = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
@@ -184,7 +186,8 @@ class MainWindow(QMainWindow):
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
-        self.legend.show_state(shown.origin, shown.hidden, bool(shown.scene.board.own_body))
+        self.legend.show_state(shown.origin, shown.hidden, bool(shown.scene.board.own_body), bool(shown.notes))
+        self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()
 

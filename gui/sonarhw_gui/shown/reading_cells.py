@@ -25,8 +25,9 @@ class Column(IntEnum):
     PREDICTED = 3
     RESIDUAL = 4
     CLASS = 5
-    PATH = 6
-    SENTENCE = 7
+    NOTE = 6
+    PATH = 7
+    SENTENCE = 8
 
 
 def class_name(kind: Class) -> str:
@@ -40,7 +41,7 @@ def heading_text(rows: ReadingRows, row: int) -> str:
 
 
 def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
-    """Return the text of a cell, in the units of the look; a dash if there is no value."""
+    """Return the text of a cell but those of notes and sentences, in the units of the look; a dash without a value."""
     match column:
         case Column.NUMBER:
             return str(row)

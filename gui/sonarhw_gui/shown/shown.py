@@ -16,6 +16,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Class, ViewLayer
+from sonarhw_gui.scene.note_texts import NO_NOTES, NoteTexts
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
@@ -73,6 +74,7 @@ class Shown:
     overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings
     pair: ScanPair | None = None  # of these and the readings, whose differences are shown
     proposal: Proposal | None = None  # a change of the room that may be tried
+    notes: NoteTexts = NO_NOTES  # on readings, also on those after the position of a replay
     cursor: Cursor | None = None
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws
     look: Look = field(default_factory=Look)

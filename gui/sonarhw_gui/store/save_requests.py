@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
+from sonarhw_compare.notes.note_file import ReadingNote
+from sonarhw_compare.notes.placed_notes import placed_notes
 from sonarhw_compare.sound.film_file import FILMS, write_film
 from sonarhw_compare.sound.moments import PlayedPing
 
@@ -74,6 +76,7 @@ class ReportPage:
     recorded: Log | Path
     scene: Scene
     link: Sequence[tuple[str, str]] = ()
+    notes: Sequence[ReadingNote] = ()
     endings: Sequence[str] = (HTML,)
 
     def write(self, file: BinaryIO, ending: str) -> None:
@@ -85,8 +88,18 @@ class ReportPage:
 
         log, scene = _log_of(self.recorded), self.scene
         room, place = room_and_place(scene)
+        # the readings of a live scan may be in another order in its log
+        notes = placed_notes(self.notes, log.readings, Path(self.name), Path(self.name)).texts
         report = report_of(
-            self.name, log.readings, room, place, scene.board, scene.options, log=log, link=tuple(self.link)
+            self.name,
+            log.readings,
+            room,
+            place,
+            scene.board,
+            scene.options,
+            log=log,
+            link=tuple(self.link),
+            notes=notes,
         )
         file.write(report_html(report).encode())
 

@@ -120,8 +120,8 @@ def test_during_a_drag_the_sentence_says_that_it_is_a_draft(qtbot: QtBot, window
 
 
 def test_the_legend_explains_sensor_turntable_ring_and_pointer(window: MainWindow) -> None:
-    assert {"sensor", "turntable zero", "newest", "selected", "pointer"} <= set(window.legend.explained)
-    assert all(entry.isVisible() and entry.toolTip() for entry in window.legend.explained.values())
+    visible = {name for name, entry in window.legend.explained.items() if entry.isVisible() and entry.toolTip()}
+    assert visible == {"sensor", "turntable zero", "newest", "selected", "pointer"}  # a note only if there is one
 
 
 def _dialogs(window: MainWindow) -> list[QDialog]:
