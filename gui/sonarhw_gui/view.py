@@ -24,6 +24,7 @@ class ViewEntry:
     picture_key: str = ""  # key that saves a picture of the view; small views only
     menu: str = ""  # menu of its actions; the view of the same name comes first in it
     is_text: bool = False  # whether it is updated only ten times a second during a scan
+    width: float = 0.54  # share of the width that a large view gets at first
 
 
 class Gestures(QObject):

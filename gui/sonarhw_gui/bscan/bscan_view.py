@@ -8,15 +8,16 @@ from functools import partial
 
 import numpy as np
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QPointF, QRectF, Slot
+from PySide6.QtCore import QMargins, QPointF, QRectF, Qt, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
-from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures.bscan import RangeCells
 
 from sonarhw_gui.bscan.bscan_pane import BScanPane
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.plots.canvas import Canvas
 from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
@@ -55,7 +56,7 @@ class BScanView(QWidget):
         self.polar = view_action(self, "Polar", "O", "Polar, over the room; off: heading by range")
         self.decibels = view_action(self, "dB", "B", "Levels in dB of full scale; off: linear")
         self.decibels.setChecked(True)
-        self.note = PlainLabel()
+        self.note = ElidedLabel()
         self.canvas = Canvas()
         self.panes: dict[Pane, BScanPane] = {}  # each is created when first visible
         self._arrange()
@@ -108,19 +109,14 @@ class BScanView(QWidget):
         return self
 
     def _arrange(self) -> None:
-        row = QHBoxLayout()
-        row.setContentsMargins(8, 4, 8, 2)
-        row.setSpacing(3)
-        add_buttons(row, self.choices.actions())
-        row.addSpacing(12)
-        add_buttons(row, (self.polar, self.decibels))
-        row.addStretch(1)
-        self.note.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        bar = QWidget()
+        add_buttons(FlowLayout(bar, QMargins(8, 4, 8, 2), gap=3), (*self.choices.actions(), self.polar, self.decibels))
+        self.note.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.note.setContentsMargins(8, 0, 8, 2)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        column.addLayout(row)
+        column.addWidget(bar)
         column.addWidget(self.canvas, stretch=1)
         column.addWidget(self.note)
 

@@ -50,6 +50,7 @@ class CausesPanel(QWidget):
         self.try_it.setToolTip("Change the room, and predict again")
         self.undo.setToolTip("Undo the change that was tried last")
         self.shares, self.note = PlainLabel(wordWrap=True), PlainLabel(wordWrap=True)
+        self.note.setAlignment(Qt.AlignmentFlag.AlignTop)  # it has the whole panel before the first search
         self._arrange()
         self.begin.clicked.connect(self.requested)
         self.cancel.clicked.connect(self.cancelled)

@@ -1,6 +1,7 @@
 """The replay bar: play, pause, step, previous and next scan, time slider, loop, skip gaps, speed, leave."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 from PySide6.QtCore import QSize, Qt, Signal, Slot
@@ -104,14 +105,19 @@ class ReplayBar(QWidget):
             _button(action, Qt.ToolButtonStyle.ToolButtonTextOnly)
             for action in (commands.loop, commands.skip_gaps, commands.leave_replay)
         )
-        self._menu_has = loop, gaps, leave  # hidden in a narrow bar
+        previous, following = (
+            _button(action, Qt.ToolButtonStyle.ToolButtonIconOnly)
+            for action in (commands.previous_scan, commands.next_scan)
+        )
+        # a narrow bar hides the first group, a narrower one the second too: menu and status bar have them
+        self.dispensable = (loop, gaps, leave), (self.badge, previous, following)
         for part in (
             self.badge,
-            _button(commands.previous_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
+            previous,
             _button(commands.back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
             self.play,
             _button(commands.forward, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
-            _button(commands.next_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
+            following,
             self.slider,
             self.time,
             self.speed,
@@ -122,21 +128,19 @@ class ReplayBar(QWidget):
             row.addWidget(part, stretch=1 if part is self.slider else 0)
 
     def minimumSizeHint(self) -> QSize:
-        """Return the width without the buttons that a narrow bar hides."""
+        """Return the size without the parts that a narrow bar hides."""
         whole = super().minimumSizeHint()
-        shown = [button for button in self._menu_has if not button.isHidden()]
-        return QSize(whole.width() - sum(map(self._width_of, shown)), whole.height())
+        shown = [part for group in self.dispensable for part in group if not part.isHidden()]
+        return QSize(whole.width() - _width_of(shown), whole.height())
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Hide the buttons that the Replay menu has too, if they do not fit."""
+        """Hide what does not fit."""
         super().resizeEvent(event)
-        needed = self.minimumSizeHint().width() + sum(map(self._width_of, self._menu_has))
-        for button in self._menu_has:
-            button.setVisible(self.width() >= needed)
-
-    @staticmethod
-    def _width_of(button: QToolButton) -> int:
-        return button.sizeHint().width() + _GAP
+        needed = self.minimumSizeHint().width()
+        for group in reversed(self.dispensable):
+            needed += _width_of(group)
+            for part in group:
+                part.setVisible(self.width() >= needed)
 
     @Slot(int)
     def _choose_speed(self, index: int) -> None:
@@ -150,6 +154,10 @@ class ReplayBar(QWidget):
 
     def _icon(self, shape: Shape) -> QIcon:
         return media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
+
+
+def _width_of(parts: Iterable[QWidget]) -> int:
+    return sum(part.sizeHint().width() + _GAP for part in parts)
 
 
 def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:

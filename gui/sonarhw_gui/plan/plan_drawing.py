@@ -11,7 +11,7 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtGui import QFontMetrics, QKeyEvent
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.room_edit import Point
 from sonarhw_compare.sound.moments import counted_position
@@ -20,6 +20,7 @@ from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
+from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plan.edge_arrows import EdgeArrows
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
@@ -39,6 +40,7 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures
 
 _PATH_PARTS = "scene", "compared", "readings", "chosen", "asked", "answer", "pointed_path", "look", "hidden"
+_WIDEST = "-00.00"  # tick value on the left axis
 _OUTLINE_REACH = 8.0  # pixels
 _BEYOND = 0.08  # margin, share of the room's longer side
 _AROUND_READINGS = 0.04  # likewise, share of the extent of all readings
@@ -72,6 +74,9 @@ class PlanDrawing(Canvas):
         self.clicked.connect(self.controller.click)
         self.menu_pressed.connect(self._pick_for_menu)
         self.hovered.connect(self.controller.hover)
+        self._frame: QRectF | None = None  # m, visible in every size of the view
+        self._box.sigRangeChangedManually.connect(self.note_frame)
+        self._box.sigResized.connect(self._show_frame)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -108,7 +113,7 @@ class PlanDrawing(Canvas):
         if scene is None or scene.room is None:
             self.fit_everything()
             return
-        self._box.setRange(self._room_area(scene), padding=0)
+        self._set_frame(self._room_area(scene))
 
     def fit_everything(self) -> None:
         """Show the room, the sensor and every reading."""
@@ -116,11 +121,25 @@ class PlanDrawing(Canvas):
         scene = self.controller.scene if self.shown else None
         if scene is None or scene.room is None or not points:
             self._box.autoRange(padding=0.05)
+            self.note_frame()
             return
         (left, bottom), (right, top) = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
         beyond = _AROUND_READINGS * max(right - left, top - bottom)
         drawn = QRectF(left, bottom, right - left, top - bottom).adjusted(-beyond, -beyond, beyond, beyond)
-        self._box.setRange(drawn.united(self._room_area(scene)), padding=0)
+        self._set_frame(drawn.united(self._room_area(scene)))
+
+    def note_frame(self, *_: object) -> None:
+        """Keep what is visible now in view when the size changes."""
+        self._frame = self._box.viewRect()
+
+    def _set_frame(self, frame: QRectF) -> None:
+        self._frame = frame
+        self._show_frame()
+
+    def _show_frame(self, *_: object) -> None:
+        """Show the frame as large as possible; pyqtgraph would make it smaller with each change of the size."""
+        if self._frame is not None:
+            self._box.setRange(self._frame, padding=0)
 
     def _room_area(self, scene: Scene) -> QRectF:
         assert scene.room is not None, "without a room there is nothing to measure"
@@ -134,16 +153,18 @@ class PlanDrawing(Canvas):
         if not seen.contains(QPointF(*point)):
             margin = _BEYOND * max(seen.width(), seen.height())
             around = QRectF(point[0] - margin, point[1] - margin, 2 * margin, 2 * margin)
-            self._box.setRange(seen.united(around), padding=0)
+            self._set_frame(seen.united(around))
 
     def zoom(self, scale: float) -> None:
         """Scale the visible range by `scale` about its middle."""
         self._box.scaleBy((scale, scale))
+        self.note_frame()
 
     def pan(self, right: int, up: int) -> None:
         """Move the visible range by tenths of its size."""
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
+        self.note_frame()
 
     # the interface `plan_controller.DrawingContext`
 
@@ -233,6 +254,9 @@ class PlanDrawing(Canvas):
         self.set_look(look)
         for side, what in (("bottom", "x"), ("left", "y")):
             label_length(self.plot.getAxis(side), what, look)
+        metrics = QFontMetrics(text_font(look, 0.9))
+        # wider tick values would change the size of the plan, and with it the visible range
+        self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
         for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound, self.proposal):
             layer.set_look(look)
         self.overlays.set_look()

@@ -3,12 +3,13 @@
 import math
 from functools import partial
 
-from PySide6.QtCore import Qt, Slot
+from PySide6.QtCore import QMargins, Qt, Slot
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
-from PySide6.QtWidgets import QHBoxLayout, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QToolButton, QVBoxLayout, QWidget
 
 from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.plan.plan_tools import TOOLS
 from sonarhw_gui.plan.typed_surface import TypedSurface
@@ -58,20 +59,21 @@ class PlanView(QWidget):
         return self.drawing
 
     def _bar(self) -> QWidget:
-        bar = QWidget()
-        row = QHBoxLayout(bar)
-        row.setContentsMargins(2, 2, 4, 2)
+        bar, tools = QWidget(), QWidget()
+        row, buttons = QHBoxLayout(bar), FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
+        row.setContentsMargins(0, 0, 4, 0)
         row.setSpacing(0)
         for tool in TOOLS:
             action = self._action(tool.name, tool.key, tool.tip)
             action.setCheckable(True)
             action.setData(tool)
             self.tools.addAction(action)
-            row.addWidget(_button(action))
+            buttons.addWidget(_button(action))
         self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
-        row.addWidget(_button(self.remove))
-        row.addSpacing(4)
+        buttons.addWidget(_button(self.remove))
+        self.message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
+        row.addWidget(tools)
         row.addWidget(self.message, stretch=1)
         self.tools.actions()[0].setChecked(True)
         self.tools.triggered.connect(self._set_tool)

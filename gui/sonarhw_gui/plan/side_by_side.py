@@ -14,7 +14,7 @@ from sonarhw_gui.view import Gestures, ViewEntry
 class SideBySide(QWidget):
     """Two plans: measured readings and predicted readings."""
 
-    entry = ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2")
+    entry = ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2", width=0.72)
 
     def __init__(self) -> None:
         super().__init__()
@@ -48,6 +48,7 @@ class SideBySide(QWidget):
         """Show the whole room in both plans."""
         if self._created:
             self.measured.fit()
+            self.predicted.fit()
 
     def picture(self) -> QWidget:
         """Return both plans."""
@@ -58,6 +59,8 @@ class SideBySide(QWidget):
             self._row.addLayout(_titled(title, view), stretch=1)
         self.predicted.plot.setXLink(self.measured.plot)
         self.predicted.plot.setYLink(self.measured.plot)
+        for moved, other in ((self.measured, self.predicted), (self.predicted, self.measured)):
+            moved.plot.vb.sigRangeChangedManually.connect(other.note_frame)
 
 
 def _titled(title: PlainLabel, view: PlanDrawing) -> QVBoxLayout:

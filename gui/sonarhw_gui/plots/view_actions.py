@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QHBoxLayout, QToolButton, QWidget
+from PySide6.QtWidgets import QLayout, QToolButton, QWidget
 
 
 def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool = True) -> QAction:
@@ -18,7 +18,7 @@ def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool =
     return action
 
 
-def add_buttons(row: QHBoxLayout, actions: Sequence[QAction]) -> None:
+def add_buttons(row: QLayout, actions: Sequence[QAction]) -> None:
     """Add a flat button for each action."""
     for action in actions:
         button = QToolButton()

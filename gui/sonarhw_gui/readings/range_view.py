@@ -6,7 +6,7 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt, Slot
-from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF
+from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import QWidget
 from sonarhw_compare.matching.match import TOLERANCE, Kind
 
@@ -32,6 +32,7 @@ _MOST_RESIDUAL = 0.25  # m; a larger residual is an arrow at the edge
 _BEYOND = 18  # pixels, size of an arrow; it covers the mark of its reading
 _ARROW = (-0.1, -0.5), (0.1, -0.5), (0.1, -0.25), (0.36, -0.25), (0.0, 0.3), (-0.36, -0.25), (-0.1, -0.25)
 _HEADINGS = -20.0, 380.0  # degrees, limits of the zoom
+_LEAST_LINES = 8  # of text, least height
 _WIDEST = "-000.0"  # tick value on a left axis
 _ANY_DISTANCE = 1e6  # pixels: a click anywhere selects the nearest point
 
@@ -43,9 +44,10 @@ class RangeView(Canvas):
 
     def __init__(self) -> None:
         self.ranges, self.residuals = new_plot(), new_plot()
+        self._shown: Shown | None = None
+        self._low = False  # whether the axes are labelled with their units only
         super().__init__(self.ranges, self.residuals)
         self.gestures = Gestures(self)
-        self._shown: Shown | None = None
         self._top = 0.0  # m, of the range axis
         self.residuals.setXLink(self.ranges)
         for plot in (self.ranges, self.residuals):
@@ -136,15 +138,9 @@ class RangeView(Canvas):
         for plot in (self.ranges, self.residuals):
             # the same for both plots, to align them
             plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        # high enough for the axis labels
-        upper = metrics.horizontalAdvance("range (m)") + 8
-        lower = metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height()
-        self.ranges.setMinimumHeight(upper)
-        self.residuals.setMinimumHeight(lower)
-        self.setMinimumHeight(upper + lower + 2 * metrics.height())
-        label_length(self.ranges.getAxis("left"), "range", look)
         self._style_residuals(look)
-        label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
+        self._label_axes(look)
+        self.setMinimumHeight(_LEAST_LINES * metrics.height())
         self.overlays.set_look()
         self.notes.set_look(look.palette)
         self._outline.set_look(look.palette)
@@ -158,11 +154,32 @@ class RangeView(Canvas):
         for line in self._pointer:
             line.setPen(cosmetic_pen(look.palette.ink, width=1))
 
-    def _style_residuals(self, look: Look) -> None:
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Shorten the labels of the axes in a low view."""
+        super().resizeEvent(event)
+        if self._shown is not None and self._low != self._is_low(self._shown.look):
+            self._label_axes(self._shown.look)
+
+    def _is_low(self, look: Look) -> bool:
+        """Return whether the labels of the axes do not fit."""
+        metrics = QFontMetrics(text_font(look, 0.9))
+        height: int = self.height()  # pyqtgraph has no types
+        return height < 2 * metrics.horizontalAdvance("residual (mm)") + 6 * metrics.height()
+
+    def _label_axes(self, look: Look) -> None:
+        """Label the axes; in a low view, only with their units."""
+        self._low = self._is_low(look)
         unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
         axis.enableAutoSIPrefix(False)
         axis.setScale(unit.per_metre)
-        label_axis(axis, f"residual ({unit.label})")
+        label_axis(axis, unit.label if self._low else f"residual ({unit.label})")
+        label_length(self.ranges.getAxis("left"), "range", look)
+        if self._low:
+            label_axis(self.ranges.getAxis("left"), look.unit.label)
+        label_axis(self.residuals.getAxis("bottom"), "" if self._low else "heading in the room (°)")
+
+    def _style_residuals(self, look: Look) -> None:
+        unit = residual_unit(look.unit)
         edge = f"{_MOST_RESIDUAL * unit.per_metre:.3g} {unit.label}"
         self.residuals.setToolTip(f"measured minus predicted; a residual beyond ±{edge} is an arrow at the edge")
         self._tolerance.setBrush(look.palette.tolerance)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
-from PySide6.QtCore import QItemSelectionModel, QModelIndex, Qt, Signal, Slot
+from PySide6.QtCore import QItemSelectionModel, QMargins, QModelIndex, Qt, Signal, Slot
 from PySide6.QtGui import (
     QAction,
     QFontMetrics,
@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
     QLineEdit,
+    QSizePolicy,
     QTableView,
     QToolButton,
     QVBoxLayout,
@@ -30,6 +31,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
 from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.readings.reading_model import ReadingModel
 from sonarhw_gui.shown.reading_cells import Column, class_name, column_name, rows_as_csv
 from sonarhw_gui.shown.reading_rows import CLASSES
@@ -48,6 +50,7 @@ _HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow 
 _MARK = 20  # pixels, mark of a class with the gap before the name
 _BESIDE = 12  # pixels, margins
 _ARROW = 14  # pixels, sort indicator in the header
+_LEAST_WORDS = 90  # pixels, of the field for words
 _MANY = 360  # readings
 _SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
 
@@ -87,6 +90,7 @@ class TableView(QWidget):
         self.model = ReadingModel(self)
         self.view = self._made_view()
         self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading, class or note (Ctrl+F)")
+        self.words.setMinimumWidth(_LEAST_WORDS)
         self.words.setToolTip("Show only readings whose path, heading, class and note contain all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
         self.noted = QToolButton(autoRaise=True)
@@ -99,10 +103,15 @@ class TableView(QWidget):
         copy.triggered.connect(self.copy_rows)
         self.copy.setDefaultAction(copy)
         self.addAction(copy)
+        switches = QWidget()
+        flow = FlowLayout(switches, QMargins(0, 0, 0, 0), gap=2)
+        for button in (*self.classes.values(), self.noted):
+            flow.addWidget(button)
+        self.words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)  # the switches come first
         bar = QHBoxLayout()
         bar.setContentsMargins(6, 2, 6, 2)
         bar.setSpacing(2)
-        for part in (*self.classes.values(), self.noted, self.words, self.copy):
+        for part in (switches, self.words, self.copy):
             bar.addWidget(part, stretch=1 if part is self.words else 0)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
@@ -166,6 +175,7 @@ class TableView(QWidget):
 
     def _made_button(self, kind: Class) -> QToolButton:
         button = QToolButton(autoRaise=True)
+        button.hide()  # until there are such readings
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
         button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings in all views")

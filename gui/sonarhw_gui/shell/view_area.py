@@ -2,8 +2,8 @@
 
 from typing import TypeVar, cast
 
-from PySide6.QtCore import QByteArray, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QShowEvent
+from PySide6.QtCore import QByteArray, QEvent, QSize, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QMainWindow, QStackedWidget, QTabWidget, QWidget
 
 from sonarhw_gui.bscan.bscan_view import BScanView
@@ -20,9 +20,9 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_view import TraceView
 from sonarhw_gui.view import View
 
-_BESIDE_SHARE = 0.46  # of the width, for the docks on the right
-_LOW = 850  # pixels; on a lower screen, views share two stacks instead of three
+_LOW, _LOWEST = 850, 680  # pixels; on a lower screen, the small views share two stacks or one, instead of three
 _RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
+_SIDES = (_RIGHT, Qt.DockWidgetArea.LeftDockWidgetArea)
 _V = TypeVar("_V", bound=View)
 
 
@@ -51,6 +51,7 @@ class ViewArea(QMainWindow):
         self.docks: list[ViewDock] = []
         self._stacks: list[list[ViewDock]] = [[], [], []]
         self._restored = False  # whether the arrangement is that of an earlier session
+        self._widths: dict[int, float] = {}  # share of each large view that the user has resized
         self.stage = _Stage()
         self.plan = self._large(PlanView())
         self.side_by_side = self._large(SideBySide())
@@ -64,6 +65,7 @@ class ViewArea(QMainWindow):
         self.setDockNestingEnabled(True)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
         self.stage.currentChanged.connect(self.uncovered)
+        self.stage.currentChanged.connect(self._share_width)
         self.arrange()
 
     @property
@@ -123,10 +125,9 @@ class ViewArea(QMainWindow):
 
     @Slot()
     def arrange(self) -> None:
-        """Put all small views back in their stacks on the right: three, or two on a low screen."""
-        first, second, third = self._stacks
-        low = self.screen().availableSize().height() < _LOW
-        stacks = [first + second, third] if low else [first, second, third]
+        """Put all small views back in their stacks on the right: three, two on a low screen, one on a very low one."""
+        self._widths = {}
+        stacks = self._stacks_for(self.screen().availableSize().height())
         for dock in self.docks:
             dock.setFloating(False)
             self.removeDockWidget(dock)
@@ -138,26 +139,71 @@ class ViewArea(QMainWindow):
             dock.show()
         for stack in stacks:
             stack[0].raise_()
-        self._share(stacks)
+        shares = [215, 265, 165] if len(stacks) == 3 else [1] * len(stacks)
+        heights = [round(self.height() * share / sum(shares)) for share in shares]
+        tops = [stack[0] for stack in stacks]
+        self.resizeDocks(tops, heights, Qt.Orientation.Vertical)
+        self.resizeDocks(tops, [self._width_beside] * len(tops), Qt.Orientation.Horizontal)
 
-    def restore(self, state: QByteArray) -> None:
+    def restoreState(self, state: "QByteArray | bytes | bytearray | memoryview[int]", version: int | None = 0) -> bool:
         """Restore an arrangement that `saveState` returned; one that Qt refuses changes nothing."""
-        self._restored = self.restoreState(state) or self._restored
+        done = super().restoreState(state, version or 0)
+        if done:
+            self._restored = True
+            self._note_width()
+        return done
+
+    def event(self, event: QEvent) -> bool:
+        """Remember the width that the user gave the large view with the line beside it."""
+        done = super().event(event)
+        if event.type() is QEvent.Type.MouseButtonRelease and event.isAccepted():
+            self._note_width()
+        return done
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the shares of the width; Qt would give the large view all that is gained or lost."""
+        super().resizeEvent(event)
+        if self.isVisible() and event.oldSize().width() != self.width():
+            self._share_width()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Arrange the views in the size of the window at the first time, unless they were restored."""
         super().showEvent(event)
-        if not self._restored:
+        if self._restored:
+            self._note_width()
+        else:
             self._restored = True
             self.arrange()
 
-    def _share(self, stacks: list[list[ViewDock]]) -> None:
-        """Share width and height between the views."""
-        beside = round(self.width() * _BESIDE_SHARE)
-        self.resizeDocks([stack[0] for stack in stacks], [beside] * len(stacks), Qt.Orientation.Horizontal)
-        shares = [215, 265, 165] if len(stacks) == 3 else [1, 1]
-        heights = [round(self.height() * share / sum(shares)) for share in shares]
-        self.resizeDocks([stack[0] for stack in stacks], heights, Qt.Orientation.Vertical)
+    def _stacks_for(self, height: int) -> list[list[ViewDock]]:
+        """Return the small views by stack, for a screen of this height."""
+        first, second, third = self._stacks
+        if height < _LOWEST:
+            return [first + second + third]
+        return [first + second, third] if height < _LOW else [first, second, third]
+
+    @property
+    def _width_beside(self) -> int:
+        """The width of the small views beside the large one, pixels."""
+        return round((1 - self._widths.get(self.stage.currentIndex(), self.large_view.entry.width)) * self.width())
+
+    def _note_width(self) -> None:
+        """Keep the width that the visible large view has now, as a share."""
+        if self.isVisible():
+            self._widths[self.stage.currentIndex()] = self.stage.width() / self.width()
+
+    @Slot()
+    def _share_width(self) -> None:
+        """Give the visible large view its share of the width, and the small views beside it the rest."""
+        beside = [
+            dock
+            for dock in self.docks
+            if dock.in_front and not dock.isFloating() and self.dockWidgetArea(dock) in _SIDES
+        ]
+        now = self.width() - self.stage.width()
+        if beside and now > 0:
+            widths = [round(dock.width() * self._width_beside / now) for dock in beside]
+            self.resizeDocks(beside, widths, Qt.Orientation.Horizontal)
 
     def _show(self, shown: Shown, text: bool) -> None:
         for view in self._visible():

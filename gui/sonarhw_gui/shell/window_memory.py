@@ -67,7 +67,7 @@ def restore_window(window: MainWindow, memory: Memory) -> None:
     window.session.remember_used(memory.recent, memory.urls)
     window.restoreGeometry(memory.layout.get("window", QByteArray()))
     window.restoreState(memory.layout.get("docks", QByteArray()))
-    window.views.restore(memory.layout.get("views", QByteArray()))
+    window.views.restoreState(memory.layout.get("views", QByteArray()))
     window.layouts.restore(memory.layouts)
     views = window.commands.views.actions()
     if 0 <= memory.view < len(views):

@@ -109,7 +109,6 @@ def test_the_first_window_is_not_larger_than_its_screen(window: MainWindow) -> N
     available = QApplication.primaryScreen().availableSize()
     assert window.width() <= available.width()
     assert window.height() <= available.height()
-    assert window.minimumSizeHint().width() <= 1008
 
 
 def test_a_demo_scan_waits_for_its_prediction(
@@ -166,22 +165,6 @@ def test_an_impossible_wall_is_explained_in_the_dialog(qtbot: QtBot, window: Mai
     assert "lies inside post" in dialog.problem.text()
     assert dialog.isVisible()
     dialog.close()
-
-
-def test_every_panel_fits_beside_the_views_of_a_narrow_window(
-    qtbot: QtBot, open_with: OpenWith, recorded: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sonarhw_gui.shell.view_area._LOW", 5000)  # every screen counts as low
-    window = open_with(source=read_log(recorded))
-    window.resize(1008, 552)  # a screen of 1024 × 600, with a frame
-    for action in window.docks.actions:
-        action.trigger()
-        qtbot.wait(20)
-        assert (window.width(), window.height()) == (1008, 552), action.text()
-    assert not window.replay_bar._menu_has[0].isVisible()
-    for action in window.docks.actions:
-        if action.isChecked():
-            action.trigger()
 
 
 def test_ctrl_s_saves_an_edited_room_in_its_file(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:

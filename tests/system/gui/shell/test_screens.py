@@ -1,0 +1,162 @@
+"""The window on every screen: nothing larger than the screen, no label or button cut, views in tabs where it is low."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from PySide6.QtCore import QEvent, QPoint, QPointF, QRect, QSize, Qt
+from PySide6.QtGui import QMouseEvent
+from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel, QToolButton, QWidget
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.shell.main_window import MainWindow
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import predicted, until
+
+FRAME = QSize(16, 48)
+SCREENS = {  # and the number of stacks of small views
+    "1024x600": (QSize(1024, 600), 1),
+    "2560x1440 at 200 %": (QSize(1280, 720), 2),
+    "1280x800": (QSize(1280, 800), 2),
+    "1920x1080": (QSize(1920, 1080), 3),
+}
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    window.session.showing.choose(27)
+    return window
+
+
+def on_screen(window: MainWindow, size: QSize, monkeypatch: pytest.MonkeyPatch) -> QSize:
+    """Lay the window out as on a screen of this size; return the size of the window."""
+    monkeypatch.setattr(window.views, "screen", lambda: SimpleNamespace(availableSize=lambda: size))
+    window.commands.reset_layout.trigger()
+    window.resize(size - FRAME)
+    return size - FRAME
+
+
+def cut(window: MainWindow) -> list[str]:
+    """Return the labels and buttons whose text is cut, or that lie outside the window."""
+    shown = [part for part in window.findChildren(QWidget) if not part.visibleRegion().isEmpty()]
+    found = [part for part in shown if isinstance(part, QLabel | QAbstractButton) and _is_cut(part)]
+    return [f"{type(part).__name__} {part.text()!r}" for part in found]
+
+
+def _is_cut(part: QLabel | QAbstractButton) -> bool:
+    if isinstance(part, ElidedLabel):
+        return False  # its tooltip has the whole text
+    if isinstance(part, QLabel) and part.wordWrap():
+        return part.heightForWidth(part.width()) > part.height()
+    text = part.text()
+    if isinstance(part, QToolButton) and part.toolButtonStyle() == Qt.ToolButtonStyle.ToolButtonIconOnly:
+        text = ""
+    if not text:
+        return False
+    needed = part.minimumSizeHint().width() if isinstance(part, QLabel) else part.fontMetrics().horizontalAdvance(text)
+    window = part.window()
+    scrolled = any(type(parent).__name__ == "_VerticalScrollArea" for parent in _ancestors(part))
+    across = QRect(part.mapTo(window, QPoint()), part.size())
+    outside = across.left() < 0 or across.right() >= window.width() or across.bottom() >= window.height()
+    return part.width() < needed or (outside and not scrolled)
+
+
+def _ancestors(part: QWidget) -> list[QWidget]:
+    parent = part.parentWidget()
+    return [] if parent is None else [parent, *_ancestors(parent)]
+
+
+def tops(window: MainWindow) -> set[int]:
+    """Return where the stacks of small views begin."""
+    return {dock.geometry().top() for dock in window.views.docks if dock.in_front}
+
+
+def drag_line(views: QWidget, line: QPoint, by: QPoint) -> None:
+    """Drag the line between two views with the left button held down."""
+    left, none = Qt.MouseButton.LeftButton, Qt.MouseButton.NoButton
+    kinds = QEvent.Type.MouseButtonPress, QEvent.Type.MouseMove, QEvent.Type.MouseButtonRelease
+    for kind, at, held in zip(kinds, (line, line + by, line + by), (left, left, none), strict=True):
+        QApplication.processEvents()  # Qt moves the line between events
+        button = none if kind is QEvent.Type.MouseMove else left
+        places = QPointF(at), QPointF(views.mapToGlobal(at))
+        QApplication.sendEvent(views, QMouseEvent(kind, *places, button, held, Qt.KeyboardModifier.NoModifier))
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
+    qtbot: QtBot, window: MainWindow, screen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    available, stacks = SCREENS[screen]
+    size, problems = on_screen(window, available, monkeypatch), []
+
+    def check(what: str) -> None:
+        qtbot.wait(20)
+        if window.size() != size or cut(window):
+            qtbot.wait(200)  # wrapped text may need a second layout
+        problems.extend(f"{what}: {text}" for text in cut(window))
+        if window.size() != size:
+            problems.append(f"{what}: {window.size().toTuple()}")
+            window.resize(size)
+
+    qtbot.wait(50)
+    assert len(tops(window)) == stacks
+    for view in window.commands.views.actions():
+        view.trigger()
+        check(view.text())
+        for panel in window.docks.actions:
+            panel.trigger()
+            check(f"{view.text()} with {panel.text()}")
+            panel.trigger()
+    for view in window.views.docks:
+        view.raise_()
+        check(view.windowTitle())
+    for panel in window.docks.actions:
+        panel.trigger()
+    for step in (window.commands.sound, window.commands.first_steps):
+        step.trigger()
+        check(f"all panels, and {step.text()}")
+    window.banner.show_message("a long message about a scanner that does not answer; check its cable and its supply")
+    check("all panels, sound, hint and message")
+    assert problems == []
+    for panel in reversed(window.docks.actions):
+        panel.trigger()
+
+
+def test_each_large_view_keeps_its_share_of_the_width(qtbot: QtBot, window: MainWindow) -> None:
+    views, (plan, beside, _) = window.views, window.commands.views.actions()
+
+    def share() -> float:
+        qtbot.wait(20)
+        return views.stage.width() / views.width()
+
+    beside.trigger()
+    wide = share()
+    assert wide > 0.7
+    plan.trigger()
+    narrow = share()
+    assert narrow == pytest.approx(0.54, abs=0.02)
+    frame = views.plan.drawing.plot.vb.viewRect()
+    for panel in window.docks.actions[:2]:
+        panel.trigger()
+        assert share() == pytest.approx(narrow, abs=0.02)
+    for size in (window.size() + QSize(300, 0), window.size()):
+        window.resize(size)
+        assert share() == pytest.approx(narrow, abs=0.02)
+    for panel in reversed(window.docks.actions[:2]):
+        until(qtbot, panel.isChecked)
+        panel.trigger()
+    until(qtbot, lambda: views.width() == window.width())
+    assert share() == pytest.approx(narrow, abs=0.02)
+    now = views.plan.drawing.plot.vb.viewRect()  # the room has its size again
+    assert (now.width(), now.height()) == pytest.approx((frame.width(), frame.height()), rel=0.05)
+    drag_line(views, views.stage.geometry().topRight() + QPoint(2, 100), QPoint(-100, 0))
+    dragged = share()
+    assert dragged < narrow - 0.04
+    beside.trigger()
+    assert share() == pytest.approx(wide, abs=0.02)
+    plan.trigger()
+    assert share() == pytest.approx(dragged, abs=0.02)
