@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QStatusBar
+from PySide6.QtWidgets import QProgressBar, QStatusBar
 
 from sonarhw_gui.live.window_status import Badge, Source, Status
 from sonarhw_gui.look.appearance import Look
@@ -32,7 +32,12 @@ class StatusBar(QStatusBar):
         widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")
         self.figures.setMinimumWidth(widest)
         self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.progress = QProgressBar()
+        self.progress.setFixedWidth(self.progress.fontMetrics().horizontalAdvance("000 of at most 000 parts") + 16)
+        self.progress.setFormat("%v of at most %m parts")
+        self.progress.setToolTip("Parts of the model that are compiled; this prediction may not need all of them")
         self.setContentsMargins(8, 0, 4, 0)
+        self.addWidget(self.progress)
         self.addWidget(LabelSlot(self.activity), 1)
         self.addPermanentWidget(LabelSlot(self.figures))
         self.addPermanentWidget(self.badge)
@@ -51,6 +56,10 @@ class StatusBar(QStatusBar):
     def show_state(self, status: Status) -> None:
         """Show the status."""
         self.activity.setText(activity_text(status))
+        self.progress.setVisible(status.preparing is not None)
+        if status.preparing is not None:
+            self.progress.setRange(0, status.preparing.known)
+            self.progress.setValue(status.preparing.done)
         self.figures.setText(figures_text(status))
         self.badge.setText(badge_text(status))
         background = _COLOURS.get(status.badge, LIGHT.idle)
@@ -83,7 +92,7 @@ def activity_text(status: Status) -> str:
     if status.source is Source.REPLAY:
         parts.append(f"{'following' if status.following else 'replaying'} {status.log_name}")
     if status.preparing:
-        parts.append(status.preparing)
+        parts.append("preparing the model (first start only)")
     if status.scan_due:
         parts.append("the scan begins when its prediction is there")
     if status.outdated:

@@ -7,6 +7,7 @@ from pathlib import Path
 from sonarhw.log import RecordedScan
 from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.scanner_state import LinkState, Phase
+from sonarhw_gui.shown.preparation import Compiled
 
 
 class Source(StrEnum):
@@ -43,7 +44,7 @@ class Status:
     log_name: str = ""  # of the replayed log
     following: bool = False  # whether the replayed log is being written
     predicting: bool = False
-    preparing: str = ""  # progress of the compilation at the first start
+    preparing: Compiled | None = None  # progress of the compilation at the first start
     scan_due: bool = False  # whether a scan waits for the prediction
     uncompared: int = 0  # readings that are not compared with the newest prediction yet
     outdated: bool = False  # whether the values shown are of the previous prediction

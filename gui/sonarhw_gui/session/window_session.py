@@ -481,7 +481,7 @@ class WindowSession(QObject):
         status = replace(
             status,
             outdated=self.shown.outdated,
-            preparing=self.preparation.text,
+            preparing=self.preparation.progress,
             scan_due=self._scan_due,
             uncompared=self.showing.forecast.uncompared,
             following=self.files.grows(WatchedFile.LOG, time.monotonic()),

@@ -1,20 +1,30 @@
-"""Progress of the compilation of kernels at the first start, as text for the status bar."""
+"""Progress of the compilation of kernels at the first start, for the status bar."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """How many kernels are compiled; a prediction does not need all `known` ones."""
+
+    done: int
+    known: int
 
 
 class Preparation:
     """Receives reports from the threads that compile. Implements `sonarhw_sim.compilation.Watcher`."""
 
     def __init__(self) -> None:
-        self.text = ""  # empty while nothing is compiled
+        self.progress: Compiled | None = None  # None while nothing is compiled
         self.messages: list[str] = []
 
     def compiling(self, done: int, known: int) -> None:
-        """Note how many of the `known` kernels are compiled; a prediction does not need all of them."""
-        self.text = f"preparing the model (first start only): {done} of at most {known} parts"
+        """Note the progress."""
+        self.progress = Compiled(done, known)
 
     def compiled(self) -> None:
         """Note that compilation has ended for now."""
-        self.text = ""
+        self.progress = None
 
     def not_stored(self, reason: str) -> None:
         """Note that the next start compiles again."""

@@ -130,7 +130,9 @@ def test_a_demo_scan_waits_for_its_prediction(
     try:
         until(qtbot, lambda: "the scan begins when its prediction is there" in window.status_bar.activity.text())
         window.session.preparation.compiling(3, 60)
-        until(qtbot, lambda: "preparing the model (first start only): 3" in window.status_bar.activity.text())
+        until(qtbot, lambda: "preparing the model (first start only)" in window.status_bar.activity.text())
+        bar = window.status_bar.progress
+        assert (bar.isVisible(), bar.value(), bar.maximum()) == (True, 3, 60)
         assert "press Scan" not in window.sentence.text()
         assert window.session.live.phase is None
     finally:
@@ -138,6 +140,7 @@ def test_a_demo_scan_waits_for_its_prediction(
     window.session.preparation.compiled()
     until(qtbot, lambda: len(window.session.shown.readings) > 0)
     assert window.session.shown.outline is not None
+    assert not window.status_bar.progress.isVisible()
     window.commands.stop.trigger()
 
 
