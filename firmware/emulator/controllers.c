@@ -3,6 +3,8 @@
 
 #include "emulator.h"
 
+#define GPIO(line) {GPIO_PORT(line), (line) % 8}
+
 static const struct controller controllers[] = {
     {
         .name = "mega",
@@ -33,6 +35,19 @@ static const struct controller controllers[] = {
         .cam = {'B', 4},
         .coils = {{'B', 1}, {'B', 2}, {'B', 3}, {'B', 4}},
         .servo = {'B', 2},
+    },
+    {
+        .name = "linux",
+        .init = GPIO(23),
+        .blnk = GPIO(25),
+        .binh = GPIO(22),
+        .echo = GPIO(24),
+        .step = GPIO(17),
+        .direction = GPIO(27),
+        .enable = GPIO(6),
+        .mark = GPIO(20),
+        .cam = GPIO(21),
+        .coils = {GPIO(12), GPIO(13), GPIO(16), GPIO(26)},
     },
 };
 

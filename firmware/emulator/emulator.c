@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <simavr/avr_eeprom.h>
@@ -20,6 +21,7 @@
 #define ENTRY_CYCLES 5 // from the interrupt to its vector; simavr omits them
 #define SERIAL_AT 4 // stored_serial in identity.c
 #define EMULATED_SERIAL "EMULATED" // as in sonarhw/wire/origin.py
+#define STORED 24 // bytes that the Linux program keeps
 
 static volatile sig_atomic_t ending;
 static avr_t *chip;
@@ -192,12 +194,45 @@ static void run_for(avr_t *avr, avr_cycle_count_t cycles)
     }
 }
 
+// A file in memory with the serial number of an emulated board.
+static const char *emulated_eeprom(void)
+{
+    static char name[32];
+    uint8_t bytes[STORED] = {0};
+    memcpy(bytes + SERIAL_AT, EMULATED_SERIAL, sizeof EMULATED_SERIAL);
+    int file = memfd_create("eeprom", 0);
+    if (write(file, bytes, sizeof bytes) != sizeof bytes)
+        die("cannot write the EEPROM");
+    snprintf(name, sizeof name, "/proc/self/fd/%d", file);
+    return name;
+}
+
+// Run a Linux program on an emulated GPIO chip instead: a library in the folder of the emulator, which gets the options.
+static void run_program(int count, char **words)
+{
+    char joined[4096] = "", library[4096];
+    for (int at = 0; at < count; at++) {
+        strncat(joined, at ? "\n" : "", sizeof joined - strlen(joined) - 1);
+        strncat(joined, words[at], sizeof joined - strlen(joined) - 1);
+    }
+    ssize_t size = readlink("/proc/self/exe", library, sizeof library - 32);
+    library[size < 0 ? 0 : size] = 0;
+    strcpy(strrchr(library, '/') + 1, "emulated-gpio.so");
+    setenv(EMULATOR_OPTIONS, joined, 1);
+    setenv("LD_PRELOAD", library, 1);
+    const char *eeprom = options.eeprom ? options.eeprom : emulated_eeprom();
+    execl(options.elf, options.elf, "--eeprom", eeprom, options.link ? "--link" : NULL, options.link, NULL);
+    die("cannot run the firmware file");
+}
+
 int main(int count, char **words)
 {
     read_options(count, words);
     // simavr prints what it loads to standard output, which belongs to the parent process
     if (!freopen("/dev/null", "w", stdout))
         die("cannot open /dev/null");
+    if (!options.controller->chip)
+        run_program(count, words);
     // without SA_RESTART, so that a signal ends a read from a parent that does not answer
     const struct sigaction ends = {.sa_handler = end};
     sigaction(SIGTERM, &ends, NULL);

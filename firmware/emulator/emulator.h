@@ -10,6 +10,7 @@
  *   serial_line.c      the serial line, on a pseudo-terminal
  *   pace.c             runs in real time, or faster by a factor
  *   parent.c           the process that started the emulator and computes the echoes
+ *   gpio/              a GPIO chip, for the firmware as a Linux program
  */
 #ifndef EMULATOR_H
 #define EMULATOR_H
@@ -23,6 +24,7 @@
 #define FREQUENCY 16000000
 #define ECHOES_MOST 256
 #define INTERRUPTS 57
+#define EMULATOR_OPTIONS "SONARHW_EMULATOR" // variable of the environment, for a Linux program
 
 enum ranging { POLAROID, HC_SR04 };
 
@@ -33,8 +35,13 @@ struct pin {
     int bit;
 };
 
+// The pins of an emulated GPIO chip are those of a chip of simavr: lines 0 to 7 are port A, and so on. Not port D, whose
+// external interrupts simavr polls in every cycle.
+#define GPIO_PORT(line) ((line) < 24 ? 'A' + (line) / 8 : 'F')
+
 struct controller { // pins as in firmware/avr/<chip>/pins.h
-    const char *name, *chip;
+    const char *name;
+    const char *chip; // NULL: a Linux program
     uint16_t eeprom; // bytes
     struct pin init, blnk, binh, echo, step, direction, enable, mark, cam, coils[4], servo;
 };
@@ -51,6 +58,7 @@ struct options {
     double temperature; // °C; NAN: no thermistor
     bool any_baud; // ignore the baud rate of the host
     uint32_t wiring; // enum wiring_fault
+    double stall; // s, a Linux program is delayed by up to this now and then
 };
 
 struct ping {

@@ -25,7 +25,8 @@ void read_options(int count, char **words)
         {"link", required_argument, NULL, 'l'},     {"pace", required_argument, NULL, 'p'},
         {"stands", required_argument, NULL, 's'},   {"temperature", required_argument, NULL, 't'},
         {"any-baud", no_argument, NULL, 'a'},       {"parent", required_argument, NULL, 'd'},
-        {"miswire", required_argument, NULL, 'm'},  {NULL, 0, NULL, 0},
+        {"miswire", required_argument, NULL, 'm'},  {"stall", required_argument, NULL, 'w'},
+        {NULL, 0, NULL, 0},
     };
     for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
         switch (option) {
@@ -55,6 +56,9 @@ void read_options(int count, char **words)
             break;
         case 'm':
             options.wiring = (uint32_t)atol(optarg);
+            break;
+        case 'w':
+            options.stall = atof(optarg);
             break;
         case 'd':
             parent_start(atoi(optarg));

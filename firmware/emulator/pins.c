@@ -36,9 +36,12 @@ static avr_ioport_external_t driven['L' + 1];
 void set_pin(avr_t *avr, struct pin pin, bool high)
 {
     avr_ioport_external_t *external = &driven[(int)pin.port];
+    uint8_t bit = (uint8_t)(1u << pin.bit);
+    if (external->mask & bit && !!(external->value & bit) == high)
+        return; // to find the pin in simavr takes long
     external->name = (unsigned)pin.port;
-    external->mask |= 1u << pin.bit;
-    external->value = (external->value & ~(1u << pin.bit)) | (high ? 1u << pin.bit : 0);
+    external->mask |= bit;
+    external->value = (external->value & ~bit) | (high ? bit : 0);
     avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(pin.port), external);
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pin.port), pin.bit), high);
 }

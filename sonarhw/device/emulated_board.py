@@ -135,6 +135,7 @@ def emulated_board(
     built: Path = BUILT,
     combination: str = "mega-polaroid-step-dir",
     miswire: WiringFault | None = None,
+    stall: float = 0.0,
 ) -> Iterator[EmulatedBoard]:
     """Run the firmware in the folder `built` for a combination of controller, ranging and turning until the block ends.
 
@@ -144,14 +145,16 @@ def emulated_board(
     ends by itself if the firmware sends a byte or makes a step while it listens. An error of the echo source is raised
     at the end of the block.
     """
-    for needed in (built / "emulator", built / f"{combination}.elf"):
+    image = built / (combination if combination.startswith("linux-") else f"{combination}.elf")
+    for needed in (built / "emulator", image):
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
-    arguments: list[str | Path] = [built / "emulator", "--firmware", built / f"{combination}.elf"]
+    arguments: list[str | Path] = [built / "emulator", "--firmware", image]
     arguments += ["--combination", combination, "--stands", str(start_deg)]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]
     arguments += ["--temperature", str(echoes.temperature_c)] if echoes.temperature_c is not None else []
     arguments += ["--miswire", str(int(miswire))] if miswire else []
+    arguments += ["--stall", str(stall)] if stall else []
     arguments += ["--eeprom", eeprom] if eeprom else []
     arguments += ["--link", pty] if pty else []
     with _started(arguments) as (process, line):

@@ -87,6 +87,13 @@ def emulated_uno() -> Iterator[str]:
         yield url
 
 
+@contextmanager
+def emulated_pi() -> Iterator[str]:
+    """Run the firmware as a Linux program on an emulated GPIO chip."""
+    with _emulated("linux") as url:
+        yield url
+
+
 SCANNERS: dict[str, Scanner] = {
     "fake in this process": in_this_process,
     "fake on a pseudo-terminal": on_a_pseudo_terminal,
@@ -94,6 +101,7 @@ SCANNERS: dict[str, Scanner] = {
     "fake behind ser2net": behind_ser2net,
     "firmware on the emulated board": emulated,
     "firmware on an emulated Uno": emulated_uno,
+    "firmware on an emulated Raspberry Pi": emulated_pi,
 }
 LONG = ("firmware on an emulated Uno",)  # only with --soak
 ONE_LINE = ("fake in this process", "firmware on the emulated board")  # each kind of device once

@@ -11,8 +11,8 @@ from tests.system.firmware.combinations.images import FIRMWARE, combinations, so
 
 CORE = FIRMWARE / "core"
 HOST = [*(FIRMWARE / "host").glob("*.[ch]"), *(FIRMWARE / "parts" / "polaroid").iterdir()]
-HOST += [*(FIRMWARE / "parts" / "step-dir").iterdir()]
-BOARDS = {"host": HOST, **{name: sources(name) for name in combinations()}}
+HOST += [*(FIRMWARE / "parts" / "step-dir").iterdir(), *(FIRMWARE / "one-memory").iterdir()]
+BOARDS = {"host": HOST, **{name: sources(name) for name in combinations() + combinations("PROGRAMS")}}
 
 
 @pytest.mark.parametrize("board", BOARDS)

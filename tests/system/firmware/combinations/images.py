@@ -12,23 +12,26 @@ FREE_STACK = 256  # bytes that an Uno never uses
 CHIPS = {"mega": "atmega2560", "uno": "atmega328p"}
 
 
-def combinations() -> list[str]:
-    """Return the names of the combinations in the Makefile, such as `uno-hc-sr04-servo`."""
+def combinations(variable: str = "COMBINATIONS") -> list[str]:
+    """Return the names of the combinations in the Makefile, such as `uno-hc-sr04-servo`, or those of its PROGRAMS."""
     makefile = (FIRMWARE / "Makefile").read_text().replace("\\\n", "")
-    (names,) = re.findall(r"^COMBINATIONS := (.*)$", makefile, re.M)
+    (names,) = re.findall(rf"^{variable} := (.*)$", makefile, re.M)
     return names.replace(":", "-").split()
 
 
 def sources(combination: str) -> list[Path]:
     """Return the files of the chip, the ranging board and the turntable in a combination, as in the Makefile."""
-    traces = "traces" if combination.startswith("mega-polaroid") else "no-traces"
-    avr = FIRMWARE / "avr"
+    controller = combination.split("-")[0]
     ranging = "hc-sr04" if "-hc-sr04-" in combination else "polaroid"
     turning = combination.split(f"-{ranging}-")[1]
-    folders = [avr, avr / CHIPS[combination.split("-")[0]], avr / traces]
-    folders += [FIRMWARE / "parts" / ranging, FIRMWARE / "parts" / turning]
-    files = [file for folder in folders for file in sorted(folder.glob("*.[ch]"))]
-    return [*files, avr / "turning" / "steps.h", avr / "ranging" / f"{ranging}.c", avr / "turning" / f"{turning}.c"]
+    traces = "traces" if combination.startswith("mega-polaroid") else "no-traces"
+    board = FIRMWARE / ("avr" if controller in CHIPS else controller)
+    folders = [board, board / CHIPS.get(controller, "."), board / traces]
+    folders += [FIRMWARE / "parts" / part for part in (ranging, turning, traces)]
+    folders += [] if controller in CHIPS else [FIRMWARE / "one-memory"]
+    files = {file for folder in folders for file in folder.glob("*.[ch]")}
+    files |= {*board.glob("turning/steps.[ch]"), board / "ranging" / f"{ranging}.c", board / "turning" / f"{turning}.c"}
+    return sorted(files)
 
 
 def budgets(combination: str) -> dict[tuple[str, str], int]:
