@@ -1,7 +1,6 @@
 """Levels of traces for pictures: envelopes, in dB of full scale."""
 
 import numpy as np
-from scipy.fftpack import hilbert  # scipy.signal also has it, but takes half a second to load
 from sonarhw_sim.board.profile import Board
 
 from sonarhw.readings import FloatArray, Trace
@@ -23,6 +22,8 @@ def envelope_of(trace: Trace) -> FloatArray:
     """Return the envelope of a trace, (n,) float, 0..1, NaN if lost; of a carrier, that of its analytic signal."""
     if not trace.carrier:
         return trace.samples
+    from scipy.fftpack import hilbert  # slow to load; scipy.signal also has it, but takes longer
+
     lost = np.isnan(trace.samples)
     samples = np.where(lost, 0.0, trace.samples)
     envelope = np.hypot(samples, hilbert(samples))

@@ -3,11 +3,10 @@
 A click on a cause selects its readings and draws the proposed change in the plan.
 """
 
+from typing import TYPE_CHECKING
+
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QListWidget, QListWidgetItem, QProgressBar, QPushButton, QVBoxLayout, QWidget
-from sonarhw_compare.causes.cause_search import Cause
-from sonarhw_compare.causes.cause_texts import cause_text, left_text
-from sonarhw_compare.causes.room_changes import OtherReflectance
 from sonarhw_compare.matching.match import Kind
 from sonarhw_sim.room.model import Room
 
@@ -18,6 +17,9 @@ from sonarhw_gui.scene.scene_edit import with_room
 from sonarhw_gui.shown.proposal import proposal_of
 from sonarhw_gui.shown.reading_rows import ReadingRows
 from sonarhw_gui.shown.shown import Shown
+
+if TYPE_CHECKING:
+    from sonarhw_compare.causes.cause_search import Cause  # importing it takes a third of the start of the window
 
 TRYING = "trying a cause"  # label of Undo
 _LEAST_WIDTH = 290  # pixels
@@ -98,6 +100,8 @@ class CausesPanel(QWidget):
         self.proposed.emit(None)
         self.note.setText("" if running else _HINT)
         if answer is not None and answer.request.scene.room is not None:
+            from sonarhw_compare.causes.cause_texts import cause_text, left_text  # loaded by the search
+
             self._tried = [(answer.request.scene.room, frozenset())]
             unit = self._shown.look.unit.text if self._shown else "{:.3f} m".format
             for number, cause in enumerate(answer.found.causes, 1):
@@ -117,6 +121,8 @@ class CausesPanel(QWidget):
         cause, shown, answer = self._cause, self._shown, self._state.answer
         if cause is None or shown is None or answer is None or shown.scene.room is None:
             return
+        from sonarhw_compare.causes.room_changes import OtherReflectance
+
         numbers = tuple(answer.request.first + row for row in cause.readings)
         surface = cause.change.surface if isinstance(cause.change, OtherReflectance) else None
         try:
@@ -143,7 +149,7 @@ class CausesPanel(QWidget):
         self.proposed.emit(None)
 
     @property
-    def _cause(self) -> Cause | None:
+    def _cause(self) -> "Cause | None":
         answer, row = self._state.answer, self.list.currentRow()
         return answer.found.causes[row] if answer is not None and 0 <= row < len(answer.found.causes) else None
 

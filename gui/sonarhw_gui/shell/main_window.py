@@ -87,11 +87,14 @@ class MainWindow(QMainWindow):
         self._look: Look | None = None
         self._text_timer = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
         self._text_timer.timeout.connect(self._update_texts)
+        # once for all tabs and plots that are created when they are first visible
+        self._names_timer = QTimer(self, singleShot=True, interval=0)
+        self._names_timer.timeout.connect(self._name_tab_stops)
         self._arrange()
         self._connect()
         self._show(session.shown)
         self._show_status(session.status)
-        name_tab_stops(self)
+        self._names_timer.start()
 
     def _arrange(self) -> None:
         self.setAcceptDrops(True)
@@ -217,7 +220,11 @@ class MainWindow(QMainWindow):
     @Slot()
     def _show_again(self) -> None:
         self._show(self.session.shown)
-        name_tab_stops(self)  # tabs and some plots are created when they are first visible
+        self._names_timer.start()
+
+    @Slot()
+    def _name_tab_stops(self) -> None:
+        name_tab_stops(self)
 
     def _show_look(self, look: Look) -> None:
         self._look = look

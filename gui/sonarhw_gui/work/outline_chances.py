@@ -1,14 +1,17 @@
 """The probability of ranges at each heading of the predicted outline, as an image for the range view."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.probability.reading_chances import PossibleReading, possible_readings, scan_with_fainter_paths
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.scene.scene_edit import room_and_place
 from sonarhw_gui.work.prediction_requests import PathsFound
+
+if TYPE_CHECKING:
+    from sonarhw_sim.probability.reading_chances import PossibleReading
 
 _CELLS = 400  # along the range
 _UNLIKELY = 0.02  # less probable ranges may be beyond the image
@@ -32,6 +35,9 @@ class ChancesRequest:
 
     def answer(self) -> OutlineChances:
         """Search the fainter paths, and weigh the possible readings at every heading of the outline."""
+        # slow to load, and few boards state a spread
+        from sonarhw_sim.probability.reading_chances import possible_readings, scan_with_fainter_paths
+
         found, scene = self.found, self.found.scene
         room, _ = room_and_place(scene)
         headings = found.outline.headings
@@ -49,13 +55,13 @@ def has_chances(outline: PredictedScan) -> bool:
     return board.ring is None and bool(board.threshold_sd_db or board.range_sd)
 
 
-def _reach(possible: list[tuple[PossibleReading, ...]]) -> float:
+def _reach(possible: list[tuple["PossibleReading", ...]]) -> float:
     """Return a range slightly beyond all that are likely, m."""
     far = [one.range for readings in possible for one in readings if one.range and one.probability > _UNLIKELY]
     return 1.05 * max(far, default=1.0)
 
 
-def _opacities(readings: tuple[PossibleReading, ...], middles: FloatArray) -> FloatArray:
+def _opacities(readings: tuple["PossibleReading", ...], middles: FloatArray) -> FloatArray:
     """Return the opacity of cells with these `middles` (m,), m: bells as high as their probability."""
     cell = middles[1] - middles[0]
     opacities = np.zeros(len(middles))
