@@ -10,6 +10,8 @@ from PySide6.QtWidgets import QWidget
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.dialogs.one_dialog import close_dialogs
 
+_RESOLUTION = 300  # dots per inch
+
 
 class PrintCommand(QObject):
     """Prints the picture that *Copy picture* copies, as large as the page allows."""
@@ -29,9 +31,10 @@ class PrintCommand(QObject):
             return
         self._image = image
         close_dialogs(self._window)
-        printer = QPrinter(QPrinter.PrinterMode.HighResolution)
-        printer.setPageOrientation(QPageLayout.Orientation.Landscape)
-        self.preview = dialog = QPrintPreviewDialog(printer, self._window)
+        # the dialog owns its printer; one of our own would be freed before a preview that is closed at once
+        self.preview = dialog = QPrintPreviewDialog(self._window)
+        dialog.printer().setResolution(_RESOLUTION)
+        dialog.printer().setPageOrientation(QPageLayout.Orientation.Landscape)
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.setWindowTitle("Print")
         dialog.paintRequested.connect(self.draw)

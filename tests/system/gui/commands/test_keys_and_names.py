@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtPrintSupport import QPrinter
-from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QWidget
+from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
 from sonarhw_gui.commands.undo_list import UndoList
@@ -202,6 +202,15 @@ def test_the_large_view_is_printed_with_title_and_legend(qtbot: QtBot, window: M
     window.printing.draw(printer)
     assert (tmp_path / "plan.pdf").stat().st_size > 10_000
     preview.close()
+
+
+def test_another_dialog_may_follow_a_print_preview_at_once(qtbot: QtBot, window: MainWindow) -> None:
+    for wait in (0, 1, 40):
+        window.commands.print_view.trigger()
+        qtbot.wait(wait)
+        window.commands.open_log.trigger()
+        qtbot.wait(300)  # the preview draws later
+        assert [type(dialog) for dialog in window.findChildren(QDialog) if dialog.isVisible()] == [QFileDialog]
 
 
 def test_a_layout_is_saved_used_kept_and_deleted(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
