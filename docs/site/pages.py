@@ -1,4 +1,4 @@
-"""Pages of the documentation site from outside docs/: README, protocol, CONTRIBUTING, CHANGELOG, command reference.
+"""Pages of the documentation site from outside docs/: README, protocol, porting, CONTRIBUTING, CHANGELOG, commands.
 
 MkDocs runs this file as a hook (see mkdocs.yml). Links to these files are changed to links to their pages.
 """
@@ -17,9 +17,11 @@ ROOT = Path(__file__).parents[2]
 PAGES = {
     "README.md": "index.md",
     "firmware_protocol.md": "firmware_protocol.md",
+    "firmware/PORTING.md": "porting.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
 }
+_IN_DOCS = re.compile(r"\]\((?:\.\./)?docs/")
 # links to files that are not pages of the site; only their text is kept
 _NO_PAGE = re.compile(r"\[([^\]]+)\]\((?:\.\./)?[^)#:]*(?:firmware|\.ipynb|\.py|LICENSE|rooms/?)\)")
 
@@ -28,7 +30,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Return the files of the site with the pages from outside docs/."""
     for source, page in PAGES.items():
         text = (ROOT / source).read_text(encoding="utf-8")
-        files.append(File.generated(config, page, content=text.replace("](docs/", "](")))
+        files.append(File.generated(config, page, content=_IN_DOCS.sub("](", text)))
     files.append(File.generated(config, "reference/commands.md", content=_commands()))
     return files
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.checkout import CHECKOUT
 
-PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
+PAGES = sorted([*CHECKOUT.glob("*.md"), CHECKOUT / "firmware" / "PORTING.md", *(CHECKOUT / "docs").rglob("*.md")])
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|c|h|toml|md|sh))`")
 EXAMPLES = {  # files that the reader of CONTRIBUTING writes
     "sonarhw/export/json_lines.py",

@@ -18,6 +18,9 @@ def board(
     pty: PtyLink = None,
     pace: Annotated[str, typer.Option(help="Real time, or N times faster.", metavar="real|N")] = "real",
     seed: Annotated[int, typer.Option(help="Seed of all random values in the room.", min=0)] = 0,
+    combination: Annotated[
+        str, typer.Option(help="Controller, ranging and turning, as the firmware is built.", metavar="NAME")
+    ] = "mega-polaroid-step-dir",
 ) -> None:
     """Run the firmware on an emulated board. The first line of standard output is its URL."""
     from sonarhw_sim.board.profile import load_board
@@ -28,9 +31,11 @@ def board(
     from sonarhw.device.endpoint import read_pace
 
     room = load_room(ROOM)
-    echoes = RoomEchoes(room, room.place(PLACE), load_board(DEFAULT_BOARD), seed)
+    echoes = RoomEchoes(
+        room, room.place(PLACE), load_board("hc-sr04" if "-hc-sr04-" in combination else DEFAULT_BOARD), seed
+    )
     # now, before a client can connect: the emulated board stops while it waits for the echoes of a ping
     echoes.prepare()
-    with sigterm_exits(), emulated_board(echoes, pty, read_pace(pace)) as running:
+    with sigterm_exits(), emulated_board(echoes, pty, read_pace(pace), combination=combination) as running:
         print_line(running.url)
         running.wait()

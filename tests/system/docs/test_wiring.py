@@ -30,6 +30,8 @@ def uno_pin(port: str, bit: int) -> int:
     return {"D": 0, "B": 8}[port] + bit
 
 
+# GPIO of each pin of the 40-pin header, as in the documentation of the Raspberry Pi
+HEADER = {11: 17, 13: 27, 15: 22, 16: 23, 18: 24, 22: 25, 31: 6, 32: 12, 33: 13, 36: 16, 37: 26, 38: 20, 40: 21}
 NUMBER_OF = {"atmega2560": mega_pin, "atmega328p": uno_pin}
 
 
@@ -82,10 +84,25 @@ def test_every_drawn_pin_is_that_of_the_firmware(combination: Combination) -> No
     assert all(re.fullmatch(r"\d+|A[01]", pin) for pin in used)
 
 
-@pytest.mark.parametrize(("column", "chip"), [(0, "atmega2560"), (1, "atmega328p")])
-def test_the_table_of_the_guide_has_the_pins_of_the_firmware(column: int, chip: str) -> None:
-    rows = re.findall(r"^\| `([A-Z_0-9]+)` \| (\d+|-) \| (\d+|-) \|", GUIDE, re.MULTILINE)
-    assert {signal: pins[column] for signal, *pins in rows if pins[column] != "-"} == pins_of(chip)
+def header_pins() -> dict[str, str]:
+    """Return the pin of each signal on the header of a Raspberry Pi, from the GPIO that the Linux program uses."""
+    defined = re.findall(r"^#define (\w+) (\d+) //", (FIRMWARE / "linux" / "pins.h").read_text("utf-8"), re.MULTILINE)
+    pin_of = {gpio: pin for pin, gpio in HEADER.items()}
+    return {signal: str(pin_of[int(gpio)]) for signal, gpio in defined}
+
+
+@pytest.mark.parametrize("column", range(3))
+def test_the_table_of_the_guide_has_the_pins_of_the_firmware(column: int) -> None:
+    pins = (pins_of("atmega2560"), pins_of("atmega328p"), header_pins())[column]
+    rows = re.findall(r"^\| `([A-Z_0-9]+)` \| (\d+|-) \| (\d+|-) \| (\d+|-) \|", GUIDE, re.MULTILINE)
+    assert {signal: row[column] for signal, *row in rows if row[column] != "-"} == pins
+
+
+def test_the_header_pins_in_the_sources_are_those_of_the_gpio() -> None:
+    written = re.findall(
+        r"^#define (\w+) \d+ //\s+(\d+)", (FIRMWARE / "linux" / "pins.h").read_text("utf-8"), re.MULTILINE
+    )
+    assert dict(written) == header_pins()
 
 
 @cache
