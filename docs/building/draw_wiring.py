@@ -22,11 +22,11 @@ from docs.building.wiring_table import (
 
 HERE = Path(__file__).parent
 FIRMWARE = HERE.parents[1] / "firmware"
-_PIN = re.compile(r"^#define (\w+) [A-L], \d //\s+(\d+)", re.MULTILINE)
+_PIN = re.compile(r"^#define (\w+) (?:[A-L], )?\d+ //\s+(\d+)", re.MULTILINE)
 
 _WIDTH, _MARGIN, _PART, _GAP, _CONTROLLER = 860, 10, 220, 145, 110
 _ROW, _HEAD, _BETWEEN, _FOOT = 42, 50, 14, 26
-_NOTE = "All grounds meet at the 5 V supply. The Arduino is powered by USB."
+_NOTE = "All grounds meet at the 5 V supply."
 _LEFT_EDGE = _MARGIN + _PART  # inner edge of the parts on the left
 _CONTROLLER_LEFT, _CONTROLLER_RIGHT = _LEFT_EDGE + _GAP, _LEFT_EDGE + _GAP + _CONTROLLER
 _RIGHT_EDGE = _CONTROLLER_RIGHT + _GAP
@@ -34,7 +34,7 @@ _INK, _GREY, _WIRE, _RED = "#1b1b1b", "#555555", "#0072b2", "#b03a00"
 
 
 def pins(chip: str) -> dict[str, str]:
-    """Return the Arduino pin of each signal, from the firmware's pins.h."""
+    """Return the pin of each signal on the Arduino or on the header, from the firmware's pins.h."""
     [header] = FIRMWARE.rglob(f"{chip}/pins.h")
     return dict(_PIN.findall(header.read_text(encoding="utf-8")))
 
@@ -59,7 +59,7 @@ def drawing(combination: Combination) -> str:
         ),
         *_side(left, pin_of, _MARGIN, _LEFT_EDGE, _CONTROLLER_LEFT),
         *_side(right, pin_of, _RIGHT_EDGE, _RIGHT_EDGE, _CONTROLLER_RIGHT),
-        _text(_WIDTH / 2, bottom + _FOOT - 6, _NOTE, "middle", size=13, colour=_GREY),
+        _text(_WIDTH / 2, bottom + _FOOT - 6, f"{_NOTE} {controller.note}", "middle", size=13, colour=_GREY),
         "</svg>",
     ]
     return "\n".join(lines) + "\n"

@@ -1,8 +1,8 @@
 """The wires of each part of a scanner. `draw_wiring.py` draws them; the pins are those of the firmware's pins.h."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-TO_5V, TO_GROUND = "to 5 V", "to ground"
+TO_5V, TO_3V3, TO_GROUND = "to 5 V", "to 3.3 V", "to ground"
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Controller:
 
     title: tuple[str, str]
     chip: str  # folder of its pins.h
+    note: str = "The Arduino is powered by USB."
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Combination:
 CONTROLLERS = {
     "mega": Controller(("Arduino", "Mega 2560"), "atmega2560"),
     "uno": Controller(("Arduino", "Uno or Nano"), "atmega328p"),
+    "linux": Controller(("Raspberry Pi", "header"), "linux", "5 V at an input destroys the Raspberry Pi."),
 }
 
 RANGING = {
@@ -156,6 +158,13 @@ TRACE = Part(
     (Wire("output, 0 to 5 V", "A0", from_part=True), Supply("ground", "ground")),
 )
 
+# what a Raspberry Pi has instead, because its pins bear 3.3 V
+AT_3V3: dict[str, Wire | Supply] = {
+    "ECHO": Wire("ECHO, through 1 kΩ", "ECHO", "2 kΩ", TO_GROUND, from_part=True),
+    "RESET and SLEEP": Supply("RESET and SLEEP", "both to 3.3 V"),
+    "VDD (A4988)": Supply("VDD (A4988)", "3.3 V"),
+}
+
 COMBINATIONS = (
     Combination("mega", "polaroid", "step-dir"),
     Combination("mega", "hc-sr04", "step-dir"),
@@ -163,15 +172,32 @@ COMBINATIONS = (
     Combination("uno", "hc-sr04", "step-dir"),
     Combination("uno", "hc-sr04", "28byj"),
     Combination("uno", "hc-sr04", "servo"),
+    Combination("linux", "polaroid", "step-dir"),
+    Combination("linux", "hc-sr04", "step-dir"),
+    Combination("linux", "hc-sr04", "28byj"),
 )
 
 
 def left_parts(combination: Combination) -> list[Part]:
     """Return the parts to the left of the controller, from top to bottom."""
+    if combination.controller == "linux":
+        return [at_3v3(RANGING[combination.ranging])]
     with_traces = (combination.controller, combination.ranging) == ("mega", "polaroid")
     return [RANGING[combination.ranging], THERMISTOR, *([TRACE] if with_traces else [])]
 
 
 def right_parts(combination: Combination) -> list[Part]:
     """Return the parts to the right of the controller, from top to bottom."""
-    return [*TURNING[combination.turning]]
+    parts = TURNING[combination.turning]
+    return [at_3v3(part) for part in parts] if combination.controller == "linux" else [*parts]
+
+
+def at_3v3(part: Part) -> Part:
+    """Return a part as it is wired to a controller of 3.3 V."""
+    terminals = (AT_3V3.get(terminal.terminal, terminal) for terminal in part.terminals)
+    return replace(part, terminals=tuple(map(_pulled_up_to_3v3, terminals)))
+
+
+def _pulled_up_to_3v3(terminal: Wire | Supply) -> Wire | Supply:
+    pulled_up = isinstance(terminal, Wire) and terminal.to == TO_5V
+    return replace(terminal, to=TO_3V3) if pulled_up else terminal

@@ -35,8 +35,17 @@ HEADER = {11: 17, 13: 27, 15: 22, 16: 23, 18: 24, 22: 25, 31: 6, 32: 12, 33: 13,
 NUMBER_OF = {"atmega2560": mega_pin, "atmega328p": uno_pin}
 
 
+def header_pins() -> dict[str, str]:
+    """Return the pin of each signal on the header of a Raspberry Pi, from the GPIO that the Linux program uses."""
+    defined = re.findall(r"^#define (\w+) (\d+) //", (FIRMWARE / "linux" / "pins.h").read_text("utf-8"), re.MULTILINE)
+    pin_of = {gpio: pin for pin, gpio in HEADER.items()}
+    return {signal: str(pin_of[int(gpio)]) for signal, gpio in defined}
+
+
 def pins_of(chip: str) -> dict[str, str]:
-    """Return the Arduino pin of each signal, from the port and bit that the firmware uses."""
+    """Return the pin of each signal on the Arduino or on the header, from what the firmware uses."""
+    if chip == "linux":
+        return header_pins()
     [header] = FIRMWARE.rglob(f"{chip}/pins.h")
     defined = re.findall(r"^#define (\w+) ([A-L]), (\d) ", header.read_text(encoding="utf-8"), re.MULTILINE)
     return {signal: str(NUMBER_OF[chip](port, int(bit))) for signal, port, bit in defined}
@@ -52,7 +61,7 @@ def rows(svg: str) -> dict[float, list[str]]:
 
 def test_each_combination_that_the_firmware_builds_has_a_drawing() -> None:
     makefile = (FIRMWARE / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
-    [built] = re.findall(r"^COMBINATIONS := (.*)$", makefile, re.MULTILINE)
+    built = " ".join(re.findall(r"^(?:COMBINATIONS|PROGRAMS) := (.*)$", makefile, re.MULTILINE))
     assert sorted(one.name for one in COMBINATIONS) == sorted(built.replace(":", "-").split())
 
 
@@ -84,18 +93,10 @@ def test_every_drawn_pin_is_that_of_the_firmware(combination: Combination) -> No
     assert all(re.fullmatch(r"\d+|A[01]", pin) for pin in used)
 
 
-def header_pins() -> dict[str, str]:
-    """Return the pin of each signal on the header of a Raspberry Pi, from the GPIO that the Linux program uses."""
-    defined = re.findall(r"^#define (\w+) (\d+) //", (FIRMWARE / "linux" / "pins.h").read_text("utf-8"), re.MULTILINE)
-    pin_of = {gpio: pin for pin, gpio in HEADER.items()}
-    return {signal: str(pin_of[int(gpio)]) for signal, gpio in defined}
-
-
-@pytest.mark.parametrize("column", range(3))
-def test_the_table_of_the_guide_has_the_pins_of_the_firmware(column: int) -> None:
-    pins = (pins_of("atmega2560"), pins_of("atmega328p"), header_pins())[column]
+@pytest.mark.parametrize(("column", "chip"), [(0, "atmega2560"), (1, "atmega328p"), (2, "linux")])
+def test_the_table_of_the_guide_has_the_pins_of_the_firmware(column: int, chip: str) -> None:
     rows = re.findall(r"^\| `([A-Z_0-9]+)` \| (\d+|-) \| (\d+|-) \| (\d+|-) \|", GUIDE, re.MULTILINE)
-    assert {signal: row[column] for signal, *row in rows if row[column] != "-"} == pins
+    assert {signal: row[column] for signal, *row in rows if row[column] != "-"} == pins_of(chip)
 
 
 def test_the_header_pins_in_the_sources_are_those_of_the_gpio() -> None:
