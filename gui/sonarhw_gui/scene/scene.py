@@ -1,6 +1,7 @@
 """The scene of a prediction: a room, a place in it and a board; or a board alone if the room is unknown."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from sonarhw_compare.imports.recorded_setting import board_of_log
 from sonarhw_sim.board.profile import Board
@@ -30,7 +31,7 @@ class Scene:
         place = self.place or _NOWHERE
         return replace(place, heading=self.board.heading_at(0.0, place.heading))
 
-    @property
+    @cached_property
     def written_room(self) -> Room | None:
         """The room as it is saved: with the current place of the sensor, even if the file does not contain it."""
         if self.room is None or self.place is None or self.room.places.get(self.place.name) == self.place:

@@ -53,7 +53,16 @@ def is_changed(opened: Scene, now: Scene) -> bool:
     A board with another name is another choice and no change.
     """
     fitted = now.board.name == opened.board.name and now.board.text != opened.board.text
-    return fitted or room_text(now) != room_text(opened)
+    return fitted or _is_moved(opened, now) or room_text(now) != room_text(opened)
+
+
+def _is_moved(opened: Scene, now: Scene) -> bool:
+    """Return whether the sensor was moved, so that the text differs: during a drag, none needs to be written."""
+    if opened.room is None or opened.place is None or now.place is None:
+        return False
+    name = now.place.name
+    before = opened.place if opened.place.name == name else opened.room.places.get(name)
+    return before is None or before.position != now.place.position
 
 
 def room_text(scene: Scene) -> str:
