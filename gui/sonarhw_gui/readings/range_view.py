@@ -162,13 +162,14 @@ class RangeView(Canvas):
 
     def _is_low(self, look: Look) -> bool:
         """Return whether the labels of the axes do not fit."""
-        metrics = QFontMetrics(text_font(look, 0.9))
         height: int = self.height()  # pyqtgraph has no types
-        return height < 2 * metrics.horizontalAdvance("residual (mm)") + 6 * metrics.height()
+        return height < sum(_heights(look)) + 2 * QFontMetrics(text_font(look, 0.9)).height()
 
     def _label_axes(self, look: Look) -> None:
         """Label the axes; in a low view, only with their units."""
         self._low = self._is_low(look)
+        for plot, height in zip((self.ranges, self.residuals), _heights(look), strict=True):
+            plot.setMinimumHeight(0 if self._low else height)
         unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
         axis.enableAutoSIPrefix(False)
         axis.setScale(unit.per_metre)
@@ -281,6 +282,13 @@ class RangeView(Canvas):
 
 def _over_heading(headings: FloatArray, values: FloatArray) -> FloatArray:
     return np.column_stack((np.degrees(headings) % 360, values))
+
+
+def _heights(look: Look) -> tuple[int, int]:
+    """Return the heights that the labels of the two left axes need, pixels."""
+    metrics = QFontMetrics(text_font(look, 0.9))
+    upper = metrics.horizontalAdvance("range (m)") + 8
+    return upper, metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height()
 
 
 def _ranges(shown: Shown) -> dict[Class, Placed]:

@@ -253,6 +253,24 @@ def test_picture_of_the_question_in_the_readme(
     )
     qtbot.wait(100)
     album.keep(window, "why")
+    show_questions(qtbot, window, album)
+
+
+def show_questions(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    """A heading without a reading, with its echoes; then the sound at 270°."""
+    echoes = window.views.candidates
+    next(dock for dock in window.views.docks if dock.view is echoes).raise_()
+    for heading, name in ((200.0, "ask"), (270.0, "sound")):
+        window.session.showing.ask(radians(heading))
+        until(qtbot, lambda title=f"{heading}°": echoes.title.text().startswith(title))
+        if name == "ask":
+            echoes.table.selectRow(2)
+        else:
+            window.commands.sound.trigger()
+            until(qtbot, lambda: window.session.shown.sound is not None)
+            window.session.sound.seek(1.35e-3)
+        qtbot.wait(100)
+        album.keep(window, name)
 
 
 def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
