@@ -89,6 +89,13 @@ void reset_board(avr_t *avr)
     after_reset(avr);
 }
 
+static void brown_out(avr_t *avr)
+{
+    avr_reset(avr);
+    avr_regbit_set(avr, avr->reset_flags.borf);
+    after_reset(avr);
+}
+
 void hang_board(avr_t *avr)
 {
     static uint8_t jump_to_itself[] = {0xFF, 0xCF};
@@ -188,6 +195,10 @@ static void run_for(avr_t *avr, avr_cycle_count_t cycles)
             die("the firmware crashed");
         if (avr->pc == 0) {
             after_reset(avr);
+            return;
+        }
+        if (miswired(SUPPLY_WEAK) && ranging_listens()) {
+            brown_out(avr);
             return;
         }
         time_interrupts(avr, before);

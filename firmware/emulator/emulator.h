@@ -106,6 +106,10 @@ enum wiring_fault { // as in sonarhw/device/wiring_faults.py
     THERMISTOR_OPEN = 512,
     THERMISTOR_SHORTED = 1024,
     BLNK_OPEN = 2048,
+    INIT_OPEN = 4096,
+    STEPS_DOUBLED = 8192,
+    SUPPLY_WEAK = 16384, // a ping of the 6500 restarts the chip
+    LINE_NOISY = 32768,
 };
 void miswire(avr_t *avr, uint32_t faults);
 bool miswired(enum wiring_fault fault);

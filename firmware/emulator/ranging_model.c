@@ -87,6 +87,8 @@ static avr_cycle_count_t false_echo(avr_t *avr, avr_cycle_count_t when, void *un
 
 static void init_changed(avr_t *avr, bool high)
 {
+    if (miswired(INIT_OPEN))
+        return;
     board.transmitting = high;
     avr_cycle_timer_cancel(avr, echo_arrives, NULL);
     avr_cycle_timer_cancel(avr, noise, NULL);
@@ -145,7 +147,7 @@ static void trigger_changed(avr_t *avr, bool high)
         board.triggered = avr->cycle;
     else if (avr->cycle - board.triggered < TRIGGER)
         die("the pulse at TRIGGER is shorter than 10 us");
-    if (high || board.transmitting)
+    if (high || board.transmitting || miswired(INIT_OPEN))
         return;
     board.transmitting = true;
     request_echoes(avr);

@@ -18,6 +18,7 @@
 #define UBRR0H 0xC5
 #define DOUBLE_SPEED 0x02
 #define UNSET_BAUD 38400 // of a new pseudo-terminal; a client that never sets it gets undamaged bytes
+#define NOISE_EVERY 3000 // bytes
 #define STALLED 10000 // ms; the emulator waits this long for a client that does not read, then discards bytes
 
 static struct {
@@ -64,6 +65,13 @@ static uint8_t garbled(uint8_t byte)
     return byte ^ (uint8_t)(line.noise >> 24) ^ 0x55;
 }
 
+// Whether a byte is damaged on a noisy line.
+static bool damaged_by_noise(void)
+{
+    static unsigned count;
+    return miswired(LINE_NOISY) && ++count % NOISE_EVERY == 0;
+}
+
 static bool baud_rates_differ(const avr_t *avr)
 {
     unsigned baud = host_baud();
@@ -98,7 +106,8 @@ static void sent(struct avr_irq_t *irq, uint32_t value, void *parameter)
         die("the firmware sends while it listens");
     if (line.send_size == 0 || line.send_size == sizeof line.sending)
         flush();
-    line.sending[line.send_size++] = baud_rates_differ(avr) ? garbled((uint8_t)value) : (uint8_t)value;
+    bool wrong = baud_rates_differ(avr) || damaged_by_noise();
+    line.sending[line.send_size++] = wrong ? garbled((uint8_t)value) : (uint8_t)value;
 }
 
 static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *unused)

@@ -93,7 +93,8 @@ static void step_changed(avr_t *avr, bool high)
         return;
     if (ranging_listens())
         die("the firmware steps while it listens");
-    motor.field += motor.forwards != miswired(MOTOR_REVERSED) ? 1 : -1;
+    double step = miswired(STEPS_DOUBLED) ? 2 : 1; // a jumper of the driver
+    motor.field += motor.forwards != miswired(MOTOR_REVERSED) ? step : -step;
     start_updates(avr);
 }
 
@@ -103,14 +104,14 @@ static void coils_changed(avr_t *avr, int coil, bool high)
     static uint8_t coils;
     static int phase;
     coils = (uint8_t)((coils & ~(1 << coil)) | high << coil);
-    motor.powered = coils != 0;
+    motor.powered = coils != 0 && !miswired(MOTOR_OPEN);
     for (int now = 0; now < 8; now++) {
         if (coils != halves[now])
             continue;
         if (now != phase && ranging_listens())
             die("the firmware steps while it listens");
         // the nearest position of the field with this phase
-        motor.field += (now - phase + 12) % 8 - 4;
+        motor.field += ((now - phase + 12) % 8 - 4) * (miswired(MOTOR_REVERSED) ? -1 : 1);
         phase = now;
     }
     if (motor.powered)

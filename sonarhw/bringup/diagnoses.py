@@ -21,6 +21,7 @@ LOUD = 0.3  # of full scale; of an echo in a trace that the board should have re
 QUIET = 0.15  # of full scale; median of the end of a trace without echoes
 PLATE_ERROR, PLATE_SPREAD = 0.05, 0.005  # of the distance; m
 HEADING_ERROR = math.radians(20)
+STEPS_ADVICE = "check the microstep jumpers and the current of the driver, the belt, and what blocks the table"
 
 
 class Verdict(StrEnum):
@@ -152,8 +153,11 @@ def noise(readings: Sequence[Reading]) -> Diagnosis:
     return passed("noise", f"{level:.1%} of full scale at the end of the traces")
 
 
-def noise_on_init(readings: Sequence[Reading]) -> Diagnosis:
-    """Judge whether the first echo depends on the heading. `readings` are of headings all around."""
+def echo_moves(readings: Sequence[Reading], marked: bool) -> Diagnosis:
+    """Judge whether the first echo depends on the heading. `readings` are of headings all around.
+
+    A turntable that is `marked` has proved by its home switches that it turns.
+    """
     times = [reading.echo_times[0] for reading in readings if reading.echo_times]
     if len(times) < len(readings) / 2 or len(times) < 3:
         return skipped("echo moves", f"{len(times)} of {len(readings)} headings have an echo")
@@ -163,6 +167,8 @@ def noise_on_init(readings: Sequence[Reading]) -> Diagnosis:
             "this is noise on INIT or on the supply, not a wall: keep INIT away from the wires of the motor, and put "
             "470 µF at the supply of the ranging board"
         )
+        if not marked:
+            advice = f"if the table does not turn, check its motor and supply; if it turns, {advice}"
         return failed(
             "echo moves", f"first echo at {np.median(times) * 1e3:.3f} ms at {same} of {len(times)} headings", advice
         )
@@ -184,8 +190,8 @@ def _level(item: Input, levels: Input) -> str:
 def _home_advice(failure: str) -> str:
     if "mark never came" in failure:
         return (
-            "if the table did not turn, check the motor, its supply and ENABLE; if it did, check the wire of the mark, "
-            "and that `sonarhw turn URL 5 --jog` turns counter-clockwise, seen from above"
+            "if the table did not turn, check the motor, its supply and ENABLE; if it did, turn it by hand: if "
+            "`sonarhw wiring URL` shows the mark change, add `--invert mark` to it, else check the wire of the mark"
         )
     if "cam never changed" in failure:
         return (
@@ -194,7 +200,10 @@ def _home_advice(failure: str) -> str:
             "`sonarhw wiring URL --invert cam`; if the cable is wound by more than a turn, run this again"
         )
     if "wrong way" in failure:
-        return "`sonarhw wiring URL --invert mark`, if the motor turns counter-clockwise for `sonarhw turn URL 5 --jog`"
+        return (
+            "`sonarhw turn URL 5 --jog` must turn counter-clockwise, seen from above, else `sonarhw wiring URL "
+            "--invert motor`; if it does, `sonarhw wiring URL --invert mark`"
+        )
     return "check that the table turns freely and that the cable is not wound; see docs/building/building.md"
 
 
@@ -202,7 +211,7 @@ def steps(failure: str | None) -> Diagnosis:
     """Judge a turn over two zero marks; `failure` is the device's reason."""
     if failure is None:
         return passed("steps", "none lost in a whole turn")
-    return failed("steps", failure, "check the current of the driver, the belt, and what blocks the table")
+    return failed("steps", failure, STEPS_ADVICE)
 
 
 def direction(readings: Sequence[Reading], plate: float, marked: bool = True) -> Diagnosis:
@@ -238,9 +247,10 @@ def plate(readings: Sequence[Reading], distance: float) -> Diagnosis:
     return passed("plate", text)
 
 
-def supply(device: Statistics, resets: int) -> Diagnosis:
-    """Judge the cause of the last start, and whether the device restarted during the checks."""
-    cause = ResetCause(device.reset_cause) if device.reset_cause in [*ResetCause] else ResetCause.UNKNOWN
+def supply(device: Statistics | None, resets: int) -> Diagnosis:
+    """Judge the cause of the last start, and restarts during the checks. `device` is None if it does not answer."""
+    known = device.reset_cause if device else ResetCause.UNKNOWN
+    cause = ResetCause(known) if known in [*ResetCause] else ResetCause.UNKNOWN
     advice = (
         "the 6500 draws 2 A during a ping, and a servo 1 A: give it a supply of 5 V and 3 A of its own with a common "
         "ground, and 470 µF close to it"

@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from sonarhw.bringup import diagnoses
-from sonarhw.bringup.diagnoses import Diagnosis, Verdict, failed, skipped
-from sonarhw.errors import CommandRefused, DeviceError
+from sonarhw.bringup.diagnoses import Diagnosis, Verdict, skipped
+from sonarhw.errors import CommandRefused, DeviceError, LinkLost
 from sonarhw.host.device_info import DeviceCapabilities
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
-from sonarhw.wire.messages import Feature
+from sonarhw.wire.messages import Feature, Statistics
 
 EXCHANGES = 50  # commands
 PINGS = 20
@@ -31,8 +31,24 @@ class Plate:
 def examine(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diagnosis]:
     """Yield the diagnoses as they are made. Without `turns`, the motor stays off.
 
-    Raises NoAnswer and LinkLost if the scanner is lost.
+    A scanner that restarts again and again ends the checks. Raises NoAnswer and LinkLost if the scanner is lost.
     """
+    try:
+        yield from _checks(scanner, turns, plate)
+    except LinkLost:
+        if not scanner.statistics.resets:
+            raise
+        yield diagnoses.supply(_statistics(scanner), scanner.statistics.resets)
+
+
+def _statistics(scanner: Scanner) -> Statistics | None:
+    try:
+        return scanner.device_statistics()
+    except DeviceError:
+        return None
+
+
+def _checks(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diagnosis]:
     info = scanner.info
     for _ in range(EXCHANGES):
         device = scanner.device_statistics()
@@ -65,20 +81,24 @@ def _features(capabilities: DeviceCapabilities | None, unknown: Feature) -> Feat
 def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
     features = _features(scanner.info.capabilities, Feature.HOME_MARK | Feature.LOST_STEPS)
     marked = Feature.HOME_MARK in features
+    scanner.configure(trace=False)
     zero = _zero(scanner, marked)
     yield zero
     if zero.verdict is Verdict.FAIL:
         yield from (skipped(check, "the zero is unknown") for check in ("steps", "echo moves", "direction", "plate"))
         return
     if Feature.LOST_STEPS in features:
-        yield diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
+        steps = diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
     else:
-        yield skipped("steps", "this turntable does not detect lost steps")
+        steps = skipped("steps", "this turntable does not detect lost steps")
+    yield steps
     around = _scanned(scanner, _around(scanner.info.capabilities))
     if isinstance(around, Diagnosis):
-        yield around
+        if steps.verdict is not Verdict.FAIL:
+            yield around
+        yield from (skipped(check, "steps are lost") for check in ("echo moves", "direction", "plate"))
         return
-    yield diagnoses.noise_on_init(around)
+    yield diagnoses.echo_moves(around, marked)
     if plate is None:
         advice = (
             "put a plate 1 m from the transducer, 30° counter-clockwise of zero, and run "
@@ -140,4 +160,4 @@ def _scanned(scanner: Scanner, order: ScanOrder) -> list[Reading] | Diagnosis:
     try:
         return [*scanner.scan(order)]
     except DeviceError as error:
-        return failed("steps", _reason(scanner, error), "check what blocks the table")
+        return diagnoses.steps(_reason(scanner, error))

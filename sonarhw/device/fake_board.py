@@ -14,7 +14,7 @@ from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.device.wiring_faults import NOISE_ECHO, Wires, WiringFault
 from sonarhw.echo_source import EchoSource, Ping
-from sonarhw.readings import ScanOrder
+from sonarhw.readings import ScanOrder, Trace
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
     Capabilities,
@@ -344,13 +344,16 @@ class FakeBoard(ProtocolDevice):
 
     def _wired(self, times: tuple[float, ...]) -> tuple[float, ...]:
         """Return the echo times that arrive over the wires."""
-        if self._wires.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH):
+        if self._wires.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH | WiringFault.INIT_OPEN):
             return ()
         arrived = (NOISE_ECHO, *times) if self._wires.faults & WiringFault.NOISE_ON_INIT else times
         return arrived[:1] if self._wires.faults & WiringFault.BLNK_OPEN else arrived
 
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
         result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))
+        if result.trace is not None and self._wires.faults & WiringFault.INIT_OPEN:
+            silent = Trace(0 * result.trace.samples, result.trace.rate, result.trace.start)
+            result = replace(result, trace=silent)
         blanking = seconds_of(self._settings.blanking_us)
         times = [time for time in self._wired(result.echo_times) if blanking <= time <= ping.listen]
         echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]

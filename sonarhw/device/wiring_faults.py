@@ -26,9 +26,15 @@ class WiringFault(IntFlag):
     THERMISTOR_OPEN = 512
     THERMISTOR_SHORTED = 1024
     BLNK_OPEN = 2048  # the board detects one echo of each ping
+    INIT_OPEN = 4096  # the board transmits nothing
+    # of the emulated board only
+    STEPS_DOUBLED = 8192  # a wrong jumper of the driver: the table turns twice as far
+    SUPPLY_WEAK = 16384  # every ping restarts the chip
+    LINE_NOISY = 32768  # some bytes from the board are damaged
 
 
-FAULT_NAMES = {str(fault.name).lower().replace("_", "-"): fault for fault in WiringFault}
+_FAKE = [fault for fault in WiringFault if fault < WiringFault.STEPS_DOUBLED]
+FAULT_NAMES = {str(fault.name).lower().replace("_", "-"): fault for fault in _FAKE}
 
 
 def read_wiring_faults(text: str) -> WiringFault:
@@ -73,12 +79,12 @@ class Wires:
         """Return why a Home fails with these wires; None if it finds a zero."""
         cam = self._wrong(WiringFault.CAM_INVERTED, Wiring.CAM)
         mark = self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
-        # with mark, cam and motor inverted, the edge of the cam is on the other side of the mark
-        if self.faults & WiringFault.MARK_OPEN or (cam and mark and self.sign < 0):
+        if self.faults & WiringFault.MARK_OPEN:
             return "the zero mark never came; check its wire and the motor"
         if self.faults & WiringFault.CAM_OPEN or cam != (self.sign < 0):
             return "the cam never changed; check its wire and polarity, and the direction"
-        if mark != (self.sign < 0):
+        # the mark is high at the edge of the cam, or the table passes the mark on its other side
+        if mark or self.sign < 0:
             return "moved the wrong way; invert the mark, or cam and motor"
         return None
 

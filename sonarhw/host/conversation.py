@@ -38,6 +38,7 @@ class KnownDevice:
 
     where: str  # name of the device in error messages
     baud: int = FIRST_BAUD  # current baud rate of the line
+    most_baud: int = 0  # highest baud rate to try, after a higher one has failed; 0: that of the device
     info: Info | None = None
     capabilities: Capabilities | None = None
     settings: Settings | None = None  # in force

@@ -11,6 +11,7 @@ from sonarhw.wire.limits import BAUD_TIMEOUT, FIRST_BAUD, MAX_TEST, MAX_TESTED, 
 from sonarhw.wire.messages import (
     Accepted,
     AskCapabilities,
+    AskStatistics,
     Capabilities,
     Hello,
     Info,
@@ -24,7 +25,7 @@ from sonarhw.wire.messages import (
 # a device uses the first after a reset, the second with protocol 1.0, and any of them after an earlier conversation
 SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)
 LINK_TESTS = 32
-_BACK_AT_OLD_BAUD = BAUD_TIMEOUT + 0.1  # s
+_BACK_WITHIN = BAUD_TIMEOUT / 5  # s for the answer of a device that returns to a lower baud rate; it may be damaged
 
 
 def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
@@ -117,7 +118,11 @@ def _request_capabilities(talk: Conversation) -> Script[None]:
 def _speed_up(talk: Conversation) -> Script[None]:
     """Raise the baud rate to the highest at which all test messages are answered correctly."""
     device = talk.device
-    slow, baud = device.baud, device.capabilities.fastest_baud if device.capabilities and talk.bauds else 0
+    fastest = device.capabilities.fastest_baud if device.capabilities and talk.bauds else 0
+    baud = min(fastest, device.most_baud or fastest)
+    if device.baud > baud > 0:
+        yield from _slow_down(talk, FIRST_BAUD)
+    slow = device.baud
     while baud > slow:
         change = talk.send(SetBaud(baud))
         yield settled(change)
@@ -125,9 +130,23 @@ def _speed_up(talk: Conversation) -> Script[None]:
             device.baud = baud
             if (yield from _line_is_reliable(talk)):
                 return
-            device.baud = slow
-            yield Wait(lambda: False, talk.now + _BACK_AT_OLD_BAUD)
+            device.most_baud = baud // 2
+            yield from _slow_down(talk, slow)
         baud //= 2
+
+
+def _slow_down(talk: Conversation, baud: int) -> Script[None]:
+    """Return to a lower baud rate.
+
+    A device that has received a valid frame at the present rate keeps it until it is asked, even if its own frames
+    arrive damaged. One that has received none returns by itself.
+    """
+    change = talk.send(SetBaud(baud), tries=1)
+    yield Wait(lambda: change.settled, talk.now + _BACK_WITHIN)
+    talk.driver.forget(change)
+    talk.device.baud = baud
+    # makes the lower rate permanent
+    yield settled(talk.send(AskStatistics()))
 
 
 def _line_is_reliable(talk: Conversation) -> Script[bool]:

@@ -33,6 +33,7 @@ static struct {
     bool homed_before; // a Home has succeeded since the start
     uint8_t wiring; // enum wiring and WIRING_PROVEN
     bool was_high; // level of the mark while seeking the cam
+    bool mark_changed; // in this Home
     int32_t changed_at; // where this level changed last, steps
     int32_t target; // steps
     int32_t awaited; // next expected position of the mark, steps
@@ -230,8 +231,10 @@ static void begin(void)
         approach();
     else if (order == TO_HOME && HOMING == HOMING_ABSOLUTE)
         return_to_zero();
-    else if (order == TO_HOME)
+    else if (order == TO_HOME) {
+        table.mark_changed = false;
         seek(above_zero() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
+    }
 }
 
 static void take(enum order order)
@@ -306,9 +309,14 @@ void turntable_release(void)
     table.zero = ZERO_UNKNOWN;
 }
 
-// Back over the edge of the cam to the mark. A table that turns the wrong way finds the mark, too, but further away.
+/* Back over the edge of the cam to the mark. A table that turns the wrong way finds the mark, too, but further away. The
+ * edge of the cam is less than half a turn below the mark, so the mark is low there, unless its wire is wrong. */
 static void creep(void)
 {
+    if (marked_now()) {
+        give_up(table.mark_changed ? TROUBLE_WRONG_WAY : TROUBLE_NO_MARK);
+        return;
+    }
     table.target = position_now();
     start(CREEPING, STEPS_OF_DEGREES(CREEP_DEGREES), homing_speed(CREEP_SPEED));
 }
@@ -377,6 +385,7 @@ static void watch_mark(void)
     if (high != table.was_high) {
         table.was_high = high;
         table.changed_at = here;
+        table.mark_changed = true;
     }
     int32_t since = here - table.changed_at;
     int32_t most = STEPS_OF_DEGREES(MARK_WITHIN_DEGREES);

@@ -36,15 +36,27 @@ FAULTS = [
     (WiringFault.MOTOR_REVERSED, ["zero"], "--invert motor"),
     (WiringFault.MARK_OPEN, ["zero"], "check the wire of the mark"),
     (WiringFault.MARK_INVERTED, ["zero"], "--invert mark"),
-    (MIRRORED, ["zero"], "turns counter-clockwise, seen from above"),
+    (MIRRORED, ["zero"], "must turn counter-clockwise, seen from above, else `sonarhw wiring URL --invert motor`"),
     (WiringFault.MOTOR_OPEN, ["zero"], "check"),
     (WiringFault.ECHO_LOW, ["echoes", "direction", "plate"], "the pull-up of ECHO"),
+    (WiringFault.INIT_OPEN, ["echoes", "direction", "plate"], "5 V supply of the ranging board, INIT"),
     (WiringFault.ECHO_HIGH, ["ECHO at rest", "echoes", "direction", "plate"], "ECHO is stuck"),
     (WiringFault.NOISE_ON_INIT, ["echo moves", "direction", "plate"], "noise on INIT"),
     (WiringFault.THERMISTOR_SHORTED, ["thermometer", "plate"], "check the thermistor"),
     (WiringFault.BLNK_OPEN, ["BLNK"], "check the wire of BLNK"),
 ]
-IDS = [str(fault.name or "none") for fault, _, _ in FAULTS]
+# of the emulated board only
+BOARD_FAULTS = [
+    (WiringFault.STEPS_DOUBLED, ["steps"], "check the microstep jumpers"),
+    (WiringFault.SUPPLY_WEAK, ["supply"], "give it a supply of 5 V and 3 A of its own"),
+    (WiringFault.LINE_NOISY, ["line"], "use a short USB cable"),
+]
+TURNTABLE = ("steps", "echo moves", "direction", "plate")  # checks that need the motor
+
+
+def names(faults: list[tuple[WiringFault, list[str], str]]) -> list[str]:
+    """Return the names of the faults."""
+    return [str(fault.name or "none") for fault, _, _ in faults]
 
 
 @contextmanager
@@ -61,10 +73,10 @@ def emulated(faults: WiringFault) -> Iterator[str]:
         yield board.url
 
 
-def check_diagnoses(url: str, checks: list[str], advice: str) -> list[Diagnosis]:
+def check_diagnoses(url: str, checks: list[str], advice: str, turns: bool = True) -> list[Diagnosis]:
     """Assert that exactly these checks fail, and that the first one gives this advice."""
     with Scanner.open(url) as scanner:
-        made = [*examine(scanner, True, PLATE)]
+        made = [*examine(scanner, turns, PLATE)]
     bad = [diagnosis for diagnosis in made if diagnosis.verdict is Verdict.FAIL]
     assert [diagnosis.check for diagnosis in bad] == checks, made
     if bad:
@@ -72,19 +84,22 @@ def check_diagnoses(url: str, checks: list[str], advice: str) -> list[Diagnosis]
     return made
 
 
-@pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=IDS)
+@pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=names(FAULTS))
 def test_each_wiring_fault_of_a_fake_board_fails_its_check(fault: WiringFault, checks: list[str], advice: str) -> None:
     with fake(fault) as url:
         check_diagnoses(url, checks, advice)
 
 
 @pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
-@pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=IDS)
+@pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS + BOARD_FAULTS, ids=names(FAULTS + BOARD_FAULTS))
 def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
     fault: WiringFault, checks: list[str], advice: str
 ) -> None:
+    # a fault that an earlier check finds needs no turntable
+    needs_turntable = not checks or checks[0] == "zero" or checks[0] in TURNTABLE
     with emulated(fault) as url:
-        check_diagnoses(url, checks, advice)
+        shown = checks if needs_turntable else [check for check in checks if check not in TURNTABLE]
+        check_diagnoses(url, shown, advice, needs_turntable)
 
 
 def test_the_command_prints_each_check_and_its_exit_status_counts_failures() -> None:
@@ -196,15 +211,31 @@ def test_a_jammed_table_and_a_plate_elsewhere_fail_on_the_emulated_board() -> No
 
 @pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 @pytest.mark.parametrize(
-    ("combination", "not_checked"),
+    ("combination", "fault", "checks", "advice", "not_checked"),
     [
-        ("uno-hc-sr04-servo", ["BLNK", "noise", "steps"]),
-        ("uno-hc-sr04-28byj", ["BLNK", "noise", "zero", "steps"]),
+        ("uno-hc-sr04-servo", WiringFault(0), [], "", ["BLNK", "noise", "steps"]),
+        ("uno-hc-sr04-28byj", WiringFault(0), [], "", ["BLNK", "noise", "zero", "steps"]),
+        (
+            "uno-hc-sr04-servo",
+            WiringFault.MOTOR_REVERSED,
+            ["direction", "plate"],
+            "--invert motor",
+            ["BLNK", "noise", "steps"],
+        ),
+        (
+            "uno-hc-sr04-28byj",
+            WiringFault.MOTOR_OPEN,
+            ["echo moves", "direction", "plate"],
+            "if the table does not turn, check its motor",
+            ["BLNK", "noise", "zero", "steps"],
+        ),
     ],
 )
-def test_cheap_turntables_are_checked_as_far_as_they_allow(combination: str, not_checked: list[str]) -> None:
-    with emulated_board(HallEchoes(), pace=3.0, start_deg=0, combination=combination) as board:
-        made = check_diagnoses(board.url, [], "")
+def test_cheap_turntables_are_checked_as_far_as_they_allow(
+    combination: str, fault: WiringFault, checks: list[str], advice: str, not_checked: list[str]
+) -> None:
+    with emulated_board(HallEchoes(), pace=3.0, start_deg=0, combination=combination, miswire=fault) as board:
+        made = check_diagnoses(board.url, checks, advice)
     assert [one.check for one in made if one.verdict is Verdict.SKIPPED] == not_checked
 
 

@@ -436,13 +436,26 @@ def test_a_missing_scanner_and_another_major_version_are_reported_at_once() -> N
 FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
 
 
+@pytest.mark.parametrize("clean_down", [False, True], ids=["damaged in both directions", "damaged to the host"])
 @pytest.mark.parametrize("clean_up_to", [250_000, 500_000, 1_000_000])
-def test_the_line_uses_the_highest_speed_without_errors(clean_up_to: int) -> None:
+def test_the_line_uses_the_highest_speed_without_errors(clean_up_to: int, clean_down: bool) -> None:
     bench = Bench(FAST, bauds=True)
-    bench.highest_clean_baud = clean_up_to
+    bench.highest_clean_baud, bench.clean_down = clean_up_to, clean_down
     bench.connect()
     assert bench.session.device.baud == bench.board.line.baud == clean_up_to
+    assert bench.now < 10
     check([*bench.run(scanning(ORDER)).readings])
+
+
+def test_a_speed_that_failed_is_not_used_in_a_later_conversation() -> None:
+    bench = Bench(FAST, bauds=True)
+    bench.highest_clean_baud, bench.clean_down = 500_000, True
+    bench.connect()
+    bench.board.line.change(1_000_000)
+    bench.highest_clean_baud = 1_000_000
+    bench.until(lambda: bench.session.state is not Connection.READY)
+    bench.connect()
+    assert bench.session.device.baud == bench.board.line.baud == 500_000
 
 
 def test_a_device_that_was_reset_is_found_again_at_its_first_speed() -> None:
