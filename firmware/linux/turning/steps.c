@@ -12,7 +12,7 @@ bool steps_left(void) { return due != NEVER; }
 uint64_t turning_due(void) { return due; }
 
 // A step that is late by more than half an interval delays all steps that follow: no interval is shorter than half of
-// what the ramp demands, so the motor does not slip when the steps continue.
+// what the ramp demands, so the motor need not catch up.
 void turning_work(void)
 {
     uint64_t now = clock_ns();
