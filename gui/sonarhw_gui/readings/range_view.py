@@ -156,9 +156,9 @@ class RangeView(Canvas):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Shorten the labels of the axes in a low view."""
-        super().resizeEvent(event)
         if self._shown is not None and self._low != self._is_low(self._shown.look):
-            self._label_axes(self._shown.look)
+            self._label_axes(self._shown.look)  # first, because the plots get no less than their least heights
+        super().resizeEvent(event)
 
     def _is_low(self, look: Look) -> bool:
         """Return whether the labels of the axes do not fit."""

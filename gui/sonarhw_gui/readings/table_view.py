@@ -50,7 +50,7 @@ _HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow 
 _MARK = 20  # pixels, mark of a class with the gap before the name
 _BESIDE = 12  # pixels, margins
 _ARROW = 14  # pixels, sort indicator in the header
-_LEAST_WORDS = 90  # pixels, of the field for words
+_LEAST_WORDS = 70  # pixels, of the field for words
 _MANY = 360  # readings
 _SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
 

@@ -141,3 +141,12 @@ def test_shading_has_the_opacity_of_the_probability(view: RangeView, shown: Show
             assert getattr(found, channel)() == pytest.approx(mixed, abs=30)
     view.show_state(shown)
     assert not view.shading.isVisible()
+
+
+def test_a_low_view_shows_both_plots_with_short_labels(view: RangeView) -> None:
+    axis = view.residuals.getAxis("left")
+    for height, label in ((400, "residual (mm)"), (150, "mm"), (400, "residual (mm)")):
+        view.resize(view.width(), height)
+        assert axis.labelText == label
+        bottom = view.residuals.mapRectToScene(view.residuals.boundingRect()).bottom()
+        assert height - 20 < bottom <= height
