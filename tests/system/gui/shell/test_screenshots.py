@@ -306,6 +306,8 @@ def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     if FOLDER:  # a fit takes a while
         window.fit_panel.begin.click()
         until(qtbot, window.fit_panel.accept.isVisible)
+        table = window.fit_panel.table
+        until(qtbot, lambda: table.height() >= table.sizeHint().height())
     qtbot.wait(50)
     album.keep(window, "fit")
     dock(qtbot, window, "")
