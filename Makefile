@@ -73,6 +73,7 @@ soak: tools firmware
 	$(MAKE) --no-print-directory -C firmware build/libfuzzer
 	firmware/build/libfuzzer -max_total_time=3600 -max_len=600
 	$(BIN)/pytest tests/soak tests/system/firmware/test_long.py --soak --timeout 36000
+	$(IN_XVFB) $(BIN)/pytest tests/system/gui/test_monkey.py --soak --timeout 36000
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
 	$(BIN)/python -m benchmarks.window --full

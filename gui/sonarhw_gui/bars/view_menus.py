@@ -30,6 +30,7 @@ class ViewMenus(QObject):
         widget = cast(QWidget, view)
         menu = QMenu(widget)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        menu.aboutToHide.connect(menu.deleteLater)  # a chosen action or a click elsewhere hides it without closing
         menu.addActions(view.actions())
         menu.addSeparator()
         menu.addActions([self._commands.note, self._commands.delete_note])
