@@ -79,8 +79,10 @@ def test_echo_times_in_the_demo_room_match_the_fake_board_to_two_timer_ticks(tra
     with serve(FakeBoard(demo_echoes()), tcp="127.0.0.1:0", pace="max") as fake, Scanner.open(fake.url) as scanner:
         expected = scanned(scanner, traces, step)
     with scanner_on(demo_echoes()) as (_, scanner):
+        # a late answer may count as a failed test of the baud rate
+        rejected = scanner.statistics.rejected_blocks
         readings = scanned(scanner, traces, step)
-        assert scanner.statistics.lost_readings == scanner.statistics.rejected_blocks == 0
+        assert (scanner.statistics.lost_readings, scanner.statistics.rejected_blocks) == (0, rejected)
     assert [reading.angle for reading in readings] == [reading.angle for reading in expected]
     for ours, theirs in zip(readings, expected, strict=True):
         assert ours.echo_times == pytest.approx(theirs.echo_times, rel=0, abs=TWO_TICKS)

@@ -1,5 +1,6 @@
 """The turntable of the emulated board: lost steps, jams, and Home with wrong wires."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from sonarhw import sector
 from sonarhw.device.wiring_faults import WiringFault
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.readings import Reading, pings_in_place
 from sonarhw.wire.messages import Input, Outcome, Wiring
@@ -23,28 +25,37 @@ def test_a_slipped_table_is_detected_at_the_mark() -> None:
         assert abs(scanner.device_statistics().lost_steps) == pytest.approx(64, abs=2)
 
 
+class Mishap(Echoes):
+    """Echo source that does something to the board in the fourth ping, however late the host is."""
+
+    act: Callable[[], None]
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the given echoes."""
+        if len(self.pings) == 3:
+            self.act()
+        return super().receive(ping)
+
+
 @pytest.mark.parametrize("mishap", ["slips", "is held"])
 def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None:
-    readings = []
-    with scanner_on(Echoes(0.020)) as (board, scanner):
-        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be wrong, from 40° on"):  # noqa: PT012
-            for reading in scanner.scan(sector(40, 130, 10)):
-                readings.append(reading)
-                if reading.number == 3:
-                    board.slip(64) if mishap == "slips" else board.wedge(60)
+    echoes = Mishap(0.020)
+    readings: list[Reading] = []
+    with scanner_on(echoes) as (board, scanner):
+        echoes.act = lambda: board.slip(64) if mishap == "slips" else board.wedge(60)
+        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be wrong, from 40° on"):
+            readings.extend(scanner.scan(sector(40, 130, 10)))
         assert len(readings) == 9
         assert scanner.device_statistics().lost_steps
 
 
 def test_steps_lost_in_a_short_jam_are_reported() -> None:
-    echoes = Echoes(0.020)
+    echoes = Mishap(0.020)
     readings: list[Reading] = []
     with scanner_on(echoes) as (board, scanner):
-        with pytest.raises(LostSteps, match="steps were lost"):  # noqa: PT012
-            for reading in scanner.scan(sector(-30, 40, 2)):
-                readings.append(reading)
-                if reading.number == 3:
-                    board.wedge(0.7)
+        echoes.act = lambda: board.wedge(0.7)
+        with pytest.raises(LostSteps, match="steps were lost"):
+            readings.extend(scanner.scan(sector(-30, 40, 2)))
         lost = scanner.device_statistics().lost_steps
     # the table itself was left behind by whole periods of the motor's field, and stays behind
     behind = np.degrees([reading.angle - ping.angle for reading, ping in zip(readings, echoes.pings, strict=False)])
