@@ -190,8 +190,9 @@ def _level(item: Input, levels: Input) -> str:
 def _home_advice(failure: str) -> str:
     if "mark never came" in failure:
         return (
-            "if the table did not turn, check the motor, its supply and ENABLE; if it did, turn it by hand: if "
-            "`sonarhw wiring URL` shows the mark change, add `--invert mark` to it, else check the wire of the mark"
+            "if the table did not turn, check the motor, its supply and ENABLE; if it did, turn it by hand: "
+            "if `sonarhw wiring URL` shows the mark change, run `sonarhw wiring URL --invert mark`, else "
+            "check the wire of the mark"
         )
     if "cam never changed" in failure:
         return (

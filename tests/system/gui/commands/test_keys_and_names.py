@@ -140,7 +140,7 @@ def test_a_demo_scan_waits_for_its_prediction(
     window.session.preparation.compiled()
     until(qtbot, lambda: len(window.session.shown.readings) > 0)
     assert window.session.shown.outline is not None
-    assert not window.status_bar.progress.isVisible()
+    until(qtbot, lambda: not window.status_bar.progress.isVisible())
     window.commands.stop.trigger()
 
 
