@@ -131,7 +131,9 @@ def test_the_window_and_any_large_view_can_be_saved(qtbot: QtBot, window: MainWi
     save(qtbot, window, tmp_path / "window.png", Qt.Key.Key_P, CTRL | SHIFT)
     image = QImage(str(tmp_path / "window.png"))
     assert (image.width(), image.height()) == (2 * window.width(), 2 * window.height())
+    before = window.views.stage.width()
     qtbot.keyClick(window, Qt.Key.Key_2)
+    until(qtbot, lambda: window.views.stage.width() > before)
     save(qtbot, window, tmp_path / "both.png", Qt.Key.Key_P)
     assert QImage(str(tmp_path / "both.png")).width() == 2 * window.views.side_by_side.width()
 
