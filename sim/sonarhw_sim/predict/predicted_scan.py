@@ -427,12 +427,8 @@ def silent_scan(
 
 def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     """Return what `with_first_echoes` returns, if all paths exist at all headings."""
-    room, board, paths, in_time = (
-        scan.room,
-        scan.board,
-        scan.paths,
-        np.flatnonzero(scan.in_time & ~scan.paths.scattered),
-    )
+    room, board, paths = scan.room, scan.board, scan.paths
+    in_time = np.flatnonzero(scan.in_time & ~paths.scattered)
     ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, scan.headings)
     first = first_detected(
         scan.headings,

@@ -12,7 +12,7 @@ from sonarhw import Scanner
 from sonarhw.bringup import diagnoses
 from sonarhw.bringup.diagnoses import Diagnosis, Verdict
 from sonarhw.bringup.doctor import Plate, examine
-from sonarhw.device.emulated_board import BUILT, emulated_board
+from sonarhw.device.emulated_board import emulated_board
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.fault_schedule import read_faults
@@ -90,7 +90,6 @@ def test_each_wiring_fault_of_a_fake_board_fails_its_check(fault: WiringFault, c
         check_diagnoses(url, checks, advice)
 
 
-@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 @pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS + BOARD_FAULTS, ids=names(FAULTS + BOARD_FAULTS))
 def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
     fault: WiringFault, checks: list[str], advice: str
@@ -183,14 +182,12 @@ class NoisyHall(HallEchoes):
         return replace(result, trace=trace)
 
 
-@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 def test_noise_at_the_tap_of_the_emulated_board_fails() -> None:
     with emulated_board(NoisyHall(), pace=3.0) as board, Scanner.open(board.url) as scanner:
         made = [*examine(scanner, False, None)]
     assert [one.check for one in made if one.verdict is Verdict.FAIL] == ["noise"]
 
 
-@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 def test_a_silent_echo_wire_is_told_from_a_silent_board_by_the_traces_of_the_emulated_board() -> None:
     low = WiringFault.ECHO_LOW
     with emulated_board(NoisyHall(), pace=3.0, miswire=low) as board, Scanner.open(board.url) as scanner:
@@ -198,7 +195,6 @@ def test_a_silent_echo_wire_is_told_from_a_silent_board_by_the_traces_of_the_emu
     assert "the board transmits and receives: check the wire of ECHO and its pull-up" in echoes.advice
 
 
-@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 def test_a_jammed_table_and_a_plate_elsewhere_fail_on_the_emulated_board() -> None:
     made = []
     with emulated_board(HallEchoes(), pace=3.0, start_deg=40) as board, Scanner.open(board.url) as scanner:
@@ -209,7 +205,6 @@ def test_a_jammed_table_and_a_plate_elsewhere_fail_on_the_emulated_board() -> No
     assert [one.check for one in made if one.verdict is Verdict.FAIL] == ["steps", "plate"]
 
 
-@pytest.mark.skipif(not (BUILT / "mega-polaroid-step-dir.elf").exists(), reason="the firmware is not built")
 @pytest.mark.parametrize(
     ("combination", "fault", "checks", "advice", "not_checked"),
     [
