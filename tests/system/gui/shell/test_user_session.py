@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -73,13 +74,13 @@ def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -
         assert ranges[float(sentence["heading"])] == sentence["range"]
 
         x, y = program.sensor()
-        program.drag((x, y), (x + 40, y + 20))
-        awaited(lambda: not program.title.startswith(DEMO), "another place in the title")
+        move = partial(program.drag_until, lambda: not program.title.startswith(DEMO), (x, y), (x + 40, y + 20))
+        move("another place in the title")
+        program.let_go()
         program.key("ctrl+z")
         awaited(lambda: program.title.startswith(DEMO), "the place as it was")
 
-        program.drag((x, y), (x + 40, y + 20), let_go=False)
-        awaited(lambda: not program.title.startswith(DEMO), "another place in the title")
+        move("another place in the title")
         program.key("Escape")
         awaited(lambda: program.title.startswith(DEMO), "the place as it was")
         program.let_go()
