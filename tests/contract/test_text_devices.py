@@ -232,7 +232,7 @@ def test_after_a_reconnection_the_scan_ends_with_a_whole_sweep(tmp_path: Path) -
 def test_a_device_that_never_comes_back_is_lost(tmp_path: Path) -> None:
     with PrintingDevice(RADAR.rounds(), tmp_path / "ttyUSB0") as device:
         scanner = PluginScanner(sonarhw_plugin(device.port), reconnect=0.3)
-        scan = scanner.scan(sweeps(2))
+        scan = scanner.scan(sweeps(100_000))  # more than it prints before its end
         next(scan)
     with scanner, pytest.raises(LinkLost, match=r"did not come back within 0\.3 s"):
         list(scan)
