@@ -55,7 +55,7 @@ show the notes. Copy and rename both files together.
 
 The file is CSV in UTF-8 with this header, and may be edited:
 
-```
+```text
 sweep,reading,heading_deg,range_m,note
 1,54,270,0.827,false wall: bottom>top>bottom
 ```
