@@ -137,11 +137,19 @@ static void await_mark(void)
         table.awaited = next;
 }
 
+// After a counter-clockwise leg, the table may settle beyond the edge of the mark. It passes only once, so it counts.
+static void take_edge_at_rest(void)
+{
+    bool marked = marked_now();
+    mark_passed = marked && !was_marked && direction > 0;
+    mark_position = position;
+    was_marked = marked;
+}
+
 static void start(enum leg leg, int32_t steps, uint16_t speed)
 {
     table.leg = leg;
-    mark_passed = false;
-    was_marked = marked_now();
+    take_edge_at_rest();
     direction = steps < 0 ? -1 : 1;
     if (direction > 0)
         await_mark();

@@ -315,6 +315,24 @@ def test_a_missing_mark_ends_a_turn_with_lost_steps(board: PortableBoard, start:
     assert finished_of(board, Home()).outcome == Outcome.DONE
 
 
+@pytest.mark.parametrize("then", [10, -1])
+@pytest.mark.parametrize("approach", Approach)
+def test_a_mark_that_passes_while_the_table_settles_is_counted(
+    board: PortableBoard, approach: Approach, then: int
+) -> None:
+    home_board(board)
+    assert finished_of(board, Turn(-30_000_000)).outcome == Outcome.DONE
+    board.c.host_set_position(board.c.host_position() - 2)  # the zero is two steps off
+    assert finished_of(board, Turn(0)).outcome == Outcome.DONE
+    board.c.host_set_position(0)  # the table lags behind the last step
+    board.ask(ConfigureTurntable(0, 0, 20_000, approach))
+    assert finished_of(board, Turn(then * 1_000_000)).outcome == Outcome.DONE
+    assert finished_of(board, Turn(40_000_000)).outcome == Outcome.DONE
+    # the next mark is not missed either
+    board.c.host_motor(SLIPPING)
+    assert finished_of(board, Turn(370_000_000)).outcome == Outcome.LOST_STEPS
+
+
 def test_turning_back_and_forth_over_the_mark_reports_no_lost_steps(board: PortableBoard) -> None:
     home_board(board)
     choice = random.Random(8)
