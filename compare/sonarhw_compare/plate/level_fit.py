@@ -118,9 +118,9 @@ class _Problem:
 
     def standardised(self, values: FloatArray) -> FloatArray:
         """Return the expectations in standard deviations; the Fisher information is that of their derivatives."""
-        peaks, chances = self._expected(values)
-        waves = 2 * np.sqrt(self._pings) * np.arcsin(np.sqrt(chances))
-        return np.concatenate((peaks / self.deviation, waves[self.counted], self._weak(values)))
+        peaks = [one[used] for one, used in zip(self.expected_peaks(values), self.used, strict=True)]
+        waves = 2 * np.sqrt(self._pings) * np.arcsin(np.sqrt(self._chances(values)))
+        return np.concatenate((np.concatenate(peaks) / self.deviation, waves[self.counted], self._weak(values)))
 
     def peak_residuals(self, values: FloatArray) -> list[FloatArray]:
         """Return measured minus expected peaks of each scan that are used, dB."""
@@ -137,7 +137,7 @@ class _Problem:
     def hearing_residuals(self, values: FloatArray) -> FloatArray:
         """Return the signed roots of the deviance of hearing at all headings, used or not."""
         heard = np.concatenate([scan.heard for scan in self.scans]).astype(np.float64)
-        return _deviance_roots(heard, self._pings, self._expected(values)[1])
+        return _deviance_roots(heard, self._pings, self._chances(values))
 
     @property
     def _pings(self) -> FloatArray:
@@ -148,17 +148,16 @@ class _Problem:
         levels = [plate_levels(board, scan.speed_of_sound, scan.distance) for scan in self.scans]
         return list(zip(self.scans, levels, turns, strict=True))
 
-    def _expected(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the expected peaks, dB, and the probability of hearing at each heading."""
+    def _chances(self, values: FloatArray) -> FloatArray:
+        """Return the probability of hearing at each heading of all scans."""
         scatter = self.scatter or self.unknowns.scatter(values)
         threshold = self.unknowns.board(self.start, values).threshold_db
-        peaks = [expected[used] for expected, used in zip(self.expected_peaks(values), self.used, strict=True)]
         chances = []
         for scan, levels, turn in self._modelled(values):
             angles = scan.angles - scan.middle - turn
             blur = levels.slopes_at(angles) * scan.step / math.sqrt(12)
             chances.append(ndtr((levels.detected_at(angles) - threshold) / np.hypot(scatter, blur)))
-        return np.concatenate(peaks), _OUTLIERS / 2 + (1 - _OUTLIERS) * np.concatenate(chances)
+        return np.asarray(_OUTLIERS / 2 + (1 - _OUTLIERS) * np.concatenate(chances))
 
     def _weak(self, values: FloatArray) -> FloatArray:
         """Return weak prior residuals, so that the deviation of what nothing determines is large, not infinite."""

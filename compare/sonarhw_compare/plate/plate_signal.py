@@ -4,10 +4,11 @@ The plate is perfect and endless, so that its echo is a single arrival: the imag
 """
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.burst import RATE, burst_of
@@ -17,12 +18,12 @@ from sonarhw_sim.board.receiver import charge_of_burst, kept_charge
 from sonarhw_sim.board.traces import Arrivals, before_gain, gain_at_samples, pulses
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.room.model import Place
 
 from sonarhw.readings import FloatArray
 
 WIDEST = math.radians(45.0)  # between transducer and plate; beyond, echoes are not used
 _STEP = math.radians(0.25)
+_ANGLES = np.arange(-round(WIDEST / _STEP), round(WIDEST / _STEP) + 1, dtype=np.float64) * _STEP
 FAINTEST_DB = -80.0  # lower end of levels; the nulls of a beam have none
 _KEPT = 64  # plates whose levels are cached
 
@@ -45,7 +46,11 @@ class PlateLevels:
 
     def slopes_at(self, angles: FloatArray) -> FloatArray:
         """Return the change of `detected_at` with the angle, dB/rad, same shape."""
-        return np.asarray(np.interp(angles, self.angles, np.gradient(self.detected, self.angles)))
+        return np.asarray(np.interp(angles, self.angles, self._slopes))
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        return np.asarray(np.gradient(self.detected, self.angles))
 
 
 @dataclass(frozen=True)
@@ -56,22 +61,55 @@ class PlateEnvelopes:
     samples: FloatArray  # (n, k); 1 is a perfect wall straight ahead after the ideal gain
 
 
-@lru_cache(maxsize=_KEPT)
 def plate_levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels:
     """Return the levels of a plate at `distance` m from the face when it points straight at the plate."""
-    count = round(WIDEST / _STEP)
-    angles = np.arange(-count, count + 1, dtype=np.float64) * _STEP
-    envelopes = plate_envelopes(board, speed_of_sound, distance, angles).samples
+    # a fit tries many thresholds, on which no level depends
+    return _levels(replace(board, threshold_db=0.0), speed_of_sound, distance)
+
+
+@lru_cache(maxsize=_KEPT)
+def _levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels:
+    right = _right_of(board)
+    # likewise, the gain acts on pulses that do not depend on its steps
+    pulse = _pulses_to_the_right(replace(board, gain_step_db=0.0), speed_of_sound, distance)
+    envelopes = pulse.sizes * _gain(pulse, board)
     peaks = _decibels(envelopes.max(axis=1))
-    if board.receiver is not Receiver.BOARD:
-        return PlateLevels(angles, peaks, _carrier_levels(board, speed_of_sound, distance, angles))
-    kept = kept_charge(board)
-    charges = lfilter([1.0 - kept], [1.0, -kept], envelopes, axis=1).max(axis=1)
-    return PlateLevels(angles, peaks, _decibels(charges / charge_of_burst(board, speed_of_sound)))
+    if board.receiver is Receiver.BOARD:
+        kept = kept_charge(board)
+        charges = lfilter([1.0 - kept], [1.0, -kept], envelopes, axis=1).max(axis=1)
+        detected = _decibels(charges / charge_of_burst(board, speed_of_sound))
+    else:
+        detected = _carrier_levels(board, speed_of_sound, distance, right)
+    if len(right) < len(_ANGLES):
+        peaks, detected = (np.concatenate((one[:0:-1], one)) for one in (peaks, detected))
+    return PlateLevels(_ANGLES, peaks, detected)
+
+
+def _right_of(board: Board) -> FloatArray:
+    """Return the angles to compute, rad: from 0 on if those to the left have the same levels, else all."""
+    return _ANGLES if board.mount.aside else _ANGLES[len(_ANGLES) // 2 :]
 
 
 def plate_envelopes(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> PlateEnvelopes:
     """Return the envelopes at `angles` (n,) rad from the perpendicular of the plate to the heading."""
+    pulse = _pulses(board, speed_of_sound, distance, angles)
+    return PlateEnvelopes(pulse.at / RATE, pulse.sizes * _gain(pulse, board))
+
+
+@dataclass(frozen=True)
+class _Pulses:
+    """Envelopes before the gain, one row for each angle."""
+
+    at: NDArray[np.intp]  # (n, k), numbers of the samples
+    sizes: FloatArray  # (n, k)
+
+
+@lru_cache(maxsize=_KEPT // 2)
+def _pulses_to_the_right(board: Board, speed_of_sound: float, distance: float) -> _Pulses:
+    return _pulses(board, speed_of_sound, distance, _right_of(board))
+
+
+def _pulses(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> _Pulses:
     arrivals = _arrivals(board, speed_of_sound, distance, angles)
     signals, first = pulses(
         before_gain(arrivals, board, speed_of_sound, board.receiver),
@@ -79,9 +117,12 @@ def plate_envelopes(board: Board, speed_of_sound: float, distance: float, angles
         burst_of(board, speed_of_sound),
         speed_of_sound,
     )
-    samples = np.maximum(first[:, None] + np.arange(signals.shape[1]), 0)
-    gain = gain_at_samples(int(samples.max()) + 1, board, board.receiver)
-    return PlateEnvelopes(samples / RATE, np.abs(signals) * gain[samples])
+    return _Pulses(np.maximum(first[:, None] + np.arange(signals.shape[1]), 0), np.abs(signals))
+
+
+def _gain(pulse: _Pulses, board: Board) -> FloatArray:
+    """Return the gain at each sample, (n, k)."""
+    return np.asarray(gain_at_samples(int(pulse.at.max()) + 1, board, board.receiver)[pulse.at])
 
 
 def echo_times(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> FloatArray:
@@ -91,9 +132,7 @@ def echo_times(board: Board, speed_of_sound: float, distance: float, angles: Flo
 
 def _arrivals(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> Arrivals:
     """Return the arrival at each angle: the straight line from the sender to the image of the receiver."""
-    place = Place("plate", (0.0, 0.0))
-    poses = [board.mount.pose(place, float(angle)) for angle in angles]
-    senders, receivers = np.array([one.sender for one in poses]), np.array([one.receiver for one in poses])
+    senders, receivers = board.mount.positions(angles)
     images = np.column_stack((2 * (distance + board.mount.ahead) - receivers[:, 0], receivers[:, 1]))
     ways = images - senders
     lengths = np.hypot(ways[:, 0], ways[:, 1])

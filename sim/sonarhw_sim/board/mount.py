@@ -83,6 +83,15 @@ class Mount(TomlModel):
             _from_axis(place, heading, self.ahead, self.aside - half),
         )
 
+    def positions(self, headings: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the positions of sender and receiver about the turning axis at `headings` (n,) rad, (n, 2) m each."""
+        cosines, sines = np.cos(headings), np.sin(headings)
+        sender, receiver = (
+            np.column_stack((self.ahead * cosines - aside * sines, self.ahead * sines + aside * cosines))
+            for aside in (self.aside + self.separation / 2, self.aside - self.separation / 2)
+        )
+        return sender, receiver
+
     def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
         """Return the poses of all senders whose ping may be received at `heading`: the head itself."""
         return (self.pose(place, heading),)

@@ -65,3 +65,15 @@ def test_the_gain_of_the_board_rises_in_steps() -> None:
     assert plate_levels(ideal, SPEED, 0.0054 * SPEED / 2).peaks_at(np.zeros(1))[0] == pytest.approx(0.0, abs=0.01)
     loss = 20 * math.log10(70 / 54) + 1.4 * (0.0070 - 0.0054) * SPEED
     assert near - far == pytest.approx(loss, abs=0.2)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.04])
+def test_levels_to_the_left_are_those_of_the_envelopes_there(aside: float) -> None:
+    """Only a face beside the turning axis has other levels to the left than to the right."""
+    start = load_board("hc-sr04")
+    board = replace(start, mount=start.mount.model_copy(update={"aside": aside}))
+    levels = plate_levels(board, SPEED, 0.5)
+    left = levels.angles[levels.angles < 0]
+    peaks = 20 * np.log10(plate_envelopes(board, SPEED, 0.5, left).samples.max(axis=1))
+    assert levels.peaks_at(left) == pytest.approx(np.maximum(peaks, -80.0), abs=1e-9)
+    assert (levels.peaks_at(left) == pytest.approx(levels.peaks_at(-left), abs=1e-9)) == (aside == 0)
