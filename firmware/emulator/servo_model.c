@@ -15,6 +15,8 @@
 #define MOST 90.0 // degrees on both sides
 #define SPEED 400.0 // degrees/s
 #define TICK 16000 // cycles between two updates
+#define TCCR1A 0x80
+#define COM1B0 (1 << 4) // a match sets the pin; otherwise it clears it
 
 static struct {
     avr_cycle_count_t rose;
@@ -48,6 +50,8 @@ static void pulse_changed(struct avr_irq_t *irq, uint32_t high, void *parameter)
     avr_t *avr = parameter;
     if (!is_output(avr, options.controller->servo))
         die("the pin of the servo is no output");
+    if ((high != 0) != ((avr->data[TCCR1A] & COM1B0) != 0))
+        return; // not a match: at an overflow, simavr changes the output as in its PWM modes
     if (servo.high == (high != 0))
         return; // the pin had this level already
     servo.high = high;
