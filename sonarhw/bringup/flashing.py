@@ -7,14 +7,16 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 from importlib.resources import as_file, files
+from typing import TypeVar
 
-from sonarhw.bringup.controllers import Combination, Controller, Ranging
+from sonarhw.bringup.controllers import Combination, Controller, Ranging, Turning
 from sonarhw.errors import DeviceError, InputError, SonarError
 from sonarhw.host.device_info import DeviceInfo
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.ports import serial_ports
 
 PATIENCE = 5.0  # s for the greeting of a board before it is flashed
+_Part = TypeVar("_Part", Ranging, Turning)
 _LINES = 3  # of avrdude's output that an error contains
 
 
@@ -37,17 +39,46 @@ _TARGETS = {
 _PROFILES = {Ranging.POLAROID: "polaroid-6500", Ranging.HC_SR04: "hc-sr04"}
 
 
-def recognised(port: str) -> Controller | None:
-    """Return the controller at a serial port, by its USB identity or else by the firmware that runs on it.
+@dataclass(frozen=True)
+class FoundBoard:
+    """What a board says of itself before it is flashed."""
 
-    None if it is neither a known board nor a scanner. Raises LinkError if the port cannot be opened.
+    controller: Controller | None  # None: not recognised
+    profile: str  # name of its board profile; empty: unknown
+    turntable: str  # what turns it; empty: unknown
+
+    def ranging(self) -> Ranging:
+        """Return its ranging board; a 6500 if unknown. Raises InputError if there is no firmware for it."""
+        known = {profile: ranging for ranging, profile in _PROFILES.items()}
+        return _part("--ranging", self.profile, {"": Ranging.POLAROID, **known})
+
+    def turning(self) -> Turning:
+        """Return its turntable; step/direction if unknown. Raises InputError if there is no firmware for it."""
+        return _part("--turning", self.turntable, {"": Turning.STEP_DIR, **{str(one): one for one in Turning}})
+
+
+def _part(option: str, said: str, known: dict[str, _Part]) -> _Part:
+    if said not in known:
+        raise InputError(
+            f"no prebuilt firmware for {said!r}, for which the board is built; to change that, add {option}"
+        )
+    return known[said]
+
+
+def find_board(port: str) -> FoundBoard:
+    """Return what a board is: by its USB identity, and by the firmware that runs on it.
+
+    Raises LinkError if the port cannot be opened.
     """
+    info = _identity(port)
     known = next((one.known for one in serial_ports() if one.device == port), None)
-    for controller, target in _TARGETS.items():
-        if known is not None and known == target.usb_name:
-            return controller
-    firmware = _firmware(port)
-    return next((one for one, target in _TARGETS.items() if firmware.startswith(target.firmware)), None)
+    by_usb = (one for one, target in _TARGETS.items() if known is not None and known == target.usb_name)
+    by_firmware = (one for one, target in _TARGETS.items() if info and info.firmware.startswith(target.firmware))
+    return FoundBoard(
+        next(by_usb, None) or next(by_firmware, None),
+        info.board if info else "",
+        info.capabilities.turning if info and info.capabilities else "",
+    )
 
 
 def same_chip(one: Controller, other: Controller) -> bool:
@@ -55,13 +86,13 @@ def same_chip(one: Controller, other: Controller) -> bool:
     return _TARGETS[one].part == _TARGETS[other].part
 
 
-def _firmware(port: str) -> str:
-    """Return the name of the firmware at a port; empty if it does not answer as a scanner."""
+def _identity(port: str) -> DeviceInfo | None:
+    """Return the identity of the scanner at a port; None if none answers."""
     try:
         with Scanner.open(port, patience=PATIENCE) as scanner:
-            return scanner.info.firmware
+            return scanner.info
     except DeviceError:
-        return ""
+        return None
 
 
 def find_avrdude() -> str:

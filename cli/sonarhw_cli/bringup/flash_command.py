@@ -14,8 +14,12 @@ def flash(
     controller: Annotated[
         Controller | None, typer.Option(help="Controller of the board; default: the one that is recognised.")
     ] = None,
-    ranging: Annotated[Ranging, typer.Option(help="Ranging board.")] = Ranging.POLAROID,
-    turning: Annotated[Turning, typer.Option(help="Turntable.")] = Turning.STEP_DIR,
+    ranging: Annotated[
+        Ranging | None, typer.Option(help=f"Ranging board; default: as the board answers, else {Ranging.POLAROID}.")
+    ] = None,
+    turning: Annotated[
+        Turning | None, typer.Option(help=f"Turntable; default: as the board answers, else {Turning.STEP_DIR}.")
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
     ] = False,
@@ -31,22 +35,25 @@ def flash(
         raise InputError(f"{port}: expected a serial port such as /dev/ttyACM0")
     if force and controller is None:
         raise InputError("--force: also give --controller")
-    if controller:
+    if controller and ranging and turning:
         Combination(controller, ranging, turning)  # refused before the port is opened
     flashing.find_avrdude()
-    found = controller if controller and force else _recognised(port, controller)
-    wanted = Combination(found, ranging, turning)
+    found = flashing.find_board(port)
+    wanted = Combination(
+        controller if controller and force else _recognised(port, found.controller, controller),
+        ranging or found.ranging(),
+        turning or found.turning(),
+    )
     print_note(f"{port}: writing the firmware {wanted.image}; this takes about 20 s")
     flashing.write_firmware(port, wanted)
     info = flashing.ask_identity(port, wanted)
     print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
 
 
-def _recognised(port: str, wanted: Controller | None) -> Controller:
-    """Return the controller at a port. Raises InputError if it is not recognised, or not the `wanted` one."""
-    from sonarhw.bringup.flashing import recognised, same_chip
+def _recognised(port: str, found: Controller | None, wanted: Controller | None) -> Controller:
+    """Return the controller to flash. Raises InputError if none is `found`, or not the `wanted` one."""
+    from sonarhw.bringup.flashing import same_chip
 
-    found = recognised(port)
     if found and wanted and same_chip(found, wanted):
         return wanted
     if found is None or wanted:

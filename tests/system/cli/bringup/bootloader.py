@@ -21,7 +21,7 @@ _START, _TOKEN = 0x1B, 0x0E
 _LEAVE = 0x11
 _START_1, _LEAVE_1, _IN_STEP, _DONE = 0x30, 0x51, b"\x14", b"\x10"  # of version 1
 _SIZES_1 = {0x41: 3, 0x42: 22, 0x55: 4, 0x56: 6, 0x74: 5}  # bytes of a message; the others 2
-_PROFILE = "polaroid-6500"
+PARTS = ("polaroid-6500", "step-dir")  # profile and turntable
 
 
 class BootloaderBoard:
@@ -32,19 +32,19 @@ class BootloaderBoard:
         firmware: str,
         chip: str = "atmega2560",
         writes: bool = True,
-        profile: str = _PROFILE,
-        turning: str = "step-dir",
+        parts: tuple[str, str] = PARTS,
+        before: tuple[str, str] = PARTS,
     ) -> None:
         """A board that does not keep what is written has `writes` False.
 
-        `profile` and `turning` are those of the flashed firmware.
+        `parts` are the profile and the turntable in the answers of the flashed firmware, `before` those of the old one.
         """
         self.flash = bytearray(b"\xff" * 0x40000)
         self.flashed = False
         self._signature, self._writes = SIGNATURES[chip], writes
-        self._device = _running(firmware) if firmware else None
+        self._device = _running(firmware, *before) if firmware else None
         name = "sonarhw-mega 0.1.0" if chip == "atmega2560" else "sonarhw-uno 0.1.0"
-        self._flashed_firmware = (name, profile, turning)
+        self._flashed_firmware = (name, *parts)
         self._address = 0
         self._waiting = bytearray()
         self._booting = self._version_1 = False
@@ -169,7 +169,7 @@ class BootloaderBoard:
         return b""
 
 
-def _running(firmware: str, profile: str = _PROFILE, turning: str = "step-dir") -> FakeBoard:
+def _running(firmware: str, profile: str, turning: str) -> FakeBoard:
     identity = BoardIdentity(firmware=firmware, serial="SONAR-000005", profile=profile, turning=turning)
     return FakeBoard(PlainEchoes(), seed=5, identity=identity)
 

@@ -62,16 +62,46 @@ def test_a_recognised_board_is_written_verified_and_greeted() -> None:
 
 @pytest.mark.parametrize("controller", [[], ["--controller", "nano"]])
 def test_an_uno_gets_the_image_for_its_ranging_board_and_turntable(controller: list[str]) -> None:
-    with bootloader_board(OLD_UNO, chip="atmega328p", profile="hc-sr04", turning="servo") as board:
+    with bootloader_board(OLD_UNO, chip="atmega328p", parts=("hc-sr04", "servo")) as board:
         done = sonarhw("flash", board.port, *controller, "--ranging", "hc-sr04", "--turning", "servo")
         assert (done.returncode, done.stdout) == (0, f"{board.port}: sonarhw-uno 0.1.0, protocol 1.2, SONAR-000005\n")
         image = bytes_of(FOLDER / "uno-hc-sr04-servo.hex")
         assert bytes(board.flash[: len(image)]) == image
 
 
+def test_without_options_a_board_keeps_the_parts_that_it_is_built_for() -> None:
+    built_for = ("hc-sr04", "servo")
+    with bootloader_board(OLD_UNO, chip="atmega328p", parts=built_for, before=built_for) as board:
+        done = sonarhw("flash", board.port)
+        assert done.returncode == 0, done.stderr
+        image = bytes_of(FOLDER / "uno-hc-sr04-servo.hex")
+        assert bytes(board.flash[: len(image)]) == image
+
+
+@pytest.mark.parametrize(
+    ("before", "options", "message"),
+    [
+        (
+            ("hc-sr04", "worm-gear"),
+            (),
+            "no prebuilt firmware for 'worm-gear', for which the board is built; to change that, add --turning\n",
+        ),
+        (("hc-sr04", "servo"), ("--ranging", "polaroid"), "no prebuilt firmware for uno-polaroid-servo"),
+    ],
+)
+def test_parts_without_an_image_are_refused_before_anything_is_written(
+    before: tuple[str, str], options: tuple[str, ...], message: str, stand_in: Path
+) -> None:
+    with bootloader_board(OLD_UNO, chip="atmega328p", before=before) as board:
+        done = sonarhw("flash", board.port, *options)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert not stand_in.exists()
+
+
 @pytest.mark.parametrize(("profile", "turning"), [("polaroid-6500", "servo"), ("hc-sr04", "step-dir")])
 def test_a_board_that_answers_for_another_ranging_board_or_turntable_is_an_error(profile: str, turning: str) -> None:
-    with bootloader_board(OLD_UNO, chip="atmega328p", profile=profile, turning=turning) as board:
+    with bootloader_board(OLD_UNO, chip="atmega328p", parts=(profile, turning)) as board:
         done = sonarhw("flash", board.port, "--ranging", "hc-sr04", "--turning", "servo")
     assert done.returncode == 1
     assert f"'sonarhw-uno 0.1.0' for '{profile}' and '{turning}' answers; " in done.stderr
@@ -127,7 +157,10 @@ def test_avrdude_gets_port_chip_and_image_and_its_last_line_is_shown(stand_in: P
         (("socket://127.0.0.1:1",), "expected a serial port such as /dev/ttyACM0"),
         (("/dev/ttyACM0", "--force"), "--force: also give --controller"),
         (("/dev/ttyACM0", "--controller", "pico"), "pico"),
-        (("/dev/ttyACM0", "--controller", "nano", "--turning", "servo"), "no prebuilt firmware for uno-polaroid-servo"),
+        (
+            ("/dev/ttyACM0", "--controller", "nano", "--ranging", "polaroid", "--turning", "servo"),
+            "no prebuilt firmware for uno-polaroid-servo",
+        ),
     ],
 )
 def test_bad_options_are_refused(arguments: tuple[str, ...], message: str) -> None:
