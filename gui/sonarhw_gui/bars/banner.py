@@ -14,7 +14,7 @@ from sonarhw_gui.shown.notices import Notice, Notices
 
 
 class Banner(QFrame):
-    """Shows one notice at a time; hidden without notices."""
+    """Shows one notice at a time, the newest of the most severe kind; hidden without notices."""
 
     answered = Signal(object)  # the value of the accepted or declined offer
 
@@ -25,7 +25,9 @@ class Banner(QFrame):
         self._label = PlainLabel()
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        self._more = PlainLabel()
+        self.more_button = QToolButton(autoRaise=True)
+        self.more_button.setToolTip("Show the next message")
+        self.more_button.clicked.connect(self._show_next)
         self.accept_button = QPushButton()
         self.accept_button.clicked.connect(self._accept)
         self.decline_button = QPushButton()
@@ -39,7 +41,7 @@ class Banner(QFrame):
         row.addWidget(self._label)
         row.addWidget(self.accept_button)
         row.addWidget(self.decline_button)
-        row.addWidget(self._more)
+        row.addWidget(self.more_button)
         row.addWidget(self.close_button)
         self.hide()
 
@@ -62,7 +64,7 @@ class Banner(QFrame):
 
     @Slot(str)
     def show_message(self, message: str) -> None:
-        """Queue a message behind those not dismissed yet. An empty message clears all."""
+        """Show a warning, unless there are errors. An empty message clears all."""
         if message:
             self._notices.add(message)
         else:
@@ -71,19 +73,40 @@ class Banner(QFrame):
 
     @Slot(object)
     def show_notice(self, notice: Notice) -> None:
-        """Queue a notice with buttons."""
+        """Show a notice, unless there are more severe ones."""
         self._notices.add(notice)
+        self._show()
+
+    @Slot(str)
+    def show_error(self, message: str) -> None:
+        """Show an error before all warnings."""
+        self.show_notice(Notice(message, error=True))
+
+    @Slot(str)
+    def show_connection_error(self, message: str) -> None:
+        """Show an error that ends when a scanner is connected."""
+        self.show_notice(Notice(message, error=True, until_connected=True))
+
+    @Slot()
+    def end_connection_errors(self) -> None:
+        """Remove the errors of earlier attempts: a scanner is connected."""
+        self._notices.end_connection_errors()
+        self._show()
+
+    @Slot()
+    def _show_next(self) -> None:
+        self._notices.show_next()
         self._show()
 
     @Slot()
     def _accept(self) -> None:
-        answer = self._notices.first.accept_value
+        answer = self._notices.shown.accept_value
         self._dismiss()
         self.answered.emit(answer)
 
     @Slot()
     def _decline(self) -> None:
-        answer = self._notices.first.decline_value
+        answer = self._notices.shown.decline_value
         self._dismiss()
         self.answered.emit(answer)
 
@@ -93,10 +116,11 @@ class Banner(QFrame):
         self._show()
 
     def _show(self) -> None:
-        notice, more = self._notices.first, self._notices.more
+        notice, more = self._notices.shown, self._notices.more
         self._label.setText(f"⚠ {notice.text}" if notice.text else "")
         for button, text in ((self.accept_button, notice.accept_text), (self.decline_button, notice.decline_text)):
             button.setText(text)
             button.setVisible(bool(text))
-        self._more.setText(f"{more} more" if more else "")
+        self.more_button.setText(f"{more} more ▸")
+        self.more_button.setVisible(more > 0)
         self.setVisible(bool(notice.text))

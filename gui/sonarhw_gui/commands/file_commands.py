@@ -98,7 +98,7 @@ class FileCommands(QMenu):
         if self.recordings is None:
             self.recordings = dialog = RecordingsDialog(self._session.live.scan_settings.folder, self._window)
             dialog.chosen.connect(self._session.open_file)
-            dialog.failed.connect(self._session.warned)
+            dialog.failed.connect(self._session.failed)
             dialog.destroyed.connect(self._forget_recordings)
         close_dialogs(self._window, but=self.recordings)
         self.recordings.show()

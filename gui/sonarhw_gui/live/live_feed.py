@@ -15,6 +15,7 @@ from sonarhw_gui.live.scanner_jobs import (
 )
 from sonarhw_gui.live.scanner_state import JobState, LinkState, Phase, trouble
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.notices import Notice
 
 _IDLE = JobState(Phase.DONE)
 
@@ -27,6 +28,7 @@ class LiveFeed:
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
         self._device: LiveDevice | None = None
+        self._connected: LiveDevice | None = None  # the last one that made a connection
         self._has_own_readings = False  # whether the readings came from the current scanner
         self._last_state = _IDLE  # of the job, when its readings were fetched last
         self._end_reported = True
@@ -116,21 +118,29 @@ class LiveFeed:
         if self._device is not None:
             self._device.join()
 
-    def take(self) -> tuple[int, str]:
+    def newly_connected(self) -> bool:
+        """Return whether a connection was made since the last call."""
+        before, device = self._connected, self._device
+        if device is not None and device.link is not None:
+            self._connected = device
+        return self._connected is not before
+
+    def take(self) -> tuple[int, Notice | None]:
         """Fetch new readings; return their number, and a warning or the error of the job, if any."""
         if self._device is None:
-            return 0, ""
+            return 0, None
         status = self._last_state = self._device.status  # before the readings, so that no reading follows the end
         fresh = tuple(self._device.take())
         if fresh:
             self._has_own_readings = True
             self.readings += tuple(map(with_packed_trace, fresh))
         if self._device.warnings:
-            return len(fresh), self._device.warnings.popleft()
+            return len(fresh), Notice(self._device.warnings.popleft())
         if not status.ended or self._end_reported:
-            return len(fresh), ""
+            return len(fresh), None
         self._end_reported = True
-        return len(fresh), _error_text(status)
+        text = _error_text(status)
+        return len(fresh), Notice(text, error=True, until_connected=self._device.leaving) if text else None
 
     def _submit(self, job: ScannerJob) -> None:
         if self._opener is None or self.running:

@@ -16,6 +16,7 @@ from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.window_status import Source, Status, lost_in
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.session.replay_control import ReplayControl
+from sonarhw_gui.shown.notices import Notice
 
 
 @dataclass(frozen=True)
@@ -113,11 +114,11 @@ class ReadingSource:
         self.live.stop()
         self.replay.pause()
 
-    def take(self, now: float) -> tuple[bool, str]:
+    def take(self, now: float) -> tuple[bool, Notice | None]:
         """Return whether the scanner has made readings since the last call, and a message, if any."""
-        fresh, message = self.live.take()
+        fresh, notice = self.live.take()
         self._rate.add(fresh, now)
-        return bool(fresh), message
+        return bool(fresh), notice
 
     def status(self, now: float, predicting: bool, room: str = "") -> Status:
         """Return the status; `room` is the name of the room that is shown."""

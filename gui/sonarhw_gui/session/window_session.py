@@ -62,7 +62,9 @@ class WindowSession(QObject):
 
     status_changed = Signal(object)  # Status
     warned = Signal(str)  # for the banner; empty removes all messages
-    offered = Signal(object)  # Notice, for the banner
+    failed = Signal(str)  # an error, for the banner
+    noticed = Signal(object)  # Notice, for the banner
+    connected = Signal()  # a connection to a scanner was made
     import_asked = Signal(str)  # path of a CSV scan
     room_opened = Signal()  # a room file was opened or reloaded
     recent_changed = Signal(object)  # tuple of paths, newest first
@@ -108,14 +110,12 @@ class WindowSession(QObject):
 
     def _connect(self) -> None:
         self.replay.changed.connect(self._follow_replay)
-        self.replay.broken.connect(self.warned)
+        self.replay.broken.connect(self.failed)
         self.showing.edited.connect(self._follow_edit)
         self.showing.changed.connect(self.sound.follow)
         self.scans.changed.connect(self.showing.overlay)
         self.sound.changed.connect(self._follow_sound)
         self.scanners.chosen.connect(self._use)
-        for part in (self.scanners, self.fitting, self.causes, self.scans, self.saver):
-            part.failed.connect(self.warned)
         self._timer.timeout.connect(self.tick)
 
     @property
@@ -238,7 +238,7 @@ class WindowSession(QObject):
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
             self.files.watch(WatchedFile.BOARD, Path(path))
         except InputError as error:
-            self.warned.emit(str(error))
+            self.failed.emit(str(error))
 
     @Slot(object)
     def reopen(self, request: OpenRequest) -> None:
@@ -259,7 +259,7 @@ class WindowSession(QObject):
                 case _:
                     self.reopen(answer)
         except SonarError as error:
-            self.warned.emit(str(error))
+            self.failed.emit(str(error))
 
     @Slot(str)
     def save_room(self, path: str) -> None:
@@ -341,16 +341,18 @@ class WindowSession(QObject):
     def _report_messages(self) -> None:
         for messages in (
             self.preparation.messages,
-            self.showing.forecast.failures,
-            self.documents.messages,
             self.unsaved.messages,
             self.showing.note_store.messages,
         ):
             for message in messages:
                 self.warned.emit(message)
             messages.clear()
+        for failures in (self.showing.forecast.failures, self.documents.messages):
+            for message in failures:
+                self.failed.emit(message)
+            failures.clear()
         for notice in self.unsaved.notices:
-            self.offered.emit(notice)
+            self.noticed.emit(notice)
         self.unsaved.notices.clear()
         failures = self.showing.traces.failures
         for message in failures:
@@ -412,7 +414,7 @@ class WindowSession(QObject):
                 continue
             board = self.shown.scene.board
             again = OpenRoomRequest(path, board) if what is WatchedFile.ROOM else ReloadBoard(path)
-            self.offered.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
+            self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
 
     def _warn_if_other_room(self, opened: Scene) -> None:
         replayed, scan_scene = self._source.replayed, self._source.scan_scene
@@ -434,11 +436,13 @@ class WindowSession(QObject):
             self._scanner_scene = self.shown.scene  # warn once
 
     def _take_readings(self) -> bool:
-        fresh, message = self._source.take(self._last_tick)
+        if self.live.newly_connected():  # before its errors are taken
+            self.connected.emit()
+        fresh, notice = self._source.take(self._last_tick)
         if fresh:
             self.showing.follow(self.live.readings)
-        if message:
-            self.warned.emit(message)
+        if notice is not None:
+            self.noticed.emit(notice)
         return fresh
 
     def _begin(self) -> None:

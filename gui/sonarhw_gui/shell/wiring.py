@@ -95,7 +95,12 @@ def connect_sound(bar: SoundBar, session: WindowSession) -> None:
 
 
 def connect_banner(banner: Banner, session: WindowSession) -> None:
-    """Connect the banner with warnings and offers of the session."""
+    """Connect the banner with errors, warnings and offers of the session."""
     session.warned.connect(banner.show_message)
-    session.offered.connect(banner.show_notice)
+    session.failed.connect(banner.show_error)
+    for part in (session.fitting, session.causes, session.scans, session.saver):
+        part.failed.connect(banner.show_error)
+    session.scanners.failed.connect(banner.show_connection_error)
+    session.connected.connect(banner.end_connection_errors)
+    session.noticed.connect(banner.show_notice)
     banner.answered.connect(session.answer_offer)

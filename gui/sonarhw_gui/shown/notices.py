@@ -1,4 +1,7 @@
-"""The messages of the banner: the current state, such as a lost cable, and events that were not read yet."""
+"""The messages of the banner: the current state, such as a lost cable, and events that were not read yet.
+
+The current state comes first, then errors, then warnings and offers; of each kind the newest first.
+"""
 
 from collections import deque
 from dataclasses import dataclass
@@ -15,51 +18,68 @@ class Notice:
     accept_value: object = None  # sent when the first button is pressed
     decline_text: str = ""  # of a second button
     decline_value: object = None  # sent when the second button is pressed
+    error: bool = False  # False: a warning or an offer
+    until_connected: bool = False  # whether it ends as soon as a scanner is connected
 
 
 NOTHING = Notice("")
 
 
 class Notices:
-    """Messages that were not read yet. The current state comes first, and disappears when it ends."""
+    """Messages that were not read yet, and which of them is shown. The state disappears when it ends."""
 
     def __init__(self) -> None:
         self._state = ""
         self._dismissed = False  # whether the current state was read
-        self._events: deque[Notice] = deque(maxlen=_MOST)
+        self._events: deque[Notice] = deque(maxlen=_MOST)  # oldest first
+        self._place = 0  # of the message shown, among all
 
     @property
-    def first(self) -> Notice:
-        """The first message; `NOTHING` if there is none."""
-        return next(iter(self._all()), NOTHING)
+    def shown(self) -> Notice:
+        """The message that is shown; `NOTHING` if there is none."""
+        waiting = self._all()
+        return waiting[self._place % len(waiting)] if waiting else NOTHING
 
     @property
     def now(self) -> str:
-        """The text of the first message."""
-        return self.first.text
+        """The text of the message that is shown."""
+        return self.shown.text
 
     @property
     def more(self) -> int:
-        """The number of messages after the first."""
+        """The number of other messages."""
         return max(0, len(self._all()) - 1)
 
     def add(self, message: str | Notice) -> None:
-        """Add an event; one that is already waiting is not repeated."""
+        """Add an event and show the first message; an event that is already waiting becomes the newest."""
         notice = Notice(message) if isinstance(message, str) else message
-        if notice not in self._events:
-            self._events.append(notice)
+        if notice in self._events:
+            self._events.remove(notice)
+        self._events.append(notice)
+        self._place = 0
+
+    def show_next(self) -> None:
+        """Show the next message; after the last, the first."""
+        self._place = (self._place + 1) % max(1, len(self._all()))
 
     def set_state(self, message: str) -> None:
         """Set the current state; empty: it has ended. A dismissed state stays dismissed until it ends."""
         self._dismissed = self._dismissed and bool(message)
+        if message != self._state:
+            self._place = 0
         self._state = message
 
     def dismiss(self) -> None:
-        """Remove the first message."""
-        if self._state and not self._dismissed:
-            self._dismissed = True
-        elif self._events:
-            self._events.popleft()
+        """Remove the message that is shown."""
+        if self.shown in self._events:
+            self._events.remove(self.shown)
+        else:
+            self._dismissed = bool(self._state)
+
+    def end_connection_errors(self) -> None:
+        """Remove the messages that end when a scanner is connected."""
+        for notice in [notice for notice in self._events if notice.until_connected]:
+            self._events.remove(notice)
 
     def clear(self) -> None:
         """Remove all events; the current state stays."""
@@ -67,4 +87,5 @@ class Notices:
 
     def _all(self) -> list[Notice]:
         state = [Notice(self._state)] if self._state and not self._dismissed else []
-        return [*state, *self._events]
+        newest = list(reversed(self._events))
+        return [*state, *(one for one in newest if one.error), *(one for one in newest if not one.error)]

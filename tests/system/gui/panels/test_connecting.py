@@ -16,6 +16,7 @@ from sonarhw_gui.work.port_list import PortList
 
 from sonarhw.errors import InputError
 from sonarhw.host.port_probe import probe_port
+from sonarhw.host.scanner import Scanner
 from sonarhw.link.ports import Port, Usb
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
@@ -97,6 +98,34 @@ def test_a_fake_scanner_provides_its_room(
     assert window.session.shown.scene is scene
     assert not window.session.replay.loaded
     until(qtbot, lambda: window.session.status.phase is Phase.READY)
+
+
+def test_errors_of_connecting_come_before_warnings_and_end_when_a_scanner_is_connected(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    openers = {"silent": lambda: Scanner.open("socket://127.0.0.1:9"), "fake": fake("max")}
+
+    def find(url: str) -> ScannerTarget:
+        if url not in openers:
+            raise InputError(f"{url}: no such file")
+        return ScannerTarget(url, openers[url])
+
+    window = open_with(find_scanner=find)
+    session, banner = window.session, window.banner
+    session.warned.emit("the disk is nearly full")
+    session.scanners.choose("fake:gone.toml")
+    assert "no such file" in banner.message
+    session.scanners.choose("silent")
+    until(qtbot, lambda: "127.0.0.1:9" in banner.message)
+    assert "2 more" in banner.more_button.text()
+    session.scanners.choose("fake")
+    until(qtbot, lambda: banner.message == "⚠ the disk is nearly full")
+    assert session.status.phase in (Phase.CONNECTING, Phase.READY)
+    assert not banner.more_button.isVisible()
+    until(qtbot, lambda: session.status.phase is Phase.READY)
+    session.scanners.choose("fake:gone.toml")
+    session.tick()
+    assert "no such file" in banner.message  # the earlier connection does not end it
 
 
 def test_an_invalid_url_is_reported_and_the_scanner_stays(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
