@@ -43,6 +43,7 @@ from sonarhw_compare.fit.values.quantities import (
     BoardQuantity,
     PlaceQuantity,
     Quantity,
+    put_in_board,
     reflectance_of,
 )
 
@@ -263,10 +264,7 @@ class Objective:
         return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
 
     def _board(self, values: FloatArray) -> Board:
-        board = self.problem.board
-        for row, quantity in self._board_rows:
-            board = quantity.put(board, float(values[row]))
-        return board
+        return put_in_board(self.problem.board, [(one, float(values[row])) for row, one in self._board_rows])
 
     def _place(self, values: FloatArray, scan: int) -> Place:
         place = self.places[scan]
