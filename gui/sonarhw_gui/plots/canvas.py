@@ -21,7 +21,9 @@ def new_plot(
 
     `axes`: axes by side, to replace or add to the default two. `zooms_height`: the mouse changes the y range.
     """
-    pg.setConfigOptions(antialias=True)  # items read it when they are created
+    # antialias: items read it when they are created. mouseRateLimit: pyqtgraph would drop moves within 10 ms of the
+    # last one, and a drag whose events reach a busy window together would be a click; Qt already merges moves
+    pg.setConfigOptions(antialias=True, mouseRateLimit=0)
     # the window has its own menus; pyqtgraph's would offer logarithmic headings and another export
     plot = pg.PlotItem(axisItems=dict(axes or {}), viewBox=box, enableMenu=False)
     plot.hideButtons()

@@ -66,5 +66,4 @@ def begin_drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple
         for part in (0.5, 1.0):  # two moves: the first one begins the drag
             between = pixels[0] + (pixel - pixels[0]) * part
             qtbot.mouseMove(view.viewport(), between)
-            qtbot.wait(15)  # pyqtgraph handles 100 moves per second
     return pixels[-1]

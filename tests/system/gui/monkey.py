@@ -96,7 +96,7 @@ class Monkey:
         for _ in range(self._random.randint(1, 6)):
             at = at + QPoint(self._random.randint(-60, 60), self._random.randint(-60, 60))
             self._qtbot.mouseMove(widget, at)
-            self._qtbot.wait(15)  # pyqtgraph handles 100 moves per second
+            self._qtbot.wait(15)  # about one frame of a display
         self._qtbot.mouseRelease(widget, _LEFT, pos=at)
         return text
 

@@ -116,17 +116,9 @@ class Outside:
         _xdotool(*self._to(start), "mousedown", "1", *moves, *(["mouseup", "1"] if let_go else []))
 
     def drag_until(self, seen: Callable[[], bool], start: Pixel, end: Pixel, what: str) -> None:
-        """Drag until `seen` is true, and keep the button down.
-
-        A busy window gets the moves at once and ignores those within 10 ms, so the last ones are repeated.
-        """
-
-        def moved_again() -> bool:
-            _xdotool("mousemove_relative", "1", "0", "sleep", "0.03", "mousemove_relative", "--", "-1", "0")
-            return seen()
-
+        """Drag, keep the button down, and wait until `seen` is true."""
         self.drag(start, end, let_go=False)
-        awaited(moved_again, what)
+        awaited(seen, what)
 
     def let_go(self) -> None:
         """Release the mouse button."""

@@ -71,7 +71,6 @@ def test_a_residual_beyond_the_scale_is_an_arrow_with_its_value_in_the_tooltip(
     at = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(180, 0.25)))
     for pixel in (at - QPoint(40, 40), at):
         qtbot.mouseMove(view.viewport(), pixel)
-        qtbot.wait(15)  # pyqtgraph handles 100 moves per second
     until(qtbot, lambda: "residual +400 mm" in view.residuals.vb.toolTip())
     view.show_state(replace(shown, compared=None))
     assert not view.beyond[Kind.LONG].isVisible()
