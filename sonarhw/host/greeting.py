@@ -52,7 +52,10 @@ def _received_instead(talk: Conversation) -> str:
     """Return what to do about a device that has not answered."""
     counted = talk.driver.statistics
     if counted.bytes_received and not counted.frames_received:
-        return "it sends something else: if it prints text, `sonarhw ports --guess PORT` finds its URL"
+        return (
+            "it sends something else: if it prints text, `Listen for text` in the window (Ctrl+K) or "
+            "`sonarhw ports --guess PORT` finds its URL"
+        )
     return "check its power and the port"
 
 

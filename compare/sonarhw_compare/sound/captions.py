@@ -16,7 +16,7 @@ def _event(ping: PlayedPing, time: float, text: LengthText) -> str:
     blanked = [way for way in ping.ways if way.echo.blanked and way.echo.time <= time < way.echo.time + _SHOWN]
     if ping.detected is not None and time >= ping.detected:
         range_ = float(ping.prediction.ranges[ping.index])
-        return f"{_via(ping, ping.ways[0])} returns; the board reports {text(range_)}"
+        return f"{_via(ping, ping.ways[0])} returns; the board would report {text(range_)}"
     if blanked:
         return f"the echo of {_via(ping, blanked[-1])} arrives within blanking and is not detected"
     if time < board.transmit_cycles / board.frequency:

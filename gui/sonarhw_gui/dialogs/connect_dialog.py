@@ -50,6 +50,8 @@ class ConnectDialog(QDialog):
         self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
         self.url.setToolTip(_EXAMPLES)
         self.url.setLineEdit(self.field)
+        # with selected text, Return would replace a proposed URL by an earlier one
+        self.url.setCompleter(None)  # type: ignore[arg-type]  # the stub does not know that None is allowed
         self.buttons = QDialogButtonBox()
         self.connect_button = self.buttons.addButton("Connect", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)

@@ -160,7 +160,7 @@ class PlanController:
         """Remove the selected wall or post."""
         surface = self.chosen_surface
         if surface is None:
-            self.show_message("select a wall or a post with Edit (E) first")
+            self.show_message("⚠ Edit (E) selects what to remove")
         elif self.change(lambda scene: without_surface(scene, surface), self.scene, None):
             self.choose_surface(None)
 

@@ -17,6 +17,8 @@ from sonarhw_gui.view import Gestures
 
 _WALL, _POST = ("x of one end", "y of one end", "x of the other end", "y of the other end"), ("x", "y", "radius")
 
+_RADIUS = 0.05  # m, of a post until another one is typed
+
 
 class TypedSurface(QDialog):
     """Asks for the coordinates of a wall (four) or of a post (three). Not modal."""
@@ -34,6 +36,8 @@ class TypedSurface(QDialog):
         self.fields = [self._field(form, name, self._unit) for name in (_POST if post else _WALL)]
         for field, value in zip(self.fields, scene().pose.position, strict=False):
             field.setValue(self._unit.of(value))
+        if post:
+            self.fields[2].setValue(self._unit.of(_RADIUS))
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
         buttons.button(QDialogButtonBox.StandardButton.Ok).setDefault(True)  # Enter in a field adds
         buttons.accepted.connect(self._add)

@@ -45,7 +45,10 @@ def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url() -> None:
-    with PrintingDevice(RADAR.rounds()) as device, pytest.raises(NoAnswer, match="sonarhw ports --guess PORT"):
+    with (
+        PrintingDevice(RADAR.rounds()) as device,
+        pytest.raises(NoAnswer, match=r"Listen for text.*sonarhw ports --guess PORT"),
+    ):
         Scanner.open(device.port, patience=0.5)
 
 

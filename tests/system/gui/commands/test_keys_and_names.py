@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtPrintSupport import QPrinter
-from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QWidget
+from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
 from sonarhw_gui.commands.undo_list import UndoList
@@ -160,10 +160,19 @@ def test_walls_and_posts_are_added_by_typed_coordinates(qtbot: QtBot, window: Ma
     assert window.session.showing.history.steps == ("adding a post", "adding a wall")
 
 
+def test_remove_without_a_selection_says_how_to_select(qtbot: QtBot, window: MainWindow) -> None:
+    plan = window.views.plan
+    button = next(button for button in plan.findChildren(QToolButton) if button.defaultAction() is plan.remove)
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+    assert "Edit (E) selects" in plan.message.text()
+    assert plan.message.isVisible()
+    assert plan.message.fontMetrics().horizontalAdvance(plan.message.text()) < plan.message.width()
+
+
 def test_an_impossible_wall_is_explained_in_the_dialog(qtbot: QtBot, window: MainWindow) -> None:
     window.views.plan._type_surface(post=True)
     dialog = window.views.plan.typed
-    dialog.fields[-1].setValue(0.05)
+    assert dialog.fields[-1].value() == pytest.approx(0.05)
     dialog._add()  # around the sensor, where the fields begin
     assert "lies inside post" in dialog.problem.text()
     assert dialog.isVisible()

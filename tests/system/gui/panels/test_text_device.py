@@ -44,13 +44,16 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
         window = open_with(find_scanner=finder)
         open_dialog(qtbot, window)
         dialog = window.connecting.dialog
+        dialog.show_urls([device.port])  # used before
         QTest.keyClicks(dialog.field, device.port)
         qtbot.mouseClick(dialog.listen, Qt.MouseButton.LeftButton)
         expected = f"lines:{device.port}?baud=9600&preset=arduino-radar"
         until(qtbot, lambda: dialog.url.currentText() == expected)
         assert dialog.ports.item(0, 2).text().startswith("prints arduino-radar at 9600 baud")
-        qtbot.mouseClick(dialog.connect_button, Qt.MouseButton.LeftButton)
+        dialog.field.selectAll()  # as when the focus enters it
+        qtbot.keyClick(dialog.field, Qt.Key.Key_Return)
         until(qtbot, lambda: window.session.status.phase is Phase.READY)
+        assert window.session.scanners.url == expected
         assert window.session.shown.scene.board.name == "hc-sr04"
         assert "board profile hc-sr04" in window.banner.message
         window.commands.scan.trigger()

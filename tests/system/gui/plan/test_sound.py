@@ -66,7 +66,7 @@ def test_plan_and_trace_show_the_same_moment(qtbot: QtBot, window: MainWindow) -
     seek(qtbot, window, ping.duration)
     assert window.views.trace.sound.crossing.isVisible()
     assert layer.counted.getData()[1][0] == pytest.approx(SENSOR[1] - float(ping.prediction.distances[0]), abs=1e-3)
-    assert "the board reports 0.8" in window.sound_bar.caption.text()
+    assert "the board would report 0.8" in window.sound_bar.caption.text()
     left, right = window.views.plan.drawing.plot.viewRange()[1]
     assert left < SENSOR[1] - 0.82 < right  # the false wall is visible
 

@@ -59,7 +59,7 @@ def test_captions_follow_the_events() -> None:
         (0.6e-3, "0.60 ms: the echo of bottom arrives within blanking and is not detected"),
         (2.0e-3, "2.00 ms: the board does not listen yet (blanking)"),
         (3.0e-3, "3.00 ms: the board listens"),
-        (5.0e-3, "5.00 ms: bottom, top, bottom returns; the board reports 0.827 m"),
+        (5.0e-3, "5.00 ms: bottom, top, bottom returns; the board would report 0.827 m"),
     ):
         assert caption_at(PING, time) == expected
 
