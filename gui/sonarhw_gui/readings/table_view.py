@@ -156,7 +156,8 @@ class TableView(QWidget):
             selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
             order = self.model.order[selected] if len(selected) > 1 else self.model.order
             in_metres = replace(self._shown, look=Look())
-            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), in_metres.sentence_of))
+            text = rows_as_csv(self.model.rows, order.tolist(), in_metres.sentence_of, in_metres.notes)
+            QGuiApplication.clipboard().setText(text)
 
     def _made_view(self) -> _Rows:
         view = _Rows(showGrid=False, wordWrap=False)

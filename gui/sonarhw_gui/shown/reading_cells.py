@@ -11,6 +11,7 @@ from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Class
 from sonarhw_gui.look.residual_unit import residual_unit
+from sonarhw_gui.scene.note_texts import NoteTexts
 from sonarhw_gui.shown.reading_rows import CLASSES, ReadingRows
 
 _NOTHING = "–"
@@ -78,11 +79,11 @@ def _length(metres: float, look: Look) -> str:
 
 
 _CSV_HEADER = (
-    "number", "heading_deg", "measured_m", "predicted_m", "residual_m", "class", "path", "sentence",
+    "number", "heading_deg", "measured_m", "predicted_m", "residual_m", "class", "path", "sentence", "note",
 )  # fmt: skip
 
 
-def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int], str]) -> str:
+def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int], str], notes: NoteTexts) -> str:
     """Return these rows as CSV with a header: always degrees and metres, empty if there is no value."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -93,5 +94,6 @@ def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int
         texts = ("" if math.isnan(length) else f"{length:.4f}" for length in lengths)
         kind = class_name(CLASSES[rows.classes[row]])
         heading = f"{rows.headings[row]:.4f}"
-        writer.writerow((row, heading, *texts, kind, *map(text_cell, (rows.path(row), sentence(int(row))))))
+        words = rows.path(row), sentence(int(row)), notes.of(int(row))
+        writer.writerow((row, heading, *texts, kind, *map(text_cell, words)))
     return text.getvalue()

@@ -17,6 +17,7 @@ from sonarhw_compare.matching.match import Kind, compare_readings
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.readings.table_view import TableView
+from sonarhw_gui.scene.note_texts import NoteTexts
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_cells import Column, rows_as_csv
 from sonarhw_gui.shown.reading_order import RowQuery, order_of
@@ -24,6 +25,7 @@ from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.comparing import ComparedScan, Stretch
 
+from sonarhw.export.csv_rows import text_cell
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
 from tests.system.gui.driving import PATIENCE, until
@@ -150,15 +152,17 @@ def test_filtered_rows_contain_every_word_of_the_filter(shown: Shown) -> None:
 
 
 def test_csv_is_in_metres_and_degrees_with_any_look(table: TableView, shown: Shown) -> None:
-    table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
+    notes = NoteTexts({27: 'a door, "open"', 3: "=1+1"})
+    table.show_state(replace(shown, look=Look(unit=LengthUnit.FT), notes=notes))
     table.copy_rows()
     text = QGuiApplication.clipboard().text()
-    assert text == rows_as_csv(shown.rows, range(COUNT), shown.sentence_of)
+    assert text == rows_as_csv(shown.rows, range(COUNT), shown.sentence_of, notes)
     copied = list(csv.DictReader(io.StringIO(text)))
     first, silent = copied[27], copied[3]
     assert (first["heading_deg"], first["class"], first["path"]) == ("270.0000", "match", "bottom>top>bottom")
     assert float(first["measured_m"]) == pytest.approx(shown.readings[27].range, abs=1e-4)
     assert first["sentence"] == shown.sentence_of(27)
+    assert [first["note"], silent["note"], copied[4]["note"]] == ['a door, "open"', text_cell("=1+1"), ""]
     assert (silent["measured_m"], silent["residual_m"], silent["class"]) == ("", "", "missed")
 
 
