@@ -1,4 +1,4 @@
-"""A host written from firmware_protocol.md alone talks to every image on the emulated board, without a special case."""
+"""A host written from firmware_protocol.md alone talks to every image and program on the emulated board, without a special case."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -38,7 +38,7 @@ def find_zero(host: DocumentHost) -> None:
         assert end.fields["outcome"] == codes("Outcome")["DONE"], end
 
 
-@pytest.mark.parametrize("combination", combinations())
+@pytest.mark.parametrize("combination", combinations() + combinations("PROGRAMS"))
 def test_a_host_written_from_the_document_scans(combination: str) -> None:
     with connected(combination) as host:
         assert host.answer("AskStatistics").fields["code"] == codes("Refusal")["NO_HELLO"]
