@@ -17,6 +17,8 @@ COLDEST, HOTTEST = -20.0, 60.0  # °C; outside, a wire is wrong rather than the 
 SAME_TIME = 3e-6  # s; half a millimetre of range
 MOST_AT_ONE_TIME = 0.65  # of the headings
 BURST_END = 0.003  # s; later signals in a trace are echoes, not the burst itself
+SAME_ECHO = 0.05  # of the time; more is another echo
+MOST_CHANGED = 0.25  # of the headings
 LOUD = 0.3  # of full scale; of an echo in a trace that the board should have reported
 QUIET = 0.15  # of full scale; median of the end of a trace without echoes
 PLATE_ERROR, PLATE_SPREAD = 0.05, 0.005  # of the distance; m
@@ -213,6 +215,25 @@ def steps(failure: str | None) -> Diagnosis:
     if failure is None:
         return passed("steps", "none lost in a whole turn")
     return failed("steps", failure, STEPS_ADVICE)
+
+
+def same_echoes(readings: Sequence[Reading], moves: Diagnosis) -> Diagnosis:
+    """Judge the steps of a turntable without a mark: both sweeps must have the same echoes at the same headings.
+
+    `moves` is the diagnosis of `echo_moves`. Steps that both sweeps lose alike are not found.
+    """
+    if moves.verdict is not Verdict.PASS:
+        return skipped("steps", "the echoes do not show whether steps are lost")
+    times: dict[int, list[float]] = {}
+    for reading in readings:
+        first = reading.echo_times[0] if reading.echo_times else math.inf
+        times.setdefault(round(math.degrees(reading.angle) * 100), []).append(first)
+    pairs = [found for found in times.values() if len(found) == 2]
+    other = sum(not math.isclose(*pair, rel_tol=SAME_ECHO) for pair in pairs)
+    text = f"{other} of {len(pairs)} headings have another echo on the way back"
+    if other >= MOST_CHANGED * len(pairs):
+        return failed("steps", text, f"{STEPS_ADVICE}; if something moved in the room, run this again")
+    return passed("steps", text)
 
 
 def direction(readings: Sequence[Reading], plate: float, marked: bool = True) -> Diagnosis:

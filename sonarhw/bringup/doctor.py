@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sonarhw.bringup import diagnoses
 from sonarhw.bringup.diagnoses import Diagnosis, Verdict, skipped
@@ -87,18 +87,20 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
     if zero.verdict is Verdict.FAIL:
         yield from (skipped(check, "the zero is unknown") for check in ("steps", "echo moves", "direction", "plate"))
         return
-    if Feature.LOST_STEPS in features:
+    lost = Feature.LOST_STEPS in features
+    if lost:
         steps = diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
-    else:
-        steps = skipped("steps", "this turntable does not detect lost steps")
-    yield steps
-    around = _scanned(scanner, _around(scanner.info.capabilities))
+        yield steps
+    around = _scanned(scanner, replace(_around(scanner.info.capabilities), sweeps=1 if lost else 2))
     if isinstance(around, Diagnosis):
-        if steps.verdict is not Verdict.FAIL:
+        if not lost or steps.verdict is not Verdict.FAIL:
             yield around
         yield from (skipped(check, "steps are lost") for check in ("echo moves", "direction", "plate"))
         return
-    yield diagnoses.echo_moves(around, marked)
+    moves = diagnoses.echo_moves(around, marked)
+    if not lost:
+        yield diagnoses.same_echoes(around, moves)
+    yield moves
     if plate is None:
         advice = (
             "put a plate 1 m from the transducer, 30° counter-clockwise of zero, and run "
