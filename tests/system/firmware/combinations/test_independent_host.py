@@ -1,4 +1,4 @@
-"""A host written from firmware_protocol.md alone talks to every image and program on the emulated board, without a special case."""
+"""A host written from firmware_protocol.md alone talks to every emulated image and program, without a special case."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
