@@ -14,7 +14,7 @@ from sonarhw_compare.matching.match import Kind
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.note_symbol import NOTE_SIZE, note_symbol
-from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette, ViewLayer
+from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette, Unclassed, ViewLayer
 from sonarhw_gui.parts.eye import EYE_WIDTH, draw_eye
 from sonarhw_gui.parts.flow_layout import FlowLayout
 
@@ -48,16 +48,26 @@ class Legend(QWidget):
         self._draw()
 
     def show_state(
-        self, origin: Origin, hidden: frozenset[Class | ViewLayer], own_body: bool = False, notes: bool = False
+        self,
+        origin: Origin,
+        hidden: frozenset[Class | ViewLayer],
+        own_body: bool = False,
+        notes: bool = False,
+        room: bool = True,
     ) -> None:
         """Name the readings by their origin, and show which layers are hidden.
 
         `own_body`: whether the board states echoes of its carrier; only then their class is listed. `notes`: whether
-        there are notes on readings.
+        there are notes on readings. `room`: whether the readings are compared with a room; if not, they have no class.
         """
         self.explained[_NOTE].setVisible(notes)
-        if Kind.OWN_BODY in self.entries:
-            self.entries[Kind.OWN_BODY].setVisible(own_body)
+        for layer, entry in self.entries.items():
+            if layer is Kind.OWN_BODY:
+                entry.setVisible(own_body and room)
+            elif layer is Unclassed.MEASURED:
+                entry.setVisible(not room)
+            elif isinstance(layer, Kind):
+                entry.setVisible(room)
         if (origin, hidden) != (self._origin, self._hidden):
             self._origin, self._hidden = origin, hidden
             self._draw()
@@ -203,6 +213,9 @@ _ENTRIES: dict[Class | ViewLayer, _Entry] = {
         for kind in Kind
         if kind in MARKS
     },
+    Unclassed.MEASURED: _Entry(
+        partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
+    ),
     ViewLayer.TRACE: _Entry(
         partial(_line_picture, "measured", _SOLID), f"{ORIGIN} trace", "the received signal that the board recorded"
     ),

@@ -119,7 +119,13 @@ def _with_legend(widget: QWidget, title: str, shown: Shown) -> Sequence[QWidget]
     width = widget.width()
     head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
     head.setContentsMargins(8, 6, 8, 2)
-    legend.show_state(shown.origin, shown.hidden, bool(shown.scene.board.own_body), bool(shown.notes))
+    legend.show_state(
+        shown.origin,
+        shown.hidden,
+        own_body=bool(shown.scene.board.own_body),
+        notes=bool(shown.notes),
+        room=shown.scene.room is not None,
+    )
     legend.show_look(shown.look)
     parts: list[QWidget] = [head, legend]
     for text in filter(None, (shown.sentence if shown.chosen is not None else "", bounces_text(shown))):

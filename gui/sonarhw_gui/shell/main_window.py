@@ -189,7 +189,13 @@ class MainWindow(QMainWindow):
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
-        self.legend.show_state(shown.origin, shown.hidden, bool(shown.scene.board.own_body), bool(shown.notes))
+        self.legend.show_state(
+            shown.origin,
+            shown.hidden,
+            own_body=bool(shown.scene.board.own_body),
+            notes=bool(shown.notes),
+            room=shown.scene.room is not None,
+        )
         self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()

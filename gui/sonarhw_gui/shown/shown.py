@@ -26,7 +26,7 @@ from sonarhw_gui.work.chosen_trace import ChosenTrace
 from sonarhw_gui.work.comparing import ComparedScan
 from sonarhw_gui.work.outline_chances import OutlineChances
 
-_HINT = "No reading yet: open a log or a room, or connect a scanner."
+_HINT = "No reading yet: open a log or a room, or scan (F5) with a connected scanner."
 _HINT_IN_A_ROOM = "No reading yet. Click the predicted outline to see what the sonar would read there, and why."
 
 

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.live.scanner_jobs import Phase, ScannerOpener
 from sonarhw_gui.live.window_status import Source
@@ -219,6 +220,11 @@ def test_without_a_room_the_measured_points_are_shown(
     window = open_with(scene=Scene(None, None, scene.board), source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
     assert set(window.session.shown.classes) == {Unclassed.MEASURED}
+    named = {entry.text() for entry in window.legend.entries.values() if entry.isVisible()}
+    assert window.session.shown.origin in named
+    assert not any(": " in name for name in named)  # no class: there is nothing to match
+    qtbot.mouseClick(window.legend.entries[Unclassed.MEASURED], Qt.MouseButton.LeftButton)
+    assert not window.session.shown.classes
     assert "open a room file" in window.sentence.text()
     assert window.session.status.source is Source.LIVE
 
