@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlencode
 
-from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.choices import DEFAULT_BOARD
 from sonarhw_sim.room.doubts import place_doubts, room_doubts
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -42,6 +42,12 @@ class FakeUrl:
 def is_fake(url: str) -> bool:
     """Return whether this is the URL of a fake scanner."""
     return url.startswith(f"{SCHEME}:")
+
+
+def fake_url(room: str, place: str, board: str) -> str:
+    """Return the URL of a fake scanner in a room, given by name or file; `board` is left out if it is not shipped."""
+    known = {"board": board} if board in board_names() else {}
+    return f"{SCHEME}:{room}?{urlencode({'place': place} | known)}"
 
 
 def read_fake_url(url: str) -> FakeUrl:

@@ -14,6 +14,7 @@ _Group = Sequence[QAction]  # separated from the next one by a line
 def fill_menus(
     bar: QMenuBar,
     commands: Commands,
+    shipped: QMenu,
     recent: QMenu,
     steps: QMenu,
     layouts: QMenu,
@@ -22,10 +23,11 @@ def fill_menus(
 ) -> None:
     """Add every action to its menu. Actions of a view go to the menu that its `ViewEntry` names.
 
-    `steps`: the menu of undo steps; `layouts`: that of named layouts.
+    `shipped`, `recent`: the menus of shipped rooms and of recent files; `steps`: that of undo steps; `layouts`: that of
+    named layouts.
     """
     for name, groups in (
-        *_menus_of_scans(commands, recent, steps),
+        *_menus_of_scans(commands, shipped, recent, steps),
         *_menus_of_views(views),
         *_menus_of_the_window(commands, [*docks, commands.reset_layout, layouts.menuAction()]),
     ):
@@ -36,9 +38,12 @@ def fill_menus(
             menu.addActions(group)
 
 
-def _menus_of_scans(commands: Commands, recent: QMenu, steps: QMenu) -> Iterator[tuple[str, list[_Group]]]:
+def _menus_of_scans(
+    commands: Commands, shipped: QMenu, recent: QMenu, steps: QMenu
+) -> Iterator[tuple[str, list[_Group]]]:
     found = [commands.open_log, commands.import_scan, commands.recordings]
-    opened = [commands.open_room, *found, recent.menuAction(), commands.save_room, commands.save_room_as]
+    rooms = [commands.open_room, shipped.menuAction()]
+    opened = [*rooms, *found, recent.menuAction(), commands.save_room, commands.save_room_as]
     pictures = [
         commands.save_view,
         *commands.save_beside.values(),

@@ -7,6 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QMimeData, Qt, Slot
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
+from sonarhw_sim.room.model import room_names
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.dialogs.import_dialog import ImportDialog
@@ -15,7 +16,7 @@ from sonarhw_gui.dialogs.recordings_dialog import RecordingsDialog
 from sonarhw_gui.parts.plain_label import plain_tip
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.store.file_watch import WatchedFile
-from sonarhw_gui.store.open_requests import can_open
+from sonarhw_gui.store.open_requests import OpenRoomRequest, can_open
 
 
 class FileCommands(QMenu):
@@ -35,6 +36,10 @@ class FileCommands(QMenu):
         session.import_asked.connect(self._ask_how_to_read, Qt.ConnectionType.QueuedConnection)
         commands.save_room.triggered.connect(self._save_room)
         commands.save_room_as.triggered.connect(self._ask_where_to_save_room)
+        self.shipped = QMenu("Open shipped room", window)
+        for name in room_names():
+            self.shipped.addAction(name).setToolTip(f"Show the readings in the shipped room {name}")
+        self.shipped.triggered.connect(self._open_shipped)
         self.triggered.connect(self._open_recent)
         session.recent_changed.connect(self.show_recent)
         self.show_recent(session.documents.recent)
@@ -62,6 +67,10 @@ class FileCommands(QMenu):
     @Slot(QAction)
     def _open_recent(self, action: QAction) -> None:
         self._session.open_file(action.data())
+
+    @Slot(QAction)
+    def _open_shipped(self, action: QAction) -> None:
+        self._session.reopen(OpenRoomRequest(action.text(), self._session.shown.scene.board))
 
     @Slot()
     def _ask_log(self) -> None:

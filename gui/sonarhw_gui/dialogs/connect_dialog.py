@@ -22,7 +22,7 @@ from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
 from sonarhw_gui.work.port_list import PortRow
 
 _EXAMPLES = (
-    "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, fake:ROOM.toml?place=NAME, "
+    "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, fake:ROOM?place=NAME, "
     "or lines:PORT?preset=arduino-radar"
 )
 

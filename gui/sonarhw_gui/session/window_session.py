@@ -15,6 +15,7 @@ from sonarhw_sim.compilation import Quiet, watch_compilation
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw_gui.causes.cause_control import CauseControl
+from sonarhw_gui.live.fake_room import ConnectScanner, fake_elsewhere
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
@@ -90,6 +91,7 @@ class WindowSession(QObject):
         self._before_replay: Scene | None = None
         self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
         self._scanner_scene = scene  # contains the last confirmed position of the scanner
+        self._elsewhere: Notice | None = None  # the fake scanner is in another room than the one opened last
         self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
@@ -246,7 +248,7 @@ class WindowSession(QObject):
         self.documents.submit(request)
 
     @Slot(object)
-    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | OpenRequest) -> None:
+    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ConnectScanner | OpenRequest) -> None:
         """Carry out the answer to a notice."""
         try:
             match answer:
@@ -256,6 +258,8 @@ class WindowSession(QObject):
                     self.unsaved.discard(answer)
                 case ReloadBoard():
                     self.open_board(str(answer.path))
+                case ConnectScanner():
+                    self.scanners.choose(answer.url)
                 case _:
                     self.reopen(answer)
         except SonarError as error:
@@ -284,7 +288,7 @@ class WindowSession(QObject):
             self.warned.emit(
                 f"this device has board profile {target.board}, which is used from now on; Ctrl+Z undoes this"
             )
-        self._scanner_scene = self.shown.scene
+        self._scanner_scene, self._elsewhere = self.shown.scene, None
         self.live.connect()
 
     @property
@@ -367,9 +371,13 @@ class WindowSession(QObject):
             self._take_grown(opened)
             return
         if isinstance(opened, RoomOpened):
-            self._warn_if_other_room(opened.scene)
-            self.set_scene(self._at_same_place(opened))
-            self._scanner_scene = self.shown.scene
+            scene = self._at_same_place(opened)
+            self._elsewhere = fake_elsewhere(self.scanners.url, opened.path, scene)
+            if self._elsewhere is not None:
+                self.noticed.emit(self._elsewhere)
+            self._warn_if_other_room(scene)
+            self.set_scene(scene)
+            self._scanner_scene = scene
             self.files.watch(WatchedFile.ROOM, opened.path)
             self.room_opened.emit()
             return
@@ -431,7 +439,9 @@ class WindowSession(QObject):
 
     def _warn_if_moved(self) -> None:
         was, now = self._scanner_scene.pose, self.shown.scene.pose
-        if (was.position, was.heading) != (now.position, now.heading):
+        if self._elsewhere is not None:
+            self.noticed.emit(self._elsewhere)
+        elif (was.position, was.heading) != (now.position, now.heading):
             self.warned.emit("the sensor was moved only in the window; readings are predicted from the place shown")
             self._scanner_scene = self.shown.scene  # warn once
 

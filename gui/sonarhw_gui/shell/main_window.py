@@ -129,6 +129,7 @@ class MainWindow(QMainWindow):
         fill_menus(
             self.menuBar(),
             self.commands,
+            self.files.shipped,
             self.files,
             UndoList(self.session.showing, self),
             self.layouts,
@@ -253,6 +254,7 @@ class MainWindow(QMainWindow):
         self.banner.show_state(status)
         self.device.show_status(status)
         show_scanner(self.commands, status)
+        self.files.shipped.setEnabled(not status.scanning)
         self.files.menuAction().setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
 

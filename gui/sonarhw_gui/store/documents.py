@@ -64,7 +64,7 @@ class Documents:
                 self.messages.append(answer.message)
             else:
                 opened.append(answer)
-                if isinstance(answer, LogGrown):
+                if isinstance(answer, LogGrown) or answer.path is None:
                     continue
                 self.recent = with_newest(self.recent, str(answer.path.absolute()))
                 if isinstance(answer, LogOpened) and answer.notice:

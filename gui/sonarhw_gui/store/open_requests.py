@@ -6,6 +6,7 @@ from itertools import count
 from pathlib import Path
 
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.named_file import file_name
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.errors import InputError, LogError
@@ -93,21 +94,22 @@ class OpenCsvRequest:
 class RoomOpened:
     """The scene of a room file, at its first place."""
 
-    path: Path
+    path: Path | None  # None: a shipped room
     scene: Scene
 
 
 @dataclass(frozen=True)
 class OpenRoomRequest:
-    """Open a room file."""
+    """Open a room file, or a shipped room by its name."""
 
-    path: Path
+    path: Path | str
     board: Board
 
     def answer(self) -> RoomOpened:
         """Read the room. Raises InputError."""
         room = load_room(self.path)
-        return RoomOpened(self.path, scene_with(self.board, room, first_place(room), self.path.name))
+        path = self.path if isinstance(self.path, Path) else None
+        return RoomOpened(path, scene_with(self.board, room, first_place(room), file_name(self.path)))
 
 
 Opened = LogOpened | RoomOpened | LogGrown

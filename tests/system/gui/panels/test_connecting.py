@@ -8,10 +8,12 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
+from sonarhw_compare.scanners.fake_url import read_fake_url
 from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.scanner_choice import ScannerTarget
 from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.store.file_watch import WatchedFile
 from sonarhw_gui.work.port_list import PortList
 
 from sonarhw.errors import InputError
@@ -126,6 +128,33 @@ def test_errors_of_connecting_come_before_warnings_and_end_when_a_scanner_is_con
     session.scanners.choose("fake:gone.toml")
     session.tick()
     assert "no such file" in banner.message  # the earlier connection does not end it
+
+
+def test_a_fake_scanner_that_is_in_another_room_than_the_opened_one_is_named(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
+) -> None:
+    opener, urls = fake("max"), []
+
+    def find(url: str) -> ScannerTarget:
+        urls.append(url)
+        return ScannerTarget(url, opener)
+
+    window = open_with(source=opener, url="fake:simple?place=figure9", find_scanner=find)
+    rooms = {action.text(): action for action in window.files.shipped.actions()}
+    rooms["corridor"].trigger()
+    until(qtbot, lambda: window.session.shown.scene.room_file == "corridor.toml")
+    still_there = "⚠ the fake scanner is still in 'Simple room', not in the room shown"
+    assert window.banner.message == still_there
+    assert window.session.files.path(WatchedFile.ROOM) is None  # a shipped room is saved under another name
+    window.session.scan()
+    assert window.banner.message == still_there
+    until(qtbot, lambda: ended(window))
+    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
+    assert [read_fake_url(url).room for url in urls] == ["corridor"]
+    assert window.banner.message == ""
+    window.session.scan()
+    assert window.banner.message == ""
+    until(qtbot, lambda: ended(window))
 
 
 def test_an_invalid_url_is_reported_and_the_scanner_stays(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:

@@ -130,6 +130,8 @@ def test_room_without_walls_is_rejected() -> None:
 def test_missing_file_is_named() -> None:
     with pytest.raises(InputError, match=r"nowhere\.toml: no such file; give the name of a room file"):
         load_room("nowhere.toml")
+    with pytest.raises(InputError, match=r"simple\.toml: no such file; the shipped room is 'simple'"):
+        load_room("simple.toml")
 
 
 def test_names_default_to_wall_and_number() -> None:
