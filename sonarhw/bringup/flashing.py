@@ -50,17 +50,21 @@ class FoundBoard:
     def ranging(self) -> Ranging:
         """Return its ranging board; a 6500 if unknown. Raises InputError if there is no firmware for it."""
         known = {profile: ranging for ranging, profile in _PROFILES.items()}
-        return _part("--ranging", self.profile, {"": Ranging.POLAROID, **known})
+        return _part("`sonarhw flash PORT --ranging NAME`", self.profile, {"": Ranging.POLAROID, **known})
 
     def turning(self) -> Turning:
         """Return its turntable; step/direction if unknown. Raises InputError if there is no firmware for it."""
-        return _part("--turning", self.turntable, {"": Turning.STEP_DIR, **{str(one): one for one in Turning}})
+        return _part(
+            "`sonarhw flash PORT --turning NAME`",
+            self.turntable,
+            {"": Turning.STEP_DIR, **{str(one): one for one in Turning}},
+        )
 
 
-def _part(option: str, said: str, known: dict[str, _Part]) -> _Part:
+def _part(command: str, said: str, known: dict[str, _Part]) -> _Part:
     if said not in known:
         raise InputError(
-            f"no prebuilt firmware for {said!r}, for which the board is built; to change that, add {option}"
+            f"no prebuilt firmware for {said!r}, for which the board is built; to change that, run {command}"
         )
     return known[said]
 

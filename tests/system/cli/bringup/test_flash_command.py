@@ -84,7 +84,8 @@ def test_without_options_a_board_keeps_the_parts_that_it_is_built_for() -> None:
         (
             ("hc-sr04", "worm-gear"),
             (),
-            "no prebuilt firmware for 'worm-gear', for which the board is built; to change that, add --turning\n",
+            "no prebuilt firmware for 'worm-gear', for which the board is built; to change that, "
+            "run `sonarhw flash PORT --turning NAME`\n",
         ),
         (("hc-sr04", "servo"), ("--ranging", "polaroid"), "no prebuilt firmware for uno-polaroid-servo"),
     ],
