@@ -42,7 +42,7 @@ class Shipped:
     def read(self, name: Path | str) -> tuple[str, str]:
         """Return the text of a file or of a shipped one, and its name for errors. Raises InputError."""
         if is_file(name):
-            if name in [f"{shipped}{SUFFIX}" for shipped in self.names()] and not os.path.exists(name):
+            if not os.path.exists(name) and name in [f"{shipped}{SUFFIX}" for shipped in self.names()]:
                 raise InputError(f"{name}: no such file; the shipped {self.what} is {str(name).removesuffix(SUFFIX)!r}")
             return read_text(Path(name), self.document), str(name)
         if name not in self.names():

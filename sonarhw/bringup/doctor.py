@@ -87,18 +87,18 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
     if zero.verdict is Verdict.FAIL:
         yield from (skipped(check, "the zero is unknown") for check in ("steps", "echo moves", "direction", "plate"))
         return
-    lost = Feature.LOST_STEPS in features
-    if lost:
+    detects_loss = Feature.LOST_STEPS in features
+    if detects_loss:
         steps = diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
         yield steps
-    around = _scanned(scanner, replace(_around(scanner.info.capabilities), sweeps=1 if lost else 2))
+    around = _scanned(scanner, replace(_around(scanner.info.capabilities), sweeps=1 if detects_loss else 2))
     if isinstance(around, Diagnosis):
-        if not lost or steps.verdict is not Verdict.FAIL:
+        if not detects_loss or steps.verdict is not Verdict.FAIL:
             yield around
         yield from (skipped(check, "steps are lost") for check in ("echo moves", "direction", "plate"))
         return
     moves = diagnoses.echo_moves(around, marked)
-    if not lost:
+    if not detects_loss:
         yield diagnoses.same_echoes(around, moves)
     yield moves
     if plate is None:

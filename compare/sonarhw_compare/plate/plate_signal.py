@@ -69,9 +69,9 @@ def plate_levels(board: Board, speed_of_sound: float, distance: float) -> PlateL
 
 @lru_cache(maxsize=_KEPT)
 def _levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels:
-    right = _right_of(board)
+    computed = _computed_angles(board)
     # likewise, the gain acts on pulses that do not depend on its steps
-    pulse = _pulses_to_the_right(replace(board, gain_step_db=0.0), speed_of_sound, distance)
+    pulse = _kept_pulses(replace(board, gain_step_db=0.0), speed_of_sound, distance)
     envelopes = pulse.sizes * _gain(pulse, board)
     peaks = _decibels(envelopes.max(axis=1))
     if board.receiver is Receiver.BOARD:
@@ -79,13 +79,13 @@ def _levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels
         charges = lfilter([1.0 - kept], [1.0, -kept], envelopes, axis=1).max(axis=1)
         detected = _decibels(charges / charge_of_burst(board, speed_of_sound))
     else:
-        detected = _carrier_levels(board, speed_of_sound, distance, right)
-    if len(right) < len(_ANGLES):
+        detected = _carrier_levels(board, speed_of_sound, distance, computed)
+    if len(computed) < len(_ANGLES):
         peaks, detected = (np.concatenate((one[:0:-1], one)) for one in (peaks, detected))
     return PlateLevels(_ANGLES, peaks, detected)
 
 
-def _right_of(board: Board) -> FloatArray:
+def _computed_angles(board: Board) -> FloatArray:
     """Return the angles to compute, rad: from 0 on if those to the left have the same levels, else all."""
     return _ANGLES if board.mount.aside else _ANGLES[len(_ANGLES) // 2 :]
 
@@ -105,8 +105,8 @@ class _Pulses:
 
 
 @lru_cache(maxsize=_KEPT // 2)
-def _pulses_to_the_right(board: Board, speed_of_sound: float, distance: float) -> _Pulses:
-    return _pulses(board, speed_of_sound, distance, _right_of(board))
+def _kept_pulses(board: Board, speed_of_sound: float, distance: float) -> _Pulses:
+    return _pulses(board, speed_of_sound, distance, _computed_angles(board))
 
 
 def _pulses(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> _Pulses:

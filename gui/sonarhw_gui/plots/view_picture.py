@@ -17,9 +17,9 @@ from PySide6.QtSvg import QSvgGenerator
 from PySide6.QtWidgets import QGraphicsItem, QWidget
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.plots.legend import Legend
 from sonarhw_gui.shown.bounces import bounces_text
 from sonarhw_gui.shown.shown import Shown
 
@@ -119,13 +119,7 @@ def _with_legend(widget: QWidget, title: str, shown: Shown) -> Sequence[QWidget]
     width = widget.width()
     head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
     head.setContentsMargins(8, 6, 8, 2)
-    legend.show_state(
-        shown.origin,
-        shown.hidden,
-        own_body=bool(shown.scene.board.own_body),
-        notes=bool(shown.notes),
-        room=shown.scene.room is not None,
-    )
+    legend.show_state(shown)
     legend.show_look(shown.look)
     parts: list[QWidget] = [head, legend]
     for text in filter(None, (shown.sentence if shown.chosen is not None else "", bounces_text(shown))):

@@ -15,8 +15,8 @@ from sonarhw_sim.compilation import Quiet, watch_compilation
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw_gui.causes.cause_control import CauseControl
-from sonarhw_gui.live.fake_room import ConnectScanner, fake_elsewhere
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
+from sonarhw_gui.live.scanner_place import ConnectScanner, ScannerPlace
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scans.scan_list import ScanList
@@ -90,8 +90,7 @@ class WindowSession(QObject):
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
         self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
-        self._scanner_scene = scene  # contains the last confirmed position of the scanner
-        self._elsewhere: Notice | None = None  # the fake scanner is in another room than the one opened last
+        self._scanner_place = ScannerPlace(scene)
         self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
@@ -133,7 +132,7 @@ class WindowSession(QObject):
         self._scan_due = False
         if self.live.possible and not self.live.running:
             self._begin()
-            self._warn_if_moved()
+            self._notify(self._scanner_place.doubt(self.shown.scene))
             self._source.scan(self.shown.scene)
 
     def scan_when_predicted(self) -> None:
@@ -288,7 +287,7 @@ class WindowSession(QObject):
             self.warned.emit(
                 f"this device has board profile {target.board}, which is used from now on; Ctrl+Z undoes this"
             )
-        self._scanner_scene, self._elsewhere = self.shown.scene, None
+        self._scanner_place.confirm(self.shown.scene)
         self.live.connect()
 
     @property
@@ -372,12 +371,9 @@ class WindowSession(QObject):
             return
         if isinstance(opened, RoomOpened):
             scene = self._at_same_place(opened)
-            self._elsewhere = fake_elsewhere(self.scanners.url, opened.path, scene)
-            if self._elsewhere is not None:
-                self.noticed.emit(self._elsewhere)
+            self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
             self._warn_if_other_room(scene)
             self.set_scene(scene)
-            self._scanner_scene = scene
             self.files.watch(WatchedFile.ROOM, opened.path)
             self.room_opened.emit()
             return
@@ -437,13 +433,9 @@ class WindowSession(QObject):
             now = opened.room_file
             self.warned.emit(f"these readings were recorded in {other_room}; they are now compared with {now}")
 
-    def _warn_if_moved(self) -> None:
-        was, now = self._scanner_scene.pose, self.shown.scene.pose
-        if self._elsewhere is not None:
-            self.noticed.emit(self._elsewhere)
-        elif (was.position, was.heading) != (now.position, now.heading):
-            self.warned.emit("the sensor was moved only in the window; readings are predicted from the place shown")
-            self._scanner_scene = self.shown.scene  # warn once
+    def _notify(self, notice: Notice | None) -> None:
+        if notice is not None:
+            self.noticed.emit(notice)
 
     def _take_readings(self) -> bool:
         if self.live.newly_connected():  # before its errors are taken
@@ -451,8 +443,7 @@ class WindowSession(QObject):
         fresh, notice = self._source.take(self._last_tick)
         if fresh:
             self.showing.follow(self.live.readings)
-        if notice is not None:
-            self.noticed.emit(notice)
+        self._notify(notice)
         return fresh
 
     def _begin(self) -> None:

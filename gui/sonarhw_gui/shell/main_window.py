@@ -26,13 +26,13 @@ from sonarhw_gui.commands.save_commands import SaveCommands
 from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.look.theme import apply_look
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.parts.label_slot import LabelSlot
+from sonarhw_gui.plots.legend import Legend
 from sonarhw_gui.readings.sentence import BounceLine, Sentence
 from sonarhw_gui.scans.scans_panel import ScansPanel
 from sonarhw_gui.session.window_session import WindowSession
@@ -190,13 +190,7 @@ class MainWindow(QMainWindow):
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
-        self.legend.show_state(
-            shown.origin,
-            shown.hidden,
-            own_body=bool(shown.scene.board.own_body),
-            notes=bool(shown.notes),
-            room=shown.scene.room is not None,
-        )
+        self.legend.show_state(shown)
         self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()

@@ -10,7 +10,7 @@ angle and range at every place, and belong to no room: `OwnBodyPart`.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ Length = Annotated[float, Field(ge=0, le=10)]
 Offset = Annotated[float, Field(ge=-10, le=10)]
 
 
+_Real = TypeVar("_Real", float, FloatArray)
 FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: BODY_REFLECTANCE}
 
 
@@ -76,21 +77,20 @@ class Mount(TomlModel):
 
     def pose(self, place: Place, heading: float) -> TransducerPose:
         """Return the pose of the head at `heading` (rad in the room)."""
-        half = self.separation / 2
+        (x, y), half, turned = place.position, self.separation / 2, (math.cos(heading), math.sin(heading))
         return TransducerPose(
             heading,
-            _from_axis(place, heading, self.ahead, self.aside + half),
-            _from_axis(place, heading, self.ahead, self.aside - half),
+            _from_axis(x, y, turned, self.ahead, self.aside + half),
+            _from_axis(x, y, turned, self.ahead, self.aside - half),
         )
 
     def positions(self, headings: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the positions of sender and receiver about the turning axis at `headings` (n,) rad, (n, 2) m each."""
-        cosines, sines = np.cos(headings), np.sin(headings)
-        sender, receiver = (
-            np.column_stack((self.ahead * cosines - aside * sines, self.ahead * sines + aside * cosines))
-            for aside in (self.aside + self.separation / 2, self.aside - self.separation / 2)
+        half, turned = self.separation / 2, (np.cos(headings), np.sin(headings))
+        return (
+            np.column_stack(_from_axis(0.0, 0.0, turned, self.ahead, self.aside + half)),
+            np.column_stack(_from_axis(0.0, 0.0, turned, self.ahead, self.aside - half)),
         )
-        return sender, receiver
 
     def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
         """Return the poses of all senders whose ping may be received at `heading`: the head itself."""
@@ -100,9 +100,9 @@ class Mount(TomlModel):
 ON_AXIS = Mount()
 
 
-def _from_axis(place: Place, heading: float, ahead: float, aside: float) -> tuple[float, float]:
-    x, y = place.position
-    cosine, sine = math.cos(heading), math.sin(heading)
+def _from_axis(x: float, y: float, turned: tuple[_Real, _Real], ahead: float, aside: float) -> tuple[_Real, _Real]:
+    """Return the position ahead and aside of the turning axis; `turned`: cosine and sine of one heading or of many."""
+    cosine, sine = turned
     return x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine
 
 

@@ -115,11 +115,6 @@ class Outside:
         moves = [part for at in way[1:] for part in (*self._to(at), "sleep", "0.03")]
         _xdotool(*self._to(start), "mousedown", "1", *moves, *(["mouseup", "1"] if let_go else []))
 
-    def drag_until(self, seen: Callable[[], bool], start: Pixel, end: Pixel, what: str) -> None:
-        """Drag, keep the button down, and wait until `seen` is true."""
-        self.drag(start, end, let_go=False)
-        awaited(seen, what)
-
     def let_go(self) -> None:
         """Release the mouse button."""
         _xdotool("mouseup", "1")

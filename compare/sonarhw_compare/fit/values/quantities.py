@@ -105,7 +105,7 @@ class BoardQuantity(Quantity):
 
     def put(self, board: "Board", value: float) -> "Board":
         """Return the board with this value."""
-        return self.write(board, self.read(board) - value if self.is_correction else value)
+        return put_in_board(board, [(self, value)])
 
     def write(self, board: "Board", new: float) -> "Board":
         """Return the board with another number under its key."""

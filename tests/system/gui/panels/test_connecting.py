@@ -131,7 +131,7 @@ def test_errors_of_connecting_come_before_warnings_and_end_when_a_scanner_is_con
 
 
 def test_a_fake_scanner_that_is_in_another_room_than_the_opened_one_is_named(
-    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
 ) -> None:
     opener, urls = fake("max"), []
 

@@ -9,8 +9,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.look.palette import DARK, LIGHT, MARKS
+from sonarhw_gui.plots.legend import Legend
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.shell.application import open_application
 from sonarhw_gui.shell.main_window import MainWindow

@@ -2,7 +2,6 @@
 
 import math
 import re
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -74,13 +73,13 @@ def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -
         assert ranges[float(sentence["heading"])] == sentence["range"]
 
         x, y = program.sensor()
-        move = partial(program.drag_until, lambda: not program.title.startswith(DEMO), (x, y), (x + 40, y + 20))
-        move("another place in the title")
-        program.let_go()
+        program.drag((x, y), (x + 40, y + 20))
+        awaited(lambda: not program.title.startswith(DEMO), "another place in the title")
         program.key("ctrl+z")
         awaited(lambda: program.title.startswith(DEMO), "the place as it was")
 
-        move("another place in the title")
+        program.drag((x, y), (x + 40, y + 20), let_go=False)
+        awaited(lambda: not program.title.startswith(DEMO), "another place in the title")
         program.key("Escape")
         awaited(lambda: program.title.startswith(DEMO), "the place as it was")
         program.let_go()

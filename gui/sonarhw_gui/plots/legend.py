@@ -17,6 +17,7 @@ from sonarhw_gui.look.note_symbol import NOTE_SIZE, note_symbol
 from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette, Unclassed, ViewLayer
 from sonarhw_gui.parts.eye import EYE_WIDTH, draw_eye
 from sonarhw_gui.parts.flow_layout import FlowLayout
+from sonarhw_gui.shown.shown import Shown
 
 Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels per pixel
 ORIGIN = "ORIGIN"  # in a text, stands for the origin of the readings
@@ -47,23 +48,16 @@ class Legend(QWidget):
             row.addWidget(button)
         self._draw()
 
-    def show_state(
-        self,
-        origin: Origin,
-        hidden: frozenset[Class | ViewLayer],
-        own_body: bool = False,
-        notes: bool = False,
-        room: bool = True,
-    ) -> None:
+    def show_state(self, shown: Shown) -> None:
         """Name the readings by their origin, and show which layers are hidden.
 
-        `own_body`: whether the board states echoes of its carrier; only then their class is listed. `notes`: whether
-        there are notes on readings. `room`: whether the readings are compared with a room; if not, they have no class.
+        Readings without a room have no class. That of echoes of the carrier is listed only if the board states some.
         """
-        self.explained[_NOTE].setVisible(notes)
+        room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
+        self.explained[_NOTE].setVisible(bool(shown.notes))
         for layer, entry in self.entries.items():
             if layer is Kind.OWN_BODY:
-                entry.setVisible(own_body and room)
+                entry.setVisible(room and bool(shown.scene.board.own_body))
             elif layer is Unclassed.MEASURED:
                 entry.setVisible(not room)
             elif isinstance(layer, Kind):
