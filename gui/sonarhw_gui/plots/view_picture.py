@@ -29,13 +29,13 @@ _RATIO = 2  # picture pixels per screen pixel, for print
 
 def png_pixels(widget: QWidget, title: str, shown: Shown) -> Pixels:
     """Return the pixels of the view with title and legend; without a title, the widget alone."""
-    parts = _with_legend(widget, title, shown)
-    size = _size(parts) * _RATIO
-    image = QImage(size, QImage.Format.Format_RGBA8888)
-    image.fill(QColor(shown.look.palette.paper))
-    image.setDevicePixelRatio(_RATIO)
-    with QPainter(image) as painter:
-        _draw(painter, parts)
+    with _with_legend(widget, title, shown) as parts:
+        size = _size(parts) * _RATIO
+        image = QImage(size, QImage.Format.Format_RGBA8888)
+        image.fill(QColor(shown.look.palette.paper))
+        image.setDevicePixelRatio(_RATIO)
+        with QPainter(image) as painter:
+            _draw(painter, parts)
     rows = np.frombuffer(image.constBits(), np.uint8).reshape(size.height(), image.bytesPerLine())
     return rows[:, : 4 * size.width()].reshape(size.height(), size.width(), 4).copy()
 
@@ -45,10 +45,9 @@ def svg_text(widget: QWidget, title: str, shown: Shown) -> str:
 
     Qt's generator does not clip, so the content of each plot is a nested SVG element.
     """
-    parts = _with_legend(widget, title, shown)
-    size = _size(parts)
     boxes = [box for view in _graphics_views(widget) for box in _items(view, pg.ViewBox)]
-    with _faded([box.childGroup for box in boxes]):
+    with _with_legend(widget, title, shown) as parts, _faded([box.childGroup for box in boxes]):
+        size = _size(parts)
         whole = _svg(QRect(QPoint(0, 0), size), shown.look, partial(_draw, parts=parts))
     below = size.height() - widget.height()
     insets = []
@@ -113,10 +112,18 @@ def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
             item.setOpacity(opacity)
 
 
-def _with_legend(widget: QWidget, title: str, shown: Shown) -> Sequence[QWidget]:
-    if not title:
-        return (widget,)
-    width = widget.width()
+@contextmanager
+def _with_legend(widget: QWidget, title: str, shown: Shown) -> Iterator[Sequence[QWidget]]:
+    """Return the parts of a picture from top to bottom; those that are not `widget` are deleted afterwards."""
+    added = _title_and_legend(title, widget.width(), shown) if title else []
+    try:
+        yield *added, widget
+    finally:
+        for part in added:
+            part.deleteLater()  # no parent deletes it, and its connections would keep it
+
+
+def _title_and_legend(title: str, width: int, shown: Shown) -> list[QWidget]:
     head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
     head.setContentsMargins(8, 6, 8, 2)
     legend.show_state(shown)
@@ -131,7 +138,7 @@ def _with_legend(widget: QWidget, title: str, shown: Shown) -> Sequence[QWidget]
     legend.resize(width, legend.heightForWidth(width))
     for part in parts:
         part.setAttribute(Qt.WidgetAttribute.WA_TranslucentBackground)
-    return *parts, widget
+    return parts
 
 
 def _size(parts: Sequence[QWidget]) -> QSize:

@@ -1,15 +1,18 @@
 """The frame of the plan: room and sensor stay in view, and arrows at the edge point to readings outside."""
 
+import gc
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, QRectF, Qt
+from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.plan.edge_arrows import edge_arrows
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
-from sonarhw_gui.plots.view_picture import svg_text
+from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.scene.plan_geometry import decibels_text, wall_lines
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.bounces import bounces_text, chosen_path
@@ -115,6 +118,14 @@ def test_an_exported_picture_lists_the_bounces(window: MainWindow) -> None:
     assert bounces_text(window.session.shown)
     for word in bounces_text(window.session.shown).split(" · ")[0].split():
         assert word in text
+
+
+def test_pictures_leave_no_legend_behind(window: MainWindow) -> None:
+    for picture in (svg_text, png_pixels):
+        picture(plan_of(window), "title", window.session.shown)
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    gc.collect()
+    assert [widget for widget in QApplication.allWidgets() if isinstance(widget, Legend)] == [window.legend]
 
 
 def test_arrows_stay_inside_a_resized_plan(qtbot: QtBot, window: MainWindow) -> None:
