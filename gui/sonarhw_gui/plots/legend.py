@@ -55,6 +55,8 @@ class Legend(QWidget):
         """
         room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
         self.explained[_NOTE].setVisible(bool(shown.notes))
+        for name in SOUND:
+            self.explained[name].setVisible(shown.sound is not None)
         for layer, entry in self.entries.items():
             if layer is Kind.OWN_BODY:
                 entry.setVisible(room and bool(shown.scene.board.own_body))
@@ -164,6 +166,15 @@ def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: floa
     return picture
 
 
+def _counted_picture(colours: Palette, ratio: float) -> QPixmap:
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
+        drawSymbol(painter, "o", 10, pg.mkPen(colours.measured, width=2), pg.mkBrush(None))
+    return picture
+
+
 def _note_picture(colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
@@ -200,6 +211,7 @@ class _Entry:
 
 
 _NOTE = "note"
+SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     **{
@@ -246,6 +258,17 @@ _EXPLAINED = (
         "the heading of step 0 of the turntable: the short line at the sensor",
     ),
     _Entry(_note_picture, _NOTE, "a note on a reading; N edits that of the selected reading"),
+    _Entry(partial(_line_picture, "predicted", _SOLID), SOUND[0], "the burst on its path, with its wavefront"),
+    _Entry(
+        partial(_line_picture, "faint", _DASHED),
+        SOUND[1],
+        "echoes of walls within this disc arrive while the board is deaf (blanking); pale once the board listens",
+    ),
+    _Entry(
+        _counted_picture,
+        SOUND[2],
+        "the range that the board would report for an echo at this moment; filled once it detects one",
+    ),
     _Entry(partial(_symbol_picture, "o", False), "selected", "the selected reading, with a ring in every view"),
     _Entry(
         partial(_symbol_picture, "crosshair", False),

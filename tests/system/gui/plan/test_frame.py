@@ -9,9 +9,9 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.plan.edge_arrows import edge_arrows
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
+from sonarhw_gui.plots.legend import Legend
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.scene.plan_geometry import decibels_text, wall_lines
 from sonarhw_gui.shell.main_window import MainWindow

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.plots.legend import SOUND
 from sonarhw_gui.shell.main_window import MainWindow
 
 from tests.system.gui.conftest import OpenWith
@@ -36,6 +37,8 @@ def seek(qtbot: QtBot, window: MainWindow, time: float) -> None:
 def test_it_plays_by_itself_loops_and_pauses(qtbot: QtBot, window: MainWindow) -> None:
     bar, sound = window.sound_bar, window.session.sound
     assert bar.isVisible()
+    legend = window.legend.explained
+    until(qtbot, lambda: all(legend[name].isVisible() and legend[name].toolTip() for name in SOUND))
     first = window.session.shown.sound.time
     until(qtbot, lambda: window.session.shown.sound.time > first)
     bar.play.click()
@@ -82,6 +85,7 @@ def test_keys_move_the_slider_and_close_the_bar(qtbot: QtBot, window: MainWindow
     assert not bar.isVisible()
     until(qtbot, lambda: not window.views.trace.sound.line.isVisible())
     assert window.session.shown.sound is None
+    assert not any(window.legend.explained[name].isVisible() for name in SOUND)
 
 
 def test_all_echoes_and_another_heading(qtbot: QtBot, window: MainWindow) -> None:
