@@ -1,8 +1,8 @@
 """How well a draft explains scans: the likelihood of a fit, for every echo and every silence, with all reflections."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from sonarhw_sim.air import Air
@@ -14,10 +14,11 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import Problem, make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.room_finding.draft import RoomDraft
+from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
 
 REFLECTANCE = 0.9  # of found walls, assumed
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
+_ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
 
@@ -31,13 +32,24 @@ class PoseSpread:
 
 
 @dataclass(frozen=True)
+class Course:
+    """Where a search begins, what it leaves out, and the functions that follow it."""
+
+    start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
+    refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
+    accepted: Callable[[RoomDraft], None] = lambda _draft: None  # receives each draft with one more wall or post
+    check: Callable[[], None] = lambda: None  # called before each likelihood; ends the search by an exception
+
+
+@dataclass(frozen=True)
 class Evidence:
     """Scans and board, against which drafts are held."""
 
     problems: tuple[Problem, ...]  # one for each scan; room and place are those of the draft
     spreads: tuple[PoseSpread, ...]  # of the places of the first draft
-    first: RoomDraft
+    first: RoomDraft  # with the walls and posts at which the search begins
     air: Air
+    course: Course = field(default_factory=Course)
 
     def log_likelihood(self, draft: RoomDraft, noise: ReadingNoise) -> float:
         """Return the log-likelihood of all scans plus the logarithm of the prior of their places."""
@@ -45,6 +57,7 @@ class Evidence:
 
     def by_reading(self, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
         """Return the log-likelihood of each reading, (n,) for each scan."""
+        self.course.check()
         room = draft.room(REFLECTANCE, self.air)
         return [self.of_scan(room, draft.places[scan], scan, noise) for scan in range(len(self.problems))]
 
@@ -58,6 +71,10 @@ class Evidence:
         """Return the logarithm of the prior of the places, 0 at those of the first draft."""
         errors = [error for scan in range(len(self.spreads)) for error in self.pose_errors(draft, scan)]
         return -0.5 * sum((away / spread) ** 2 for away, spread in errors if spread > 0)
+
+    def refuses(self, one: DraftWall | DraftPost) -> bool:
+        """Return whether a wall or post is almost one that was refused."""
+        return any(_alike(one, other) for other in self.course.refused)
 
     def pose_errors(self, draft: RoomDraft, scan: int) -> tuple[tuple[float, float], ...]:
         """Return how far x, y (m) and heading (rad) of a place have moved, each with its standard deviation."""
@@ -80,9 +97,24 @@ def scored(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise = ROUGH) ->
     return Scored(draft, evidence.log_likelihood(draft, noise) if draft.is_sound else -np.inf)
 
 
-def evidence_of(scans: Sequence[PlacedScan], spreads: Sequence[PoseSpread], board: Board, air: Air) -> Evidence:
+def _alike(one: DraftWall | DraftPost, other: DraftWall | DraftPost) -> bool:
+    if isinstance(one, DraftPost) and isinstance(other, DraftPost):
+        return math.dist(one.center, other.center) < _ALIKE
+    if not isinstance(one, DraftWall) or not isinstance(other, DraftWall):
+        return False
+    away, turned = np.array(one.middle) - other.middle, math.remainder(one.angle - other.angle, math.pi)
+    ends = sorted(float((away + end.at * one.along) @ other.along) for end in one.ends)
+    overlap = ends[0] < other.ends[1].at and ends[1] > other.ends[0].at
+    return overlap and abs(float(away @ other.normal)) < _ALIKE and abs(turned) < _ALIKE_TURNED
+
+
+def evidence_of(
+    scans: Sequence[PlacedScan], spreads: Sequence[PoseSpread], board: Board, air: Air, course: Course | None = None
+) -> Evidence:
     """Return scans from places with these spreads as evidence."""
     first = RoomDraft(tuple(scan.place for scan in scans))
     nowhere = first.room(REFLECTANCE, air)
     problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, True) for scan in scans)
-    return Evidence(problems, tuple(spreads), first, air)
+    course = course or Course()
+    first = first if course.start is None else replace(course.start, places=first.places)
+    return Evidence(problems, tuple(spreads), first, air, course)

@@ -27,15 +27,16 @@ def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
         if longer.score - best.score < PRICE:
             return best
         best = with_better_ends(evidence, longer)
+        evidence.course.accepted(best.draft)
 
 
 def pruned(evidence: Evidence, best: Scored) -> Scored:
-    """Return the draft without walls and posts that are not worth their price."""
-    for key in list(best.draft.walls):
+    """Return the draft without walls and posts that are not worth their price; those of the first draft stay."""
+    for key in sorted(best.draft.walls.keys() - evidence.first.walls.keys()):
         without = scored(evidence, best.draft.without_wall(key))
         if best.score - without.score < PRICE:
             best = without
-    for post in best.draft.posts:
+    for post in best.draft.posts[len(evidence.first.posts) :]:
         kept = tuple(other for other in best.draft.posts if other is not post)
         without = scored(evidence, replace(best.draft, posts=kept))
         if best.score - without.score < PRICE:
@@ -60,6 +61,7 @@ def with_wall(
     tried = [
         (scored(evidence, best.draft.with_new_wall(wall)[0], noise), wall)
         for wall in wall_candidates(arcs, unexplained, _TRIED)
+        if not evidence.refuses(wall)
     ]
     tried.sort(key=lambda one: -one[0].score)
     found = [one for one, _ in tried[:1]]
@@ -79,5 +81,6 @@ def with_post(
     tried = [
         scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)), noise)
         for post in post_candidates(arcs, unexplained, _TRIED)
+        if not evidence.refuses(post)
     ]
     return max(tried, key=lambda one: one.score, default=best)

@@ -10,7 +10,7 @@ from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Evidence, PoseSpread, Scored, evidence_of, scored
+from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Course, Evidence, PoseSpread, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
 from sonarhw_compare.room_finding.refinement import Move, refined
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
@@ -41,11 +41,13 @@ def find_room(
     air: Air,
     spreads: Sequence[PoseSpread] = (),
     tick: Callable[[float], None] = lambda _share: None,
+    course: Course | None = None,
 ) -> FoundRoom:
     """Return the walls and posts that explain scans.
 
     `spreads` are the standard deviations of the places, by default exact. `tick` receives the completed share, 0..1.
-    Raises InputError if no reading has an echo, no wall is found, a scan is given twice, or the board is a ring.
+    `course` continues a search. Raises InputError if no reading has an echo, no wall is found, a scan is given twice,
+    or the board is a ring.
     """
     echoes = sum(reading.range is not None for scan in scans for reading in scan.readings)
     if board.ring is not None:
@@ -53,7 +55,7 @@ def find_room(
     if echoes == 0:
         raise InputError("nothing to map: no reading has an echo")
     check_given_once(scans)
-    evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air)
+    evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course)
     best = scored(evidence, evidence.first)
     for turn in range(_ROUNDS):
         tick(turn / (_ROUNDS + 1))
@@ -77,5 +79,5 @@ def find_room(
 def _cut_back(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
     """Return the draft without the parts of walls that sound has not touched, unless they matter to the scans."""
     touches = touches_of(scans, best.draft, board, evidence.air)
-    cut = scored(evidence, trimmed(best.draft, touches))
+    cut = scored(evidence, trimmed(best.draft, touches, evidence.first))
     return with_gaps(evidence, cut if cut.score > best.score - PRICE else best, touches.walls)

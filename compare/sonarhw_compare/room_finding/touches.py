@@ -56,9 +56,12 @@ def _on(draft: RoomDraft, key: int, point: FloatArray) -> float | None:
     return at if abs(float(away @ wall.normal)) < 1e-6 and first - 1e-6 <= at <= last + 1e-6 else None
 
 
-def trimmed(draft: RoomDraft, touches: Touches) -> RoomDraft:
-    """Return the draft with free ends moved back to the outermost touches; walls without touches are removed."""
-    for key in list(draft.walls):
+def trimmed(draft: RoomDraft, touches: Touches, first: RoomDraft) -> RoomDraft:
+    """Return the draft with free ends moved back to the outermost touches; what has no touches is removed.
+
+    The walls and posts of `first` stay as they are.
+    """
+    for key in sorted(draft.walls.keys() - first.walls.keys()):
         at = touches.walls[key]
         if not len(at):
             draft = draft.without_wall(key)
@@ -68,4 +71,6 @@ def trimmed(draft: RoomDraft, touches: Touches) -> RoomDraft:
             if draft.is_free(key, which):
                 wall = wall.with_end(which, DraftEnd(outermost))
         draft = draft.with_wall(key, wall)
-    return replace(draft, posts=tuple(post for post, count in zip(draft.posts, touches.posts, strict=True) if count))
+    kept = len(first.posts)
+    touched = zip(draft.posts[kept:], touches.posts[kept:], strict=True)
+    return replace(draft, posts=(*draft.posts[:kept], *(post for post, count in touched if count)))

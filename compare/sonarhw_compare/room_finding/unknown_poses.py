@@ -14,7 +14,7 @@ from sonarhw_sim.room.model import Place
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.locate.poses import Pose, locate_scan
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, PoseSpread
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course, PoseSpread
 from sonarhw_compare.room_finding.room_search import FoundRoom, find_room
 
 _LOCATED = PoseSpread(0.05, 0.06)  # m, rad: of a located scan; wide, because the scan itself gives its pose
@@ -40,10 +40,12 @@ def find_room_and_poses(
     air: Air,
     spreads: Sequence[PoseSpread | None] = (),
     tick: Callable[[float], None] = lambda _share: None,
+    course: Course | None = None,
 ) -> PlacedRoom:
     """Return the room and the poses that explain scans; a spread of None is an unknown pose, by default all are exact.
 
-    `tick` receives the completed share, 0..1. Raises InputError as `find_room` does, and if no pose is known.
+    `tick` receives the completed share, 0..1; `course` continues a search. Raises InputError as `find_room` does, and
+    if no pose is known.
     """
     spreads = spreads or [PoseSpread()] * len(scans)
     known = {k: spread for k, spread in enumerate(spreads) if spread is not None}
@@ -55,7 +57,7 @@ def find_room_and_poses(
     def found_with(step: int) -> FoundRoom:
         own = [known.get(k, _LOCATED) for k in sorted(placed)]
         given = [placed[k] for k in sorted(placed)]
-        return find_room(given, board, air, own, lambda share: tick((step + share) / steps))
+        return find_room(given, board, air, own, lambda share: tick((step + share) / steps), course)
 
     found, step = found_with(0), 0
     poses: dict[int, tuple[Pose, ...]] = {}
