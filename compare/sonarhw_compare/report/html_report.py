@@ -23,7 +23,8 @@ from sonarhw_compare.fit.plain_fit import Fit
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
-from sonarhw_compare.report.report_pictures import bscan_png, plan_svg, ranges_svg
+from sonarhw_compare.matching.probability_score import ProbabilityScore, calibration_text, score_comparison
+from sonarhw_compare.report.report_pictures import bscan_png, calibration_svg, plan_svg, ranges_svg
 from sonarhw_compare.report.report_regions import millimetres, regions_table
 
 MOST_READINGS = 3600  # only the newest are listed, so that the page stays readable
@@ -53,6 +54,7 @@ class Report:
     link: Facts = ()  # statistics of the link, if known
     fit: Fit | None = None  # how pose and offset were fitted
     left_out: int = 0  # number of older readings that are not listed
+    score: ProbabilityScore | None = None  # of the predicted probabilities
     notes: Sequence[tuple[int, Reading, str]] = ()  # place of the reading in the scan from 0, the reading, the note
 
 
@@ -87,7 +89,8 @@ def report_of(
         origin=None if log is None else log.origin,
     )
     pinned = [(place, readings[place], text) for place, text in sorted((notes or {}).items())]
-    return Report(name, comparison, log, link, fit, max(0, len(readings) - MOST_READINGS), pinned)
+    left_out = max(0, len(readings) - MOST_READINGS)
+    return Report(name, comparison, log, link, fit, left_out, score_comparison(comparison, options), pinned)
 
 
 def report_html(report: Report) -> str:
@@ -132,6 +135,7 @@ def _body(report: Report) -> Iterator[str]:
     yield from _notes(report)
     yield "<h2>Figures</h2>"
     yield _facts(_figures(summary))
+    yield from _probabilities(report)
     yield "<h2>Regions of constant depth</h2>"
     yield from regions_table(comparison)
     yield from _settings(report)
@@ -163,6 +167,22 @@ def _figures(summary: Summary) -> Facts:
     if summary.offset_m:
         facts.append(("fitted range offset", f"{summary.offset_m * 1000:+z.1f} mm"))
     return facts
+
+
+def _probabilities(report: Report) -> Iterator[str]:
+    """Yield log score and calibration, and the calibration curve if the board has a spread of its threshold."""
+    score, board = report.score, report.comparison.prediction.board
+    if score is None or score.log_score is None:
+        return
+    yield "<h2>Predicted probabilities</h2>"
+    yield _facts(
+        (
+            ("log score", f"{score.log_score:.2f} (mean logarithm of the probability of a reading; 0 is best)"),
+            ("most probable readings, stated and observed", calibration_text(score.calibration)),
+        )
+    )
+    if board.threshold_sd_db:
+        yield _picture("svg+xml", calibration_svg(score.calibration), "Observed shares over stated probabilities")
 
 
 def _settings(report: Report) -> Iterator[str]:

@@ -12,6 +12,7 @@ from sonarhw_sim.predict.by_heading import standpoints
 
 from sonarhw.readings import FloatArray, Trace
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, Matched
+from sonarhw_compare.matching.probability_score import CalibrationBin
 from sonarhw_compare.pictures.bscan import BScan, RangeCells, bscan_of, cells_for, heading_key, predicted_row, trace_row
 from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT
 from sonarhw_compare.pictures.overlay_picture import draw_room
@@ -72,6 +73,20 @@ def ranges_svg(comparison: Comparison) -> bytes:
         xlim=(-4, 364),
         xticks=range(0, 361, 45),
     )
+    return _saved(figure, "svg")
+
+
+def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
+    """Return the share of readings that were measured as stated, over the stated probability, with its standard error.
+
+    Probabilities that are right lie on the dotted line.
+    """
+    figure, (axes,) = _figure((4.6, 4.2), 1)
+    stated, observed, counts = np.array([(one.stated, one.observed, one.n) for one in bins]).reshape(-1, 3).T
+    axes.plot([0, 1], [0, 1], ":", color="black")
+    axes.errorbar(stated, observed, np.sqrt(stated * (1 - stated) / counts), fmt="o", color=MEASURED, capsize=3)
+    axes.set(xlabel="stated probability of the most probable reading", ylabel="share that was measured")
+    axes.set(xlim=(0, 1.03), ylim=(0, 1.03), aspect="equal")
     return _saved(figure, "svg")
 
 
