@@ -24,6 +24,7 @@ class Badge(StrEnum):
     NONE = "no scan"
     LIVE = "live"
     RECORDED = "recorded"
+    EARLIER = "earlier scan"  # of another scanner, or in another room
     AWAY = "away"
     LOST = "lost"
     REPLAY = "replay"
@@ -66,7 +67,9 @@ class Status:
             return gone if self.readings else Badge.NONE
         if self.scanning:
             return Badge.LIVE
-        return Badge.RECORDED if self.own_readings else Badge.NONE
+        if self.readings:
+            return Badge.RECORDED if self.own_readings else Badge.EARLIER
+        return Badge.NONE
 
     @property
     def scanning(self) -> bool:

@@ -1,4 +1,7 @@
-"""Arrows at the edge of the plan towards readings outside the visible part, with their distance from the sensor."""
+"""Arrows at the edge of the plan towards readings outside the visible part, with their distance from the sensor.
+
+Each arrow lies on the line from the sensor to its reading, so the arrow of the selected reading lies on the beam.
+"""
 
 from dataclasses import dataclass
 
@@ -6,6 +9,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, QSizeF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPen, QPolygonF
+from sonarhw_compare.headings import heading_text
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
@@ -29,6 +33,7 @@ class EdgeArrow:
     at: Pixels  # of its middle, from the upper left corner of the plot
     towards: Pixels  # unit vector
     distance: float  # m, from the sensor
+    heading: float  # rad, from the sensor
     count: int  # readings that share it
 
 
@@ -46,8 +51,10 @@ def edge_arrows(
     outside = np.flatnonzero(~((pixels >= 0) & (pixels <= size)).all(axis=1))
     if not len(outside):
         return []
-    at, towards = _at_edge(pixels[outside], np.array(size))
-    away = np.hypot(*(places[outside] - sensor).T)
+    origin = (sensor[0] - seen.left()) * scale[0], (seen.bottom() - sensor[1]) * scale[1]
+    at, towards = _at_edge(pixels[outside], np.array(size), np.array(origin))
+    along = places[outside] - sensor
+    away, headings = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
     order = np.lexsort((away, numbers[outside] != chosen))  # the selected reading first, then the nearest ones
     arrows: list[EdgeArrow] = []
     taken = np.full(len(outside), False)
@@ -59,18 +66,29 @@ def edge_arrows(
         index = int(outside[k])
         arrows.append(
             EdgeArrow(
-                int(numbers[index]), kinds[index], tuple(at[k]), tuple(towards[k]), float(away[k]), int(near.sum())
+                int(numbers[index]),
+                kinds[index],
+                tuple(at[k]),
+                tuple(towards[k]),
+                float(away[k]),
+                float(headings[k]),
+                int(near.sum()),
             )
         )
     return arrows
 
 
-def _at_edge(pixels: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where the lines from the middle of the plot to `pixels` (n, 2) meet its edge, and their directions."""
-    middle = size / 2
-    from_middle = pixels - middle
-    share = ((middle - _INSET) / np.maximum(np.abs(from_middle), 1e-9)).min(axis=1)
-    return middle + share[:, None] * from_middle, from_middle / np.hypot(*from_middle.T)[:, None]
+def _at_edge(pixels: FloatArray, size: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the lines from `origin` to `pixels` (n, 2) leave the plot, and their directions.
+
+    If `origin` is not in the plot, the lines begin in its middle.
+    """
+    if not ((origin > _INSET) & (origin < size - _INSET)).all():
+        origin = size / 2
+    along = pixels - origin
+    room = np.where(along > 0, size - _INSET - origin, origin - _INSET)
+    share = (room / np.maximum(np.abs(along), 1e-9)).min(axis=1)
+    return origin + share[:, None] * along, along / np.hypot(*along.T)[:, None]
 
 
 class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
@@ -111,7 +129,8 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         """Return the text beside an arrow."""
         unit = self._look.unit
         distance = f"{unit.of(arrow.distance):.{max(unit.decimals - 2, 0)}f} {unit.label}"  # short: it covers the plan
-        return distance if arrow.count == 1 else f"{distance} ×{arrow.count}"
+        at = f"{heading_text(arrow.heading)}: " if arrow.reading == self._chosen else ""
+        return f"{at}{distance}" if arrow.count == 1 else f"{at}{distance} ×{arrow.count}"
 
     def boundingRect(self) -> QRectF:
         """Return the area of the plot."""

@@ -120,6 +120,11 @@ class PlanController:
         self._gestures.edited.emit(changed, label, gesture)
         return True
 
+    def drop(self, gesture: object) -> None:
+        """Undo the edits of an unfinished gesture."""
+        self._last_edit = None
+        self._gestures.cancelled.emit(gesture)
+
     def choose_surface(self, name: str | None) -> None:
         """Select the wall or post that keys and panel act on."""
         if name != self.chosen:
@@ -204,16 +209,15 @@ class PlanController:
     def cancel_drag(self) -> bool:
         """Undo the current drag and ignore the rest of it; return whether there was one, or a first click."""
         if self.tool.waiting:
-            self._last_edit = None
-            self._gestures.cancelled.emit(self.tool.gesture)
+            self.drop(self.tool.gesture)
             self.tool = type(self.tool)(self)  # without the first click
             self.choose_surface(None)
             self.show_message("")
             return True
         if not self._busy or self._cancelled:
             return self._busy
-        self._cancelled, self._last_edit = True, None
-        self._gestures.cancelled.emit(self.tool.gesture)
+        self._cancelled = True
+        self.drop(self.tool.gesture)
         self.choose_surface(self._before)
         self._drawing.clear_ruler()
         self.show_message("")
@@ -258,5 +262,7 @@ class PlanController:
         self._gestures.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
 
     def _leave(self) -> None:
+        if self.tool.waiting:
+            self.tool.pause()
         self._gestures.pointed.emit(None)
         self.show_message("")

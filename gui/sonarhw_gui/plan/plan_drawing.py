@@ -75,7 +75,8 @@ class PlanDrawing(Canvas):
         self.menu_pressed.connect(self._pick_for_menu)
         self.hovered.connect(self.controller.hover)
         self._frame: QRectF | None = None  # m, visible in every size of the view
-        self._box.sigRangeChangedManually.connect(self.note_frame)
+        self._fitted = True  # whether the user has not chosen another part since `fit`
+        self._box.sigRangeChangedManually.connect(self._note_choice)
         self._box.sigResized.connect(self._show_frame)
 
     def show_state(self, shown: Shown) -> None:
@@ -102,13 +103,18 @@ class PlanDrawing(Canvas):
             self.sound.draw(shown)
             if shown.sound is not None and (before is None or before.sound is None):
                 self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
-        if before is None or _is_another_room(before, shown) or (not before.readings and not shown.scene.room):
+        if before is None or _is_another_room(before, shown) or self._grows(before, shown):
             self.fit()
         if before is None or _differ(before, shown, "readings", "compared", "scene", "chosen", "hidden", "look"):
             self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
 
+    def _grows(self, before: Shown, shown: Shown) -> bool:
+        """Return whether there are other readings, and no room to show instead of them."""
+        return shown.scene.room is None and before.readings is not shown.readings and self._fitted
+
     def fit(self) -> None:
         """Show the room and the sensor with a margin; without a room, all points."""
+        self._fitted = True
         scene = self.controller.scene if self.shown else None
         if scene is None or scene.room is None:
             self.fit_everything()
@@ -127,6 +133,10 @@ class PlanDrawing(Canvas):
         beyond = _AROUND_READINGS * max(right - left, top - bottom)
         drawn = QRectF(left, bottom, right - left, top - bottom).adjusted(-beyond, -beyond, beyond, beyond)
         self._set_frame(drawn.united(self._room_area(scene)))
+
+    def _note_choice(self, *_: object) -> None:
+        self._fitted = False
+        self.note_frame()
 
     def note_frame(self, *_: object) -> None:
         """Keep what is visible now in view when the size changes."""
@@ -158,13 +168,13 @@ class PlanDrawing(Canvas):
     def zoom(self, scale: float) -> None:
         """Scale the visible range by `scale` about its middle."""
         self._box.scaleBy((scale, scale))
-        self.note_frame()
+        self._note_choice()
 
     def pan(self, right: int, up: int) -> None:
         """Move the visible range by tenths of its size."""
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
-        self.note_frame()
+        self._note_choice()
 
     # the interface `plan_controller.DrawingContext`
 

@@ -41,6 +41,9 @@ class ToolContext(Protocol):
     def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
         """Apply an edit to the scene from before the gesture; return whether it was accepted."""
 
+    def drop(self, gesture: object) -> None:
+        """Undo the edits of an unfinished gesture."""
+
     def choose_surface(self, name: str | None) -> None:
         """Select the wall or post that keys and panel act on."""
 
@@ -81,6 +84,9 @@ class Tool:
     def waiting(self) -> bool:
         """Whether the tool waits for a second click."""
         return False
+
+    def pause(self) -> None:
+        """Remove what is drawn before the second click: the mouse has left the plan."""
 
     def click(self, at: Point) -> bool:
         """Use a click; return whether the tool uses clicks."""
@@ -203,7 +209,10 @@ class _Drawing(Tool):
     edits = True
     stem = ""  # first word of the new object's name
     _gesture: object = None
+    _end: Point | None = None  # the second point, once there is one
     _waiting = False  # whether the first end was clicked, and the second not yet
+    _expected: Scene | None = None  # the scene while nothing but this tool changes it
+    chains = False  # whether the second point is also the first one of the next object
 
     @property
     def gesture(self) -> object:
@@ -216,27 +225,44 @@ class _Drawing(Tool):
         return self._waiting
 
     def click(self, at: Point) -> bool:
-        """Set the first point, or the second one."""
-        if self._waiting:
+        """Set the first point, or the second one, which a chain goes on from; a click on the same point ends it."""
+        if self._waiting and self._context.scene is self._expected:
+            if math.dist(self._start, snapped(self._context, at, scene=self._before)) < _SHORTEST:
+                self.pause()
+                self._waiting = False
+                return True
             self.drag(at)
-        else:
-            self.press(at)
-            self._context.show_message("click again for the other end, or press Esc")
-        self._waiting = not self._waiting
+            if not self.chains or self._end is None:
+                self._waiting = False
+                return True
+            at = self._end
+        self.press(at)
+        self._waiting = True
+        self._context.show_message("click again for the other end, or press Esc")
         return True
+
+    def pause(self) -> None:
+        """Remove what is drawn before the second click."""
+        self._expected, self._end = self._before, None
+        self._context.drop(self._gesture)
 
     def press(self, at: Point) -> bool:
         """Set the first point."""
-        self._waiting = False
+        self._waiting, self._end = False, None
         self._before, self._start, self._gesture = self._context.scene, snapped(self._context, at), object()
+        self._expected = self._before
         return True
 
     def drag(self, to: Point) -> None:
-        """Set the second point."""
+        """Set the second point. After an undo or another edit, a tool that waits for this point starts again."""
+        if self._waiting and self._context.scene is not self._expected:
+            self._waiting = False
+            return
         end = snapped(self._context, to, scene=self._before)
         if math.dist(self._start, end) < _SHORTEST:
             return
         if self._context.change(lambda scene: self._drawn(scene, end), self._before, self._gesture):
+            self._end, self._expected = end, self._context.scene
             self._context.show_message(self._size(end))
             if self._before.room is not None:
                 self._context.choose_surface(free_name(self._before.room, self.stem))
@@ -252,7 +278,8 @@ class WallPencil(_Drawing):
     """Adds a wall."""
 
     name, key, stem = "Wall", "W", WALL
-    tip = "Drag from one end of a new wall to the other, or click both ends. Ends snap to corners"
+    tip = "Click each corner of new walls; Esc ends. Or drag from one end of a wall to the other. Ends snap to corners"
+    chains = True
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         room, _ = room_and_place(scene)

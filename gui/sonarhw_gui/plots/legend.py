@@ -51,18 +51,20 @@ class Legend(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Name the readings by their origin, and show which layers are hidden.
 
-        Readings without a room have no class. That of echoes of the carrier is listed only if the board states some.
+        Without a room, readings have no class, and nothing is predicted. The class of echoes of the carrier is listed
+        only if the board states some.
         """
         room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
         self.explained[_NOTE].setVisible(bool(shown.notes))
         for name in SOUND:
             self.explained[name].setVisible(shown.sound is not None)
+        self.explained[_WALL].setVisible(room)
         for layer, entry in self.entries.items():
             if layer is Kind.OWN_BODY:
                 entry.setVisible(room and bool(shown.scene.board.own_body))
             elif layer is Unclassed.MEASURED:
                 entry.setVisible(not room)
-            elif isinstance(layer, Kind):
+            elif isinstance(layer, Kind) or layer in _PREDICTIONS:
                 entry.setVisible(room)
         if (origin, hidden) != (self._origin, self._hidden):
             self._origin, self._hidden = origin, hidden
@@ -210,7 +212,8 @@ class _Entry:
     meaning: str
 
 
-_NOTE = "note"
+_NOTE, _WALL = "note", "wall"
+_PREDICTIONS = ViewLayer.PREDICTED, ViewLayer.RAYS  # of a room
 SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _ENTRIES: dict[Class | ViewLayer, _Entry] = {
@@ -246,6 +249,7 @@ _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     ),
 }
 _EXPLAINED = (
+    _Entry(partial(_line_picture, "wall", _SOLID), _WALL, "a wall or post of the room"),
     _Entry(partial(_symbol_picture, "d", True), "sensor", "the position of the sensor; drag it to move it"),
     _Entry(
         partial(_line_picture, "faint", Qt.PenStyle.DotLine),

@@ -267,7 +267,7 @@ class TableView(QWidget):
     def _count(self, shown: Shown) -> None:
         for kind, count in self.model.rows.counts().items():
             button = self.classes[kind]
-            button.setText(str(count) if isinstance(kind, Kind) and kind in MARKS else f"{class_name(kind)} {count}")
+            button.setText(f"{count} {class_name(kind)}")
             button.setAccessibleName(f"{_PLURAL.get(kind, class_name(kind))}: {count}")
             button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
             least = _MANY if kind is Unclassed.WAITING else 0  # a few are compared within a moment

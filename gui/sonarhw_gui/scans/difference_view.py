@@ -13,7 +13,7 @@ from sonarhw.errors import InputError
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Palette
 from sonarhw_gui.look.theme import text_font
-from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.spots import Spots
@@ -43,7 +43,7 @@ class DifferenceView(QWidget):
         self.gestures = Gestures(self)
         self.plot = new_plot()
         self.canvas = Canvas(self.plot)
-        self.summary = ElidedLabel()
+        self.summary = PlainLabel(wordWrap=True)
         self.summary.setAlignment(Qt.AlignmentFlag.AlignLeft)
         self.summary.setContentsMargins(8, 2, 8, 2)
         self.difference: ScanDifference | None = None

@@ -260,7 +260,12 @@ class MainWindow(QMainWindow):
         event.accept()
 
     def event(self, event: QEvent) -> bool:
-        """Let Space press the button or check box with the focus; otherwise it starts or pauses the replay."""
+        """Let Space press the button or check box with the focus; otherwise it starts or pauses the replay.
+
+        Hints of commands do not cover what the status bar says about a scan: the tooltips have the same text.
+        """
+        if event.type() == QEvent.Type.StatusTip and self.status_bar.activity.text():
+            return True
         button = isinstance(QApplication.focusWidget(), QAbstractButton)
         if button and event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Space:
             event.accept()

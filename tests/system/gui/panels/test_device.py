@@ -283,7 +283,7 @@ def test_the_badge_of_an_ended_scan_depends_on_its_scanner_and_room(
     until(qtbot, lambda: idle(window, Phase.DONE))
     until(qtbot, lambda: seen.text() == "recorded")
     window.session.set_scene(replace(scene, room=replace(scene.room, name="elsewhere")))
-    assert seen.text() == "no scan"
+    assert seen.text() == "earlier scan"
     window.session.set_scene(scene)
     assert seen.text() == "recorded"
     press(qtbot, window.device.disconnect_button)

@@ -9,17 +9,20 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
+from sonarhw_compare.headings import heading_text
+from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.plan.edge_arrows import edge_arrows
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.plots.legend import Legend
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.scene.plan_geometry import decibels_text, wall_lines
+from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.bounces import bounces_text, chosen_path
 
 from sonarhw.log import read_log
-from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import position_of, predicted, until
+from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import ended, position_of, predicted, until
 
 
 @pytest.fixture
@@ -60,7 +63,30 @@ def test_every_reading_outside_has_an_arrow_with_its_distance(window: MainWindow
     for arrow in arrows:
         assert plan.arrows.boundingRect().contains(QPointF(*arrow.at))
         assert arrow.distance == pytest.approx(math.dist((x, y), position_of(plan._marks, arrow.reading)))
-        assert plan.arrows.text(arrow).startswith(f"{arrow.distance:.1f} m")
+        assert f"{arrow.distance:.1f} m" in plan.arrows.text(arrow)
+
+
+def test_the_arrow_of_the_selected_reading_lies_on_the_beam(window: MainWindow) -> None:
+    plan = plan_of(window)
+    for chosen in sorted(outside(window)):
+        window.session.showing.choose(chosen)
+        arrow = next(arrow for arrow in plan.arrows.arrows if arrow.reading == chosen)
+        at = plan.plot.vb.mapToView(QPointF(*arrow.at))
+        x, y = window.session.shown.scene.pose.position
+        off = math.atan2(at.y() - y, at.x() - x) - window.session.shown.heading(chosen)
+        assert math.remainder(off, math.tau) == pytest.approx(0, abs=math.radians(1))
+        assert plan.arrows.text(arrow).startswith(heading_text(window.session.shown.heading(chosen)))
+
+
+def test_without_a_room_the_plan_shows_all_readings_as_they_come(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
+) -> None:
+    window = open_with(scene=Scene(None, None, scene.board), source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window) and len(window.session.shown.readings) == ORDER.readings)
+    until(qtbot, lambda: not outside(window))
+    entries = window.legend.entries
+    assert not any(entries[layer].isVisible() for layer in (ViewLayer.PREDICTED, ViewLayer.RAYS))
+    assert not window.legend.explained["wall"].isVisible()
 
 
 def test_a_click_on_an_arrow_selects_its_reading(qtbot: QtBot, window: MainWindow) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
-from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent
+from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent, QStatusTipEvent
 from PySide6.QtWidgets import QApplication, QDialog
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.palette import DARK
@@ -37,11 +37,38 @@ def test_two_clicks_draw_a_wall_or_a_post(qtbot: QtBot, window: MainWindow, key:
     until(qtbot, lambda: "click again" in window.views.plan.message.text())
     assert walls(window) == before
     click(qtbot, plan, plan.plot.vb, (0.3, 0.3))
-    until(qtbot, lambda: not plan.controller.tool.waiting and window.commands.undo.isEnabled())
+    until(qtbot, lambda: plan.controller.tool.waiting is (posts == 0) and window.commands.undo.isEnabled())
     until(qtbot, lambda: len(window.session.shown.scene.room.posts) == posts)
     until(qtbot, lambda: walls(window) == before + 1 - posts)
     qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     until(qtbot, lambda: walls(window) == before and not len(window.session.shown.scene.room.posts))
+
+
+def test_clicked_walls_are_a_chain_until_a_second_click_on_its_end(qtbot: QtBot, window: MainWindow) -> None:
+    plan, before = window.views.plan.drawing, walls(window)
+    corners = (0.3, 0.6), (0.3, 0.3), (0.5, 0.3)
+    qtbot.keyClick(window, Qt.Key.Key_W)
+    for count, at in enumerate(corners):
+        click(qtbot, plan, plan.plot.vb, at)
+        until(qtbot, lambda count=count: plan.controller.tool.waiting and walls(window) == before + count)
+    first, second = window.session.shown.scene.room.walls[-2:]
+    assert tuple(first[2:]) == tuple(second[:2])
+    click(qtbot, plan, plan.plot.vb, corners[-1])
+    until(qtbot, lambda: not plan.controller.tool.waiting)
+    assert walls(window) == before + 2
+    for left in (1, 0):  # each wall is an undo step
+        qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+        until(qtbot, lambda left=left: walls(window) == before + left)
+
+
+def test_hints_of_commands_do_not_cover_the_status_of_a_scan(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    window = open_with(source=fake("max"))
+    bar = window.status_bar
+    window.commands.scan.trigger()
+    until(qtbot, lambda: ended(window) and "recorded in" in bar.activity.text())
+    QApplication.sendEvent(window, QStatusTipEvent(window.commands.scan.statusTip()))
+    assert not bar.currentMessage()
+    assert bar.activity.isVisible()
 
 
 def test_esc_after_the_first_click_draws_nothing(qtbot: QtBot, window: MainWindow) -> None:
@@ -121,7 +148,14 @@ def test_during_a_drag_the_sentence_says_that_it_is_a_draft(qtbot: QtBot, window
 
 def test_the_legend_explains_sensor_turntable_ring_and_pointer(window: MainWindow) -> None:
     visible = {name for name, entry in window.legend.explained.items() if entry.isVisible() and entry.toolTip()}
-    assert visible == {"sensor", "turntable zero", "newest", "selected", "pointer"}  # a note only if there is one
+    assert visible == {
+        "wall",
+        "sensor",
+        "turntable zero",
+        "newest",
+        "selected",
+        "pointer",
+    }  # a note only if there is one
 
 
 def _dialogs(window: MainWindow) -> list[QDialog]:

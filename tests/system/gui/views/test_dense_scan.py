@@ -55,7 +55,7 @@ def test_the_stretch_of_the_selected_reading_is_compared_first_and_the_rest_is_h
     waiting = len(shown.classes[Unclassed.WAITING].readings)
     assert 0 < waiting <= COUNT - STRETCH
     until(qtbot, lambda: "readings to compare" in window.status_bar.activity.text())
-    assert window.views.table.classes[Unclassed.WAITING].text().startswith("not compared ")
+    assert window.views.table.classes[Unclassed.WAITING].text().endswith(" not compared")
     assert LIGHT.of(Unclassed.WAITING) not in {LIGHT.of(kind) for kind in Kind}
     held.set()
     until(qtbot, lambda: predicted(window))

@@ -179,7 +179,7 @@ def test_a_click_on_a_column_sorts_by_number_not_by_text(qtbot: QtBot, table: Ta
 def test_the_button_of_a_class_hides_and_shows_it(qtbot: QtBot, table: TableView, shown: Shown) -> None:
     button = table.classes[Kind.MATCH]
     matches = table.model.rows.counts()[Kind.MATCH]
-    assert button.text() == str(matches)
+    assert button.text() == f"{matches} match"
     table.gestures.switched.connect(
         lambda kind, visible: table.show_state(replace(shown, hidden=frozenset() if visible else frozenset((kind,))))
     )
@@ -324,7 +324,7 @@ def test_readings_that_are_not_compared_are_listed_as_such(qtbot: QtBot, shown: 
     table.show_state(replace(shown, compared=None, scene=scene))
     assert set(listed(table, Column.CLASS)) == {name}
     kind = Unclassed.WAITING if room else Unclassed.MEASURED
-    assert table.classes[kind].text() == f"{name} {COUNT}"
+    assert table.classes[kind].text() == f"{COUNT} {name}"
 
 
 def test_sentences_are_computed_only_for_visible_rows(
