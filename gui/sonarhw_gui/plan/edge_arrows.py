@@ -137,12 +137,13 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         return QRectF(0, 0, self._box.width(), self._box.height())
 
     def paint(self, painter: QPainter, *_: object) -> None:
-        """Draw the arrows and their texts."""
+        """Draw the arrows, and the texts that do not overlap; the selected reading comes first."""
+        taken: list[QRectF] = []
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setFont(self._font)
         for arrow in self.arrows:
             self._paint_arrow(painter, arrow)
-            self._paint_text(painter, arrow)
+            self._paint_text(painter, arrow, taken)
 
     def _paint_arrow(self, painter: QPainter, arrow: EdgeArrow) -> None:
         colours, along = self._look.palette, QPointF(*arrow.towards)
@@ -153,7 +154,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         painter.setBrush(QColor(colours.of(arrow.kind)))
         painter.drawPolygon(QPolygonF([tip, back + across, back - across]))
 
-    def _paint_text(self, painter: QPainter, arrow: EdgeArrow) -> None:
+    def _paint_text(self, painter: QPainter, arrow: EdgeArrow, taken: list[QRectF]) -> None:
         text = self.text(arrow)
         size = QFontMetricsF(self._font).boundingRect(text).size() + QSizeF(4, 0)
         x, y = arrow.towards
@@ -163,6 +164,9 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         whole = self.boundingRect()
         area.moveLeft(min(max(area.left(), 1.0), whole.width() - area.width() - 1))
         area.moveTop(min(max(area.top(), 1.0), whole.height() - area.height() - 1))
+        if any(map(area.intersects, taken)):
+            return
+        taken.append(area)
         painter.fillRect(area, QColor(self._look.palette.paper))
         painter.setPen(QColor(self._look.palette.ink))
         painter.drawText(area, Qt.AlignmentFlag.AlignCenter, text)
