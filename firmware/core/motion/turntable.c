@@ -279,8 +279,20 @@ void turntable_jog(int32_t microdegrees)
     take(TO_TURN);
 }
 
+/* Steps of the other direction count from the same place, so that repeated Homes cannot wind the cable further. A servo
+ * keeps its position, because its pulse follows it. */
+static void mirror_position(void)
+{
+    interrupts_off();
+    position = -position;
+    direction = -direction; // the table may still slow down
+    interrupts_on();
+}
+
 void turntable_invert(uint8_t change, uint8_t inverted)
 {
+    if (HOMING != HOMING_ABSOLUTE && (table.wiring ^ inverted) & change & WIRING_MOTOR)
+        mirror_position();
     table.wiring = (uint8_t)((table.wiring & ~(change | WIRING_PROVEN)) | inverted);
     mark_inverted = table.wiring & WIRING_MARK;
     table.zero = ZERO_UNKNOWN;

@@ -263,6 +263,17 @@ def test_a_limit_of_homing_is_named(board: PortableBoard) -> None:
     assert finished.text.endswith("; mark 0, cam 1")
 
 
+def test_homes_with_changing_settings_wind_the_cable_no_further(board: PortableBoard) -> None:
+    board.c.host_grain(200)
+    board.c.host_wiring(CAM_OPEN)
+    board.ask(Hello(1, 0))
+    both = Wiring.CAM | Wiring.MOTOR
+    for k in range(4):
+        finished_of(board, Home(), 40_000_000)
+        board.ask(ConfigureWiring(both, both if k % 2 == 0 else 0))
+        assert abs(board.c.host_position()) <= 760 * A_DEGREE
+
+
 def test_every_heading_is_approached_in_the_requested_direction(board: PortableBoard) -> None:
     home_board(board)
     choice = random.Random(4)
