@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <simavr/avr_eeprom.h>
+#include <simavr/avr_timer.h>
 #include <simavr/sim_elf.h>
 #include <simavr/sim_time.h>
 
@@ -137,6 +138,28 @@ void switch_off(void)
     exit(0);
 }
 
+static avr_io_write_t clear_timer_flags;
+
+// A write to the flags of a timer clears those whose bit is 1. simavr clears all that are set, so hide the others from it.
+static void write_timer_flags(avr_t *avr, avr_io_addr_t flags, uint8_t value, void *timer)
+{
+    uint8_t kept = avr->data[flags] & ~value;
+    avr->data[flags] &= value;
+    clear_timer_flags(avr, flags, value, timer);
+    avr->data[flags] |= kept;
+}
+
+static void keep_timer_flags(avr_t *avr)
+{
+    for (avr_io_t *part = avr->io_port; part; part = part->next) {
+        if (strcmp(part->kind, "timer"))
+            continue;
+        int flags = AVR_DATA_TO_IO(((avr_timer_t *)part)->overflow.raised.reg);
+        clear_timer_flags = avr->io[flags].w.c;
+        avr->io[flags].w.c = write_timer_flags;
+    }
+}
+
 static avr_t *make_chip(void)
 {
     elf_firmware_t firmware = {0};
@@ -151,6 +174,7 @@ static avr_t *make_chip(void)
     avr->vcc = avr->avcc = avr->aref = 5000;
     // keep_pace controls the speed, not simavr
     avr_load_firmware(avr, &firmware);
+    keep_timer_flags(avr);
     return avr;
 }
 

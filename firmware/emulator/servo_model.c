@@ -15,7 +15,6 @@
 #define MOST 90.0 // degrees on both sides
 #define SPEED 400.0 // degrees/s
 #define TICK 16000 // cycles between two updates
-#define ROUND (65536 * CLOCK) // of the timer
 #define TCCR1A 0x80
 #define COM1B0 (1 << 4) // a match sets the pin; otherwise it clears it
 
@@ -61,9 +60,6 @@ static void pulse_changed(struct avr_irq_t *irq, uint32_t high, void *parameter)
         return;
     }
     avr_cycle_count_t length = avr->cycle - servo.rose;
-    // about once in 300 turns, a match comes a round late: simavr seems to miss one that is due while channel A is written
-    if (length > ROUND)
-        length -= ROUND;
     if (length < SHORTEST - CLOCK || length > LONGEST + CLOCK)
         die("a pulse of the servo is shorter than 0.5 ms or longer than 2.5 ms");
     double wanted = round(((double)length - MIDDLE) / CLOCK) * DEGREES_A_CLOCK * (miswired(MOTOR_REVERSED) ? -1 : 1);
