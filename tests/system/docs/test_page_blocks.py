@@ -35,7 +35,7 @@ PAGES = [
     for page in [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
     if page.name not in ELSEWHERE and blocks_of(page)
 ]
-LONG = {"fit.md", "locate.md", "python.md", "study.md"}  # minutes; complete with --soak
+LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md"}  # minutes; complete with --soak
 PLAIN = re.compile(r"sonarhw [\w ./:,=@+-]+")  # without quotes, patterns, pipes and redirections
 NOT_CODE = ("text", "toml", "c")
 SEARCHES = ("sonarhw fit ", "sonarhw locate ")  # the last digits of a maximum differ between processors
