@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.matching.probability_score import ProbabilityScore
     from sonarhw_compare.matching.regions import Region
     from sonarhw_compare.notes.placed_notes import PlacedNotes
+    from sonarhw_compare.pictures.range_shading import RangeShading
 
     from sonarhw.readings import Reading
 
@@ -61,7 +62,12 @@ def compare(
         typer.Option("--explain", help="With --json: add every reading, all its echoes and what would change it."),
     ] = False,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the measured scan over the prediction.", metavar=PICTURE_FILE)
+        Path | None,
+        typer.Option(
+            help="Draw the measured scan over the prediction, and shade ranges by their probability if the profile has "
+            "a spread.",
+            metavar=PICTURE_FILE,
+        ),
     ] = None,
     pings: PingsOfMedian = None,
     room_tolerance: RoomTolerance = None,
@@ -125,8 +131,9 @@ def compare(
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
     if plot is not None:
+        shading = _shading(comparison, receiver, model, pings, room_tolerance)
         with written_file(plot, overwrite=force) as file:
-            save_comparison(comparison, file, suffix)
+            save_comparison(comparison, file, suffix, shading)
     if missing:
         find_missing(comparison, receiver, as_json=as_json, out=out, force=force)
         return
@@ -189,6 +196,23 @@ def _score(
     )
 
 
+def _shading(
+    comparison: "Comparison", receiver: Receiver | None, model: Model, pings: int | None, room_tolerance: float | None
+) -> "RangeShading | None":
+    """Return the shading of the probabilities; None without a spread, and for models that find no fainter paths."""
+    from sonarhw_compare.pictures.range_shading import shading_around
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    if model is not Model.RAY_FOLLOWING or not comparison.prediction.board.states_spread:
+        return None
+    return shading_around(
+        comparison.prediction,
+        PredictionOptions(receiver=receiver),
+        pings=pings or 1,
+        room_tolerance=ROOM_TOLERANCE if room_tolerance is None else room_tolerance,
+    )
+
+
 def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
     """Warn if the prediction explains few echoes, as with a wrong room or place."""
     from sonarhw_compare.matching.few_explained import few_explained
@@ -208,12 +232,14 @@ def notes_beside(log_file: Path, readings: "Sequence[Reading]") -> "PlacedNotes"
     return notes
 
 
-def save_comparison(comparison: "Comparison", out: BinaryIO, suffix: str = ".png") -> None:
-    """Write the picture of the scan over its prediction."""
+def save_comparison(
+    comparison: "Comparison", out: BinaryIO, suffix: str = ".png", shading: "RangeShading | None" = None
+) -> None:
+    """Write the picture of the scan over its prediction, with the shading of its probabilities if there is one."""
     from sonarhw_compare.matching.comparison_picture import draw_comparison
     from sonarhw_compare.pictures.picture_file import write_picture
 
-    write_picture(draw_comparison(comparison), out, suffix)
+    write_picture(draw_comparison(comparison, shading), out, suffix)
 
 
 def _figures(comparison: "Comparison", found: "Fit | None", explained: bool, notes: "PlacedNotes") -> dict[str, object]:

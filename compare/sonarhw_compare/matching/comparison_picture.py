@@ -4,13 +4,14 @@ from matplotlib.figure import Figure
 
 from sonarhw_compare.matching.match import Comparison, Kind
 from sonarhw_compare.pictures.overlay_picture import draw_plan
+from sonarhw_compare.pictures.range_shading import RangeShading
 
 
-def draw_comparison(comparison: Comparison) -> Figure:
-    """Return a figure of the room with the scan over its prediction."""
+def draw_comparison(comparison: Comparison, shading: RangeShading | None = None) -> Figure:
+    """Return a figure of the room with the scan over its prediction, and the shading of `shading_around` behind."""
     measured = [row for row in comparison.rows if row.measured is not None]
     of_room, of_body = (
         [(row.heading, row.measured or 0.0) for row in measured if (row.kind is Kind.OWN_BODY) == own]
         for own in (False, True)
     )
-    return draw_plan(comparison.prediction, of_room, origin=comparison.origin, own_body=of_body)
+    return draw_plan(comparison.prediction, of_room, origin=comparison.origin, own_body=of_body, shading=shading)

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.room.model import Room
@@ -14,7 +16,10 @@ from sonarhw.readings import Origin
 from sonarhw_compare.pictures.colours import MEASURED, OWN_BODY, PREDICTED, WALL
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.pictures.range_shading import RangeShading
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
+
+_SHADE_OF_LEGEND = 0.4  # opacity of the shading's sample
 
 
 def draw_plan(
@@ -23,10 +28,12 @@ def draw_plan(
     title: str = "",
     origin: Origin = Origin.MEASURED,
     own_body: Sequence[tuple[float, float]] = (),
+    shading: RangeShading | None = None,
 ) -> Figure:
     """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them.
 
     `origin` names the measured points in the legend. `own_body` are measured points of the carrier of the sensor.
+    `shading` is drawn behind everything else.
     """
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
@@ -46,8 +53,26 @@ def draw_plan(
     axes.set_aspect("equal")
     axes.grid(alpha=0.25)
     # of the figure: the layout reserves too little space for a legend of axes of equal scale
-    figure.legend(loc="outside right upper")
+    handles, _ = axes.get_legend_handles_labels()
+    if shading is not None:
+        _draw_shading(axes, scan, shading)
+        handles.append(Patch(color=PREDICTED, alpha=_SHADE_OF_LEGEND, label="probability of a range"))
+    figure.legend(handles=handles, loc="outside right upper")
     return laid_out(figure)
+
+
+def _draw_shading(axes: Axes, scan: PredictedScan, shading: RangeShading) -> None:
+    """Draw the shading around the sensor of `scan`. Likely ranges outside the limits of `axes` are not drawn."""
+    count = len(shading.headings)
+    edges = shading.headings[0] + (np.arange(count + 1) - 0.5) * 2 * np.pi / count
+    ranges = np.linspace(0.0, shading.reach, shading.opacities.shape[1] + 1)
+    sensors = standpoints(scan.board, scan.place, edges)[:, None]
+    corners = sensors + ranges[:, None] * np.column_stack((np.cos(edges), np.sin(edges)))[:, None]
+    # as pixels also in SVG and PDF: 144 000 polygons make large files
+    mesh = QuadMesh(corners, array=shading.opacities, rasterized=True, zorder=0)
+    mesh.set_cmap(LinearSegmentedColormap.from_list("opacity", [(PREDICTED, 0.0), (PREDICTED, 1.0)]))
+    mesh.set_clim(0.0, 1.0)
+    axes.add_collection(mesh, autolim=False)
 
 
 def draw_room(axes: Axes, room: Room) -> None:

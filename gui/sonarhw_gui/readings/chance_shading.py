@@ -24,9 +24,10 @@ class ChanceShading(pg.ImageItem):  # type: ignore[misc]  # pyqtgraph has no typ
         self.setVisible(chances is not None)
         if chances is None:
             return
-        count = len(chances.headings)
+        shading = chances.shading
+        count = len(shading.headings)
         # heading 0 again at 360°, so that both ends of the axis are shaded
-        opacities = np.vstack((chances.opacities, chances.opacities[:1]))
+        opacities = np.vstack((shading.opacities, shading.opacities[:1]))
         opacities = np.where(opacities < _LEAST, 0.0, opacities)
         pixels = np.empty((*opacities.T.shape, 4), dtype=np.uint8)
         shade = QColor(colour)
@@ -34,4 +35,4 @@ class ChanceShading(pg.ImageItem):  # type: ignore[misc]  # pyqtgraph has no typ
         pixels[..., 3] = np.round(255 * opacities.T)
         self.setImage(pixels, autoLevels=False)
         step = 360.0 / count
-        self.setRect(QRectF(-step / 2, 0.0, 360.0 + step, chances.reach))
+        self.setRect(QRectF(-step / 2, 0.0, 360.0 + step, shading.reach))

@@ -126,7 +126,7 @@ class RangeView(Canvas):
         if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
             drawn.append(float(np.nanmax(shown.outline.ranges)))
         if shown.chances is not None:
-            drawn.append(shown.chances.reach)
+            drawn.append(shown.chances.shading.reach)
         most = max(drawn, default=1.0)
         if not 0.5 * self._top < most <= self._top:
             self._top = 1.15 * most

@@ -13,7 +13,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.comparing import ComparedScan, Comparer
 from sonarhw_gui.work.effort import EffortChoice
-from sonarhw_gui.work.outline_chances import ChancesRequest, OutlineChances, has_chances
+from sonarhw_gui.work.outline_chances import ChancesRequest, OutlineChances
 from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
@@ -155,7 +155,7 @@ class Forecast:
         if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
             return False
         self._found, self.outline, self.chances = found, found.outline, None
-        if not found.draft and has_chances(found.outline):
+        if not found.draft and found.outline.board.states_spread:
             self._weigher.submit(ChancesRequest(found))
         if self.compared is None:
             self._forget_changes(found.generation)

@@ -238,6 +238,11 @@ class Board:
         return self.ring or self.mount
 
     @property
+    def states_spread(self) -> bool:
+        """Whether a prediction of this board has probabilities between 0 and 1. Those of a ring are not computed."""
+        return self.ring is None and bool(self.threshold_sd_db or self.range_sd)
+
+    @property
     def blanking_end(self) -> float:
         """End of blanking by the board's clock, s, with or without BINH."""
         return self.blanking if self.blanking_inhibit is None else self.blanking_inhibit

@@ -192,3 +192,20 @@ def test_probabilities_are_scored_in_text_and_json(log: str, capsys: pytest.Capt
     assert "the median of 5 pings" in out
     assert run(["compare", log, "--room", ROOM, "--place", "figure9", "--pings", "4"]) == 2
     assert "--pings 4: expected an odd number" in capsys.readouterr().err
+
+
+def test_the_picture_is_shaded_if_the_profile_has_a_spread(
+    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paper = Path("sim/sonarhw_sim/board/shipped/paper.toml").read_text()
+    mine = tmp_path / "mine.toml"
+    pictures = {}
+    for spread in ("", "threshold_sd_db = 3.0\n"):
+        mine.write_text(paper + spread)
+        plot = tmp_path / "plot.svg"
+        command = ["compare", log, "--room", ROOM, "--place", "figure9", "--board", str(mine), "--json"]
+        assert run([*command, "--plot", str(plot), "--force"]) == 0
+        pictures[spread] = plot.read_text()
+        assert run([*command, "--model", "cone", "--plot", str(plot), "--force"]) == 0
+        assert "<!-- probability of a range -->" not in plot.read_text()
+    assert [picture.count("<!-- probability of a range -->") for picture in pictures.values()] == [0, 1]

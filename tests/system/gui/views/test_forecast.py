@@ -300,7 +300,7 @@ def test_probabilities_follow_the_complete_outline_of_a_board_with_spreads(
     uncertain = replace(scene, board=replace(scene.board, threshold_sd_db=3.0))
     forecast.set_scene(uncertain)
     until(qtbot, lambda: forecast.take() and forecast.chances is not None)
-    chances, outline = forecast.chances, forecast.outline
+    chances, outline = forecast.chances.shading, forecast.outline
     cells = np.round(outline.ranges / chances.reach * chances.opacities.shape[1] - 0.5)
     heard = np.flatnonzero((outline.over_threshold > 9.0) & (np.diff(cells, append=cells[0]) == 0))
     assert len(heard) > 50
