@@ -11,6 +11,7 @@ from typing import Any
 import tomlkit
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import Document, changed_room, with_corners
+from sonarhw_sim.toml_comments import like_array, remove_table
 from tomlkit.items import Array
 
 from sonarhw.errors import InputError
@@ -47,8 +48,8 @@ def split_wall(room: Room, wall: int, at: Point) -> Room:
         chain, k = _chain_of(document, wall)
         names = _segment_names(chain)
         points = _points(chain)
-        chain["points"] = [*points[: k + 1], list(at), *points[k + 1 :]]
-        chain["edges"] = [*names[: k + 1], second, *names[k + 1 :]]
+        chain["points"] = like_array(chain["points"], [*points[: k + 1], list(at), *points[k + 1 :]])
+        chain["edges"] = _named(chain, [*names[: k + 1], second, *names[k + 1 :]])
 
     return changed_room(room, change)
 
@@ -81,9 +82,7 @@ def remove_surface(room: Room, surface: int) -> Room:
             chain, k = _chain_of(document, surface)
             _put(document, chain, _without(chain, k))
         else:
-            del document["posts"][surface - len(room.walls)]
-            if not document["posts"]:
-                del document["posts"]
+            remove_table(document, "posts", surface - len(room.walls))
 
     return changed_room(room, change)
 
@@ -156,12 +155,14 @@ def _without(chain: Document, k: int) -> list[Segments]:
 def _put(document: Document, chain: Document, pieces: Sequence[Segments]) -> None:
     """Replace a chain by open chains: the first takes its position, the others are appended after all walls."""
     if not pieces:
-        document["walls"].remove(chain)
+        remove_table(document, "walls", next(k for k, one in enumerate(document["walls"]) if one is chain))
         return
     for points, names in pieces[1:]:
         _append(document, "walls", _like(chain, points, names))
-    chain["points"], chain["edges"] = pieces[0]
-    chain.pop("closed", None)
+    points, names = pieces[0]
+    chain["points"], chain["edges"] = like_array(chain["points"], points), _named(chain, names)
+    if "closed" in chain:
+        chain["closed"] = False
 
 
 def _like(chain: Document, points: list[list[float]], names: list[str]) -> dict[str, Any]:
@@ -169,7 +170,11 @@ def _like(chain: Document, points: list[list[float]], names: list[str]) -> dict[
     common: dict[str, Any] = {"material": str(chain["material"])}
     if "height" in chain:
         common["height"] = list(map(float, chain["height"]))
-    return {"name": names[0], "points": points, "edges": names, **common}
+    return {"name": names[0], "points": like_array(chain["points"], points), "edges": _named(chain, names), **common}
+
+
+def _named(chain: Document, names: list[str]) -> Any:
+    return like_array(chain.get("edges"), names)
 
 
 def _append(document: Document, kind: str, values: dict[str, Any]) -> None:
@@ -179,9 +184,7 @@ def _append(document: Document, kind: str, values: dict[str, Any]) -> None:
         return
     table = tomlkit.table()
     table.update(values)
-    before = present[-1].as_string() if present else tomlkit.dumps(document)
-    table.trivia.indent = "" if before.endswith("\n\n") else "\n"
-    table.add(tomlkit.nl())
+    table.trivia.indent = "\n"
     if not present:
         document[kind] = tomlkit.aot()
     document[kind].append(table)

@@ -33,10 +33,10 @@ class Scene:
 
     @cached_property
     def written_room(self) -> Room | None:
-        """The room as it is saved: with the current place of the sensor, even if the file does not contain it."""
+        """The room as it is saved: with the place of the sensor, and without places that it was dragged to before."""
         if self.room is None or self.place is None or self.room.places.get(self.place.name) == self.place:
             return self.room
-        return with_place(self.room, self.place)
+        return with_place(self.room, self.place, dragged_places(self.room))
 
     @property
     def title(self) -> str:
@@ -47,6 +47,16 @@ class Scene:
 def scene_with(board: Board, room: Room | None = None, place: Place | None = None, room_file: str = "") -> Scene:
     """Return a scene with default options."""
     return Scene(room, place, board, room_file)
+
+
+def position_name(position: tuple[float, float]) -> str:
+    """Return the name of a place that has none, as in `--place X,Y`; position in m."""
+    return f"{position[0]:g},{position[1]:g}"
+
+
+def dragged_places(room: Room) -> list[str]:
+    """Return the names of the places that nobody has named: a sensor was dragged there before the room was saved."""
+    return [name for name, place in room.places.items() if name == position_name(place.position)]
 
 
 def room_name(scene: Scene) -> str:

@@ -25,7 +25,7 @@ from sonarhw_sim.room.room_writing import materials, with_air, with_material, wi
 
 from sonarhw.errors import InputError
 from sonarhw_gui.scene.grips import Grip, GripPart
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene import Scene, dragged_places, position_name
 
 GRID = 0.001  # m; the mouse is not more precise, and files stay readable
 _SMALLEST_RADIUS = 0.002  # m
@@ -77,9 +77,12 @@ def sensor_facing(scene: Scene, heading: float) -> Edit:
 
 
 def with_named_place(scene: Scene, name: str) -> Edit:
-    """Return the scene with the sensor's place added to the room under a name; a place of this name is replaced."""
+    """Return the scene with the sensor's place added to the room under a name; a place of this name is replaced.
+
+    Its place without a name is removed.
+    """
     room, place = room_and_place(scene)
-    kept = with_place(room, replace(place, name=name))
+    kept = with_place(room, replace(place, name=name), set(dragged_places(room)) - {name})
     return replace(scene, room=kept, place=kept.places[name]), f"adding place {name}"
 
 
@@ -168,7 +171,7 @@ def with_sensor_at(scene: Scene, position: Point, heading: float) -> Scene:
     """
     room, before = room_and_place(scene)
     # a new place, named as by `--place X,Y`: the places of the file do not change
-    place = Place(f"{position[0]:g},{position[1]:g}", position, heading, before.height)
+    place = Place(position_name(position), position, heading, before.height)
     _check_free(room, place)
     return replace(scene, place=place)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.notes.note_file import ReadingNote
 from sonarhw_compare.notes.placed_notes import note_on
+from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import Reading
 from sonarhw_gui.look.appearance import Look
@@ -253,10 +254,13 @@ class ShownModel(QObject):
         self.follow(self._source.all_readings)
         self.refresh()
 
-    def name_room(self, file: str) -> None:
-        """Set the file name of the room."""
+    def take_saved(self, room: Room, file: str) -> None:
+        """Take the room as it was saved, with its places, and its file name; `refresh` shows the name."""
+        scene = self.shown.scene
+        if room is not scene.room and scene.place is not None:
+            self._change(replace(scene, room=room, place=room.places[scene.place.name]))
+        # later, because another room in another file would be fitted to the view
         self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=file))
-        self.refresh()
 
     def follow(self, readings: Sequence[Reading]) -> None:
         """Compare these readings."""

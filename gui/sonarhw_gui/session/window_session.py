@@ -267,9 +267,11 @@ class WindowSession(QObject):
     @Slot(str)
     def save_room(self, path: str) -> None:
         """Save the room with the sensor's place. An existing file is overwritten: the dialog has asked the user."""
-        if self.documents.save_room(self.shown.scene.written_room, Path(path)):
-            self.showing.name_room(Path(path).name)
+        room = self.shown.scene.written_room
+        if self.documents.save_room(room, Path(path)) and room is not None:
+            self.showing.take_saved(room, Path(path).name)
             self.unsaved.saved(self.shown.scene)
+            self.showing.refresh()
             self.files.watch(WatchedFile.ROOM, Path(path))
 
     @Slot(object)

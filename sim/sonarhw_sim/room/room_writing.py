@@ -6,7 +6,7 @@ is always parsed from its text, so a saved room is the same when it is read agai
 
 import math
 import pickle
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Collection, Mapping, MutableMapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from sonarhw.errors import InputError
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.model import Place, Room, parse_room
 from sonarhw_sim.room.room_file import MEETING, Material, RoomFile
+from sonarhw_sim.toml_comments import bind_comments, text_of
 from sonarhw_sim.toml_file import parse_toml
 
 Document = MutableMapping[str, Any]  # the text of a room file as tables and lists
@@ -30,9 +31,9 @@ def changed_room(room: Room, change: Callable[[Document], None]) -> Room:
     """Return the room after `change` of its text. Raises InputError if the result is not a valid room."""
     where = f"room {room.name!r}"
     try:
-        document = pickle.loads(_parsed(room.text))
+        document, end = pickle.loads(_parsed(room.text))
         change(document)
-        text = tomlkit.dumps(document)
+        text = text_of(document, end)
     except TOMLKitError as error:
         raise InputError(f"{where}: its text cannot be changed: {error}") from error
     return parse_room(text, where)
@@ -41,7 +42,8 @@ def changed_room(room: Room, change: Callable[[Document], None]) -> Room:
 @lru_cache(maxsize=8)
 def _parsed(text: str) -> bytes:
     # while a wall is dragged, one text is changed many times; unpickling takes a fifth of the time of parsing
-    return pickle.dumps(tomlkit.parse(text))
+    document = tomlkit.parse(text if text.endswith("\n") else f"{text}\n")
+    return pickle.dumps((document, bind_comments(document)))
 
 
 def with_air(room: Room, air: Air) -> Room:
@@ -55,10 +57,15 @@ def with_air(room: Room, air: Air) -> Room:
     return changed_room(room, change)
 
 
-def with_place(room: Room, place: Place) -> Room:
-    """Return the room with `place` added or replaced by its name. Raises InputError if it is inside a post."""
+def with_place(room: Room, place: Place, without: Collection[str] = ()) -> Room:
+    """Return the room with `place` added or replaced by its name, and the places named in `without` removed.
+
+    Raises InputError if it is inside a post.
+    """
 
     def change(document: Document) -> None:
+        for name in without:
+            del document["places"][name]
         table = section(document, "places", place.name)
         table["position"] = list(place.position)
         table["heading_deg"] = round(math.degrees(place.heading), _DIGITS)

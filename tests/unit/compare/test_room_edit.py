@@ -19,8 +19,10 @@ from sonarhw_compare.room_edit import (
     set_material,
     split_wall,
 )
+from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import PathSearch, find_paths
-from sonarhw_sim.room.model import Room, load_room, parse_room
+from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room_writing import with_air, with_material, with_place
 
 from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT
@@ -57,6 +59,53 @@ reflectance = 0.9
 [materials.n]
 reflectance = 0.5
 """
+COMMENTED = """# my lab
+name = "lab"
+
+# ==== materials ====
+
+# guessed
+[materials.m]
+reflectance = 0.9  # guess
+
+[materials.n]
+reflectance = 0.5
+
+# the outer walls
+[[walls]]
+name = "outer"
+points = [
+    # from the door
+    [0.0, 0.0],  # door
+    [4.0, 0.0],
+    [4.0, 3.0],  # window
+    [0.0, 3.0],
+    # and back
+]
+closed = true  # all round
+material = "m"
+
+# ==== furniture ====
+
+# the bench
+[[walls]]
+name = "bench"
+points = [[1.0, 1.0], [2.0, 1.0]]
+material = "m"
+
+# the pillar
+[[posts]]
+name = "pillar"
+center = [3.0, 2.0]
+radius = 0.1
+material = "m"
+
+# where it stands
+[places.here]
+position = [1.0, 2.0]  # to 1 cm
+# the end
+"""
+LAB = parse_room(COMMENTED, "the lab")
 Edit = Callable[[Room], Room]
 COORDINATES = st.floats(-20, 20).map(lambda x: round(x, 3))
 POINTS = st.tuples(COORDINATES, COORDINATES)
@@ -191,3 +240,55 @@ def test_any_edit_can_be_read_back_and_changes_nothing_else(data: st.DataObject)
         assert len(set(room.names) - set(after.names)) <= 1
         assert math.isfinite(np.abs(after.walls).max())
         room = after
+
+
+def above(room: Room, line: str, occurrence: int = 0) -> str:
+    """Return the line above a line of the room's text, without empty lines."""
+    lines = [text for text in room.text.splitlines() if text.strip()]
+    return lines[[k for k, text in enumerate(lines) if text == line][occurrence] - 1]
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda room: split_wall(room, 0, (2.0, 0.0)),
+        lambda room: remove_surface(room, room.names.index("outer[1]")),
+        lambda room: set_material(room, room.names.index("outer[1]"), "n"),
+        lambda room: add_wall(room, (1.0, 0.5), (2.0, 0.5), "n"),
+        lambda room: add_post(room, (1.0, 0.5), 0.1, "n"),
+        lambda room: with_material(room, "n", 0.4, 0.1),
+        lambda room: with_material(room, "foam", 0.1, 0.0),
+        lambda room: with_place(room, Place("here", (1.5, 2.0), 0.5)),
+        lambda room: with_place(room, Place("there", (1.5, 2.0))),
+        lambda room: with_air(room, Air(5.0)),
+    ],
+)
+def test_an_edit_keeps_every_comment_above_the_table_that_it_describes(edit: Edit) -> None:
+    room = edit(LAB)
+    assert {one.strip() for one in comments(COMMENTED)} <= {one.strip() for one in comments(room.text)}
+    for occurrence, line in enumerate(("# the outer walls", "# the bench")):
+        assert above(room, "[[walls]]", occurrence) == line
+    for table, line in (("[materials.m]", "# guessed"), ("[places.here]", "# where it stands")):
+        assert above(room, table) == line
+    assert above(room, "[[posts]]") == "# the pillar"
+
+
+@pytest.mark.parametrize(("name", "own"), [("bench[0]", "the bench"), ("pillar", "the pillar")])
+def test_a_removed_object_takes_its_own_comment_along_and_no_other(name: str, own: str) -> None:
+    room = remove_surface(LAB, LAB.names.index(name))
+    kept = [one.strip() for one in comments(COMMENTED) if one.strip() != own]
+    assert [one.strip() for one in comments(room.text)] == kept
+
+
+def test_comments_of_corners_stay_beside_their_corners() -> None:
+    room = remove_surface(LAB, LAB.names.index("outer[1]"))
+    lines = [line.strip() for line in room.text.splitlines()]
+    for corner in ("[0.0, 0.0],", "[4.0, 3.0],"):
+        (line,) = [line for line in lines if line.startswith(corner)]
+        assert line.endswith("# door" if corner == "[0.0, 0.0]," else "# window")
+
+
+def test_places_are_removed_by_name() -> None:
+    room = with_place(LAB, Place("there", (1.5, 2.0)), without=["here"])
+    assert list(room.places) == ["there"]
+    assert "the end" in room.text

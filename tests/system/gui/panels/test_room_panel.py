@@ -277,6 +277,27 @@ def test_a_changed_reflectance_is_predicted_and_saved_with_the_room(
     assert window.session.shown.scene.room is before.scene.room
 
 
+def test_a_saved_room_has_no_places_that_the_sensor_was_dragged_to_before(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path
+) -> None:
+    window, file = open_with(), tmp_path / "mine.toml"
+    shift = Qt.KeyboardModifier.ShiftModifier
+    own = set(window.session.shown.scene.room.places)
+    for _ in range(2):
+        qtbot.keyClick(window, Qt.Key.Key_Left, shift)
+        window.session.save_room(str(file))
+        saved = load_room(file)
+        assert set(saved.places) == {*own, window.session.shown.scene.pose.name}
+        assert set(window.session.shown.scene.room.places) == set(saved.places)
+        assert "[*]" in window.windowTitle()
+        assert not window.isWindowModified()
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    window.room.sensor.name.setText("bench")
+    window.room.sensor.save.click()
+    window.session.save_room(str(file))
+    assert set(load_room(file).places) == {*own, "bench"}
+
+
 def test_plan_and_panel_share_the_chosen_wall(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F8)
