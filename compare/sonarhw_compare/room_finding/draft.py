@@ -175,6 +175,28 @@ class RoomDraft:
         return replace(room, edges=find_edges(room.walls, room.names[: len(room.walls)])) if self.walls else room
 
 
+def draft_of_room(room: Room) -> RoomDraft:
+    """Return walls and posts of a room as a draft without places; walls with a common end meet there."""
+    draft = RoomDraft(())
+    for x, y, x2, y2 in room.walls.tolist():
+        half = math.hypot(x2 - x, y2 - y) / 2
+        middle, angle = ((x + x2) / 2, (y + y2) / 2), math.atan2(y2 - y, x2 - x)
+        draft, _ = draft.with_new_wall(DraftWall(middle, angle, (DraftEnd(-half), DraftEnd(half))))
+    corners = {key: draft.segment(key).reshape(2, 2) for key in draft.walls}
+    for key, wall in draft.walls.items():
+        for which in (0, 1):
+            near = (other for other in corners if other != key and _common_end(corners, key, which, other))
+            meets = next((other for other in near if meeting(wall, draft.walls[other]) is not None), None)
+            wall = wall.with_end(which, replace(wall.ends[which], meets=meets))
+        draft = draft.with_wall(key, wall)
+    return replace(draft, posts=tuple(DraftPost((x, y), radius) for x, y, radius in room.posts.tolist()))
+
+
+def _common_end(corners: dict[int, FloatArray], key: int, which: int, other: int) -> bool:
+    """Return whether an end of a wall is an end of another one."""
+    return bool((np.hypot(*(corners[other] - corners[key][which]).T) < _TOUCHING).any())
+
+
 def wall_name(number: int) -> str:
     """Return the name of a found wall."""
     return f"wall {number + 1}"

@@ -62,7 +62,7 @@ def find_room_and_poses(
     found, step = found_with(0), 0
     poses: dict[int, tuple[Pose, ...]] = {}
     while waiting := [k for k in range(len(scans)) if k not in placed]:
-        located = _located(scans, waiting, found, board, air)
+        located = _located(scans, waiting, found, board, air, (course or Course()).check)
         chosen = _chosen(located, found.explained / found.echoes)
         if not chosen:
             break
@@ -83,11 +83,19 @@ def find_room_and_poses(
 
 
 def _located(
-    scans: Sequence[PlacedScan], waiting: Sequence[int], found: FoundRoom, board: Board, air: Air
+    scans: Sequence[PlacedScan],
+    waiting: Sequence[int],
+    found: FoundRoom,
+    board: Board,
+    air: Air,
+    check: Callable[[], None],
 ) -> dict[int, tuple[float, tuple[Pose, ...]]]:
     """Return the share of echoes that the room explains, and the possible poses, of each waiting scan."""
     room = found.draft.room(REFLECTANCE, air)
-    located = {k: locate_scan(scans[k].readings, room, board, prediction=FOLLOWED) for k in waiting}
+    located = {
+        k: locate_scan(scans[k].readings, room, board, prediction=FOLLOWED, tick=lambda _share: check())
+        for k in waiting
+    }
     return {k: (one.explained, one.poses) for k, one in located.items()}
 
 

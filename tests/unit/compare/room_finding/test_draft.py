@@ -1,9 +1,10 @@
 """Walls of a draft meet where their lines cross, and keep their corners when a wall moves or goes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, meeting
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
 from sonarhw_sim.air import Air
 
 FLAT = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(0.5, 1)))
@@ -60,3 +61,23 @@ def test_a_draft_is_a_room_with_its_corner() -> None:
     assert room.names == ("wall 1", "wall 2")
     assert set(room.reflectances) == {0.9}
     assert "wall 1/wall 2" in room.edges.names
+
+
+def test_an_edited_room_is_a_draft_with_its_corners() -> None:
+    room = replace(CORNER, posts=(DraftPost((1.0, 1.0), 0.1),)).room(0.9, Air())
+    draft = draft_of_room(room)
+    assert np.allclose(draft.segments, room.walls)
+    assert draft.posts == (DraftPost((1.0, 1.0), 0.1),)
+    assert [[end.meets for end in wall.ends] for wall in draft.walls.values()] == [[None, 1], [0, None]]
+    # the corner stays one when a wall moves
+    assert np.allclose(draft.with_wall(1, draft.walls[1].moved(0.25, 0.0)).segments[0], [0, 0, 1.75, 0])
+
+
+def test_walls_on_one_line_have_no_corner() -> None:
+    halves = CORNER.with_wall(1, FLAT.moved(0.0, 0.0)).with_wall(0, DraftWall((-1.0, 0.0), 0.0, FLAT.ends))
+    draft = draft_of_room(replace(halves, walls={k: _free(wall) for k, wall in halves.walls.items()}).room(0.9, Air()))
+    assert [end.meets for wall in draft.walls.values() for end in wall.ends] == [None] * 4
+
+
+def _free(wall: DraftWall) -> DraftWall:
+    return replace(wall, ends=(DraftEnd(-1.0), DraftEnd(1.0)))
