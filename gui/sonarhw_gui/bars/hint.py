@@ -3,13 +3,16 @@
 from PySide6.QtCore import QMargins, QTimer, Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QWidget
 
+from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.parts.plain_label import PlainLabel
 
 _LASTS = 120_000  # ms
+_MEASURED = "Orange marks: measured by the sonar."
+_FAKE = "Orange marks: from a fake scanner, which hides one post."
 _STEPS = (
-    ("1", "measured", "Orange marks: measured by the sonar."),
+    ("1", "measured", _MEASURED),
     ("2", "predicted", "Blue line: predicted by the model."),
     ("3", "chosen", "Click a mark: the sentence below says why."),
 )
@@ -39,6 +42,10 @@ class Hint(QFrame):
         self.timer = QTimer(self, singleShot=True, interval=_LASTS)
         self.timer.timeout.connect(self.end)
         self.hide()
+
+    def show_origin(self, origin: Origin) -> None:
+        """Name what made the marks."""
+        self.labels[0].setText(f"1  {_FAKE if origin is Origin.FAKE else _MEASURED}")
 
     def show_look(self, look: Look) -> None:
         """Give each step the colour of what it describes."""

@@ -8,12 +8,18 @@ from PySide6.QtWidgets import QProgressBar, QStatusBar
 from sonarhw_gui.live.window_status import Badge, Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import LIGHT
+from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.parts.plain_label import PlainLabel
 
 # badges have the same background in both palettes
 _COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
 
+FAKE = "fake scanner, hides a post"
+_FAKE_MEANS = (
+    "A fake scanner simulates its room, which deliberately differs from the room file: one additional post, a sensor "
+    "some millimetres away, and air of another temperature. View > Causes searches for the post"
+)
 _FEW = 360  # readings; so many are compared within a moment, as during a scan
 _MESSAGE_TIME = 10_000  # ms
 
@@ -24,7 +30,10 @@ class StatusBar(QStatusBar):
     def __init__(self) -> None:
         super().__init__()
         self.setSizeGripEnabled(False)
-        self.activity = PlainLabel()
+        self.activity = ElidedLabel()
+        self.activity.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.fake = PlainLabel(FAKE)
+        self.fake.setToolTip(_FAKE_MEANS)
         self.badge = PlainLabel()
         self.figures = PlainLabel()
         self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air temperature")
@@ -39,6 +48,7 @@ class StatusBar(QStatusBar):
         self.setContentsMargins(8, 0, 4, 0)
         self.addWidget(self.progress)
         self.addWidget(LabelSlot(self.activity), 1)
+        self.addPermanentWidget(self.fake)
         self.addPermanentWidget(LabelSlot(self.figures))
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
@@ -60,6 +70,7 @@ class StatusBar(QStatusBar):
         if status.preparing is not None:
             self.progress.setRange(0, status.preparing.known)
             self.progress.setValue(status.preparing.done)
+        self.fake.setVisible(status.fake)
         self.figures.setText(figures_text(status))
         self.badge.setText(badge_text(status))
         background = _COLOURS.get(status.badge, LIGHT.idle)

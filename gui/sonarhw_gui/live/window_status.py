@@ -53,6 +53,7 @@ class Status:
     link: LinkState | None = None  # the connection to a scanner
     trouble: str = ""  # message about a lost connection
     angle: float | None = None  # last reported angle of the turntable, rad
+    fake: bool = False  # whether the readings come from a fake scanner
     own_readings: bool = False  # whether the readings come from the connected scanner, in the shown room
 
     @property

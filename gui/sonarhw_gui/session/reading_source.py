@@ -140,6 +140,7 @@ class ReadingSource:
             link=self.live.link,
             trouble=self.live.trouble,
             angle=live.angle,
+            fake=self.origin is Origin.FAKE,
             own_readings=bool(readings) and self.live.made_readings and same_room,
         )
 

@@ -191,6 +191,7 @@ class MainWindow(QMainWindow):
         self.toolbar.show_state(shown)
         self._show_title()
         self.legend.show_state(shown)
+        self.hint.show_origin(shown.origin)
         self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()

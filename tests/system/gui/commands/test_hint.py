@@ -16,7 +16,7 @@ def test_the_hint_is_shown_at_the_first_start_until_a_reading_is_clicked(
     memory = tmp_path / "window.ini"
     window = open_with(source=read_log(recorded), memory=memory)
     assert window.hint.isVisible()
-    for word, label in zip(("measured", "predicted", "Click"), window.hint.labels, strict=True):
+    for word, label in zip(("fake scanner", "predicted", "Click"), window.hint.labels, strict=True):
         assert word in label.text()
     until(qtbot, lambda: predicted(window))
     ranges = window.views.ranges

@@ -38,3 +38,6 @@ def test_title_legend_table_and_tooltip_name_the_origin_of_a_log(
         assert header == f"{origin} (m)"
         window.views.side_by_side.show_state(window.session.shown)
         assert window.views.side_by_side.title.text() == origin.capitalize()
+        fake = origin == "fake"
+        until(qtbot, lambda fake=fake: window.status_bar.fake.isVisible() == fake)
+        assert ("hides one post" in window.hint.labels[0].text()) == fake
