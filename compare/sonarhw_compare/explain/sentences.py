@@ -55,11 +55,20 @@ def explain_heading(prediction: PredictedScan, index: int, text: LengthText = in
         parts = [f"no echo is predicted at {at}"]
     else:
         by = describe_path(prediction, winner) if winner >= 0 else _NO_PATH
-        parts = [f"{text(range_)} predicted at {at}: {by}"]
+        parts = [f"{text(range_)} predicted at {at}: {by}", *_added(prediction, winner, range_, text)]
     parts += _within_blanking(prediction, index, winner, text)
     if _is_exact(prediction):
         parts += _barely(index, prediction, text)
     return "; ".join(parts)
+
+
+def _added(prediction: PredictedScan, path: int, range_: float, text: LengthText) -> list[str]:
+    """Return what the board adds to half of the length of a path, if that changes the range: its receiver, rounding."""
+    half = float(prediction.apparent_lengths[path]) / 2 if path >= 0 else range_
+    if text(half) == text(range_):
+        return []
+    verb = "adds" if range_ > half else "subtracts"
+    return [f"half of the path is {text(half)}, and the receiver of the board {verb} {text(abs(range_ - half))}"]
 
 
 def _within_blanking(prediction: PredictedScan, index: int, path: int | None, text: LengthText) -> list[str]:

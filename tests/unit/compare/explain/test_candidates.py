@@ -139,3 +139,17 @@ def test_the_sentence_about_a_heading() -> None:
         "0.827 m predicted at 270.0°: three reflections, bottom, top, bottom; "
         "the near wall (0.085 m) lies within blanking"
     )
+
+
+def test_the_sentence_about_a_heading_states_what_the_receiver_adds_to_the_path() -> None:
+    """The room has one wall at 0.085 m and one at 0.657 m: down, up, down is 2 × 0.827 m, whatever the receiver."""
+    of_board = predict_scan(ROOM, PLACE, load_board("polaroid-6500"), np.radians([270.0]))
+    range_ = float(of_board.ranges[0])
+    assert explain_heading(of_board, 0) == (
+        f"{range_:.3f} m predicted at 270.0°: three reflections, bottom, top, bottom; "
+        f"half of the path is 0.827 m, and the receiver of the board adds {range_ - 0.827:.3f} m; "
+        "the near wall (0.085 m) lies within blanking"
+    )
+    assert range_ > 0.828
+    short = predict_scan(ROOM, PLACE, replace(BOARD, range_offset=-0.01), np.radians([270.0]))
+    assert "half of the path is 0.827 m, and the receiver of the board subtracts 0.010 m" in explain_heading(short, 0)
