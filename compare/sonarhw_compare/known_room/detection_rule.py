@@ -3,7 +3,9 @@
 The rule: of a grid of apertures and thresholds, take the pair with the largest weighted mean of two shares, the echoes
 within 5 cm of the prediction, counted three times, and the balanced accuracy of silence, counted once. A plain
 likelihood gives up many echoes for a little more silence. Shares of a few hundred readings are noisy, so each pair is
-averaged with its neighbours on the grid.
+averaged with its neighbours on the grid, and the given profile changes no more than the scans demand: of the pairs that
+are as good as the best to half a standard error, the nearest to the given one is taken. The one-standard-error rule of
+Breiman, Friedman, Olshen and Stone (Classification and Regression Trees, 1984) does the same with a whole one.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,6 +30,9 @@ THRESHOLDS = np.arange(-8.0, 11.0)  # dB, likewise
 _DRAWS = 400  # of the bootstrap
 _OF_DRAWS = (2.5, 97.5)  # percentiles
 _NEAREST_FIRST = 1e-5  # per step of the grid: of equal pairs, that of the given profile
+_AS_GOOD = 0.5  # standard errors of the difference from the best score
+
+_STEPS_AWAY = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)  # (a, t), from the given profile
 
 BoolArray = NDArray[np.bool_]
 
@@ -72,10 +77,11 @@ def choose_detection(
     `redundancy` is the number of readings per independent reading; the intervals are from a bootstrap of such blocks.
     """
     found = _outcomes(scans, room, board, places, tick)
-    everything = np.ones((1, len(found.sounding)))
-    a, t = best_pairs(_scores(found, everything))[0]
+    scores = _scores(found, np.ones((1, len(found.sounding))))[0]
     random = np.random.default_rng(0)
-    drawn = np.array(best_pairs(_scores(found, drawn_blocks(len(found.sounding), redundancy, random))))
+    drawn_scores = _scores(found, drawn_blocks(len(found.sounding), redundancy, random))
+    a, t = nearest_good_pair(scores, drawn_scores)
+    drawn = np.array(best_pairs(drawn_scores))
     thresholds, apertures = board.threshold_db + THRESHOLDS, board.aperture_radius * APERTURES
     both = bool(found.sounding.any() and not found.sounding.all())
     return DetectionChoice(
@@ -133,8 +139,21 @@ def _scores(found: _Outcomes, weights: FloatArray) -> FloatArray:
     quiet = np.einsum("wr,atr->wat", silent, ~found.predicted) / np.maximum(silences, 1e-9)
     accuracy = np.where((silences > 0) & (echoes > 0), (heard + quiet) / 2, 0.0)
     scores = (ECHOES_COUNT * share + accuracy) / (ECHOES_COUNT + 1)
-    away = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)
-    return np.asarray(uniform_filter(scores, (1, 3, 3), mode="nearest") - _NEAREST_FIRST * away)
+    return np.asarray(uniform_filter(scores, (1, 3, 3), mode="nearest") - _NEAREST_FIRST * _STEPS_AWAY)
+
+
+def nearest_good_pair(scores: FloatArray, drawn: FloatArray) -> tuple[int, int]:
+    """Return row and column of the pair nearest to the given profile whose score (a, t) is as good as the best.
+
+    `drawn` (w, a, t) are the scores of the bootstrap. The standard error is that of the difference from the best score,
+    because both come from the same readings.
+    """
+    best = best_pairs(scores[None])[0]
+    errors = np.std(drawn[:, *best, None, None] - drawn, axis=0)
+    is_good = scores[best] - scores <= _AS_GOOD * errors
+    # of pairs equally far away, that with the larger score; scores are at most 1, so a step counts more
+    ((a, t),) = best_pairs(np.where(is_good, 0.5 * scores - _STEPS_AWAY, -np.inf)[None])
+    return a, t
 
 
 def best_pairs(scores: FloatArray) -> list[tuple[int, int]]:

@@ -17,8 +17,8 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_problem
-from sonarhw_compare.fit.search.refine import climb, covariance_of, refined
+from sonarhw_compare.fit.likelihood.objective import MODERATE, Objective, Problem, make_problem
+from sonarhw_compare.fit.search.refine import BoolArray, climb, covariance_of, refined
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import (
@@ -40,6 +40,8 @@ POSITION_SD = 0.015  # m, of a given position
 _REACH = 0.06  # m, largest error of a given position
 _TURN = math.radians(45.0)  # largest error of a starting heading
 _SEARCHES, _ITERATIONS = 2, 4
+_CLIMBS = 6  # at most, for the spreads
+_GAIN = 0.01  # of the log-likelihood, that is worth another climb
 _RANGE, _LEVEL = 0, 1  # rows of the noises
 
 SLOPE = BoardQuantity(
@@ -140,10 +142,23 @@ def spreads(
     problem = replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
     movable = np.append(False, np.ones(len(problem.noises), np.bool_))
     objective = problem.near(problem.start())
-    values = climb(objective, problem.start(), movable)
+    values = _top(objective, problem.start(), movable)
     logarithms = values[1:]
     deviations: FloatArray = np.sqrt(np.diag(covariance_of(objective, values)))[1:]
     return tuple(
         SharedValue(math.exp(logarithms[row]), math.exp(logarithms[row]) * float(deviations[row]))
         for row in (_RANGE, _LEVEL)
     )  # type: ignore[return-value]
+
+
+def _top(objective: Objective, values: FloatArray, movable: BoolArray) -> FloatArray:
+    """Return the values at the maximum of an objective near `values`; only those `movable` (size,) change.
+
+    One climb may end in a corner of the bounds, where moves along its directions change nothing. The next climb has
+    directions of its own.
+    """
+    for _ in range(_CLIMBS):
+        before, values = values, climb(objective, values, movable)
+        if objective(values) - objective(before) < _GAIN:
+            break
+    return values

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.detection_rule import choose_detection
+from sonarhw_compare.known_room.detection_rule import APERTURES, THRESHOLDS, choose_detection, nearest_good_pair
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, load_room
@@ -43,3 +43,19 @@ def test_scans_without_silence_do_not_determine_a_threshold() -> None:
     loud = replace(NXT, threshold_db=-40.0)
     chosen = choose_detection(scans_of(loud), ROOM, replace(NXT, threshold_db=-30.0), PLACES, 3.0)
     assert not chosen.is_determined
+
+
+@pytest.mark.parametrize(("error", "expected"), [(0.005, (8, 14)), (0.03, (5, 8))])
+def test_the_given_pair_stays_unless_another_is_better_by_more_than_chance(
+    error: float, expected: tuple[int, int]
+) -> None:
+    """A far pair is better by 0.01. The difference from the given one has a standard error of `error`."""
+    given = int(np.argmin(np.abs(APERTURES - 1))), int(np.argmin(np.abs(THRESHOLDS)))
+    scores = np.full((len(APERTURES), len(THRESHOLDS)), 0.5)
+    scores[given], scores[8, 14] = 0.8, 0.81
+    drawn = np.repeat(scores[None], 1000, axis=0)
+    drawn[:, given[0], given[1]] += np.random.default_rng(0).normal(0.0, error, 1000)
+    assert nearest_good_pair(scores, drawn) == expected
+    # an error that all pairs share is no reason to stay
+    shared = scores + np.random.default_rng(1).normal(0.0, 0.03, (1000, 1, 1))
+    assert nearest_good_pair(scores, shared) == (8, 14)
