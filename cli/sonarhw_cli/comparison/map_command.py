@@ -21,12 +21,14 @@ from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.locate.poses import Pose
     from sonarhw_compare.map import RoomMap
     from sonarhw_compare.room_finding.evidence import PoseSpread
     from sonarhw_compare.room_finding.next_place import NextPlace
+    from sonarhw_compare.room_finding.room_search import FoundRoom
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
@@ -53,8 +55,9 @@ def map_logs(
     out: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Draw the maps (picture), find the room (.toml), or both: give the option twice.",
-            metavar=f"ROOM.toml|{PICTURE_FILE}",
+            help="Picture of the maps. ROOM.toml, or a report .html with the maps beside the room: find the room. "
+            "Once for each file.",
+            metavar=f"ROOM.toml|FILE.html|{PICTURE_FILE}",
         ),
     ] = None,
     plan_next: Annotated[
@@ -69,41 +72,37 @@ def map_logs(
     from all readings, and one without the readings that came by several reflections. Those readings are found by
     following sound in the room.
 
-    With --out ROOM.toml, the room is found: walls and posts that explain all echoes and silences, by the model of a
-    fit, with their uncertainties. Sound is then followed in this room.
+    With --out ROOM.toml or --out FILE.html, the room is found: walls and posts that explain all echoes and silences, by
+    the model of a fit, with their uncertainties. Sound is then followed in this room, and a picture shows it.
     """
     from sonarhw_compare.map import map_scans
     from sonarhw_sim.board.profile import load_board
 
-    room_file, picture = _outputs(out or [], force, room_name, board, poses_file, *log_files)
-    if (room_file or plan_next) and room_name:
-        wanted = f"--out {room_file}" if room_file else "--next"
+    files = _outputs(out or [], force, room_name, board, poses_file, *log_files)
+    finds = files.room or files.report
+    if (finds or plan_next) and room_name:
+        wanted = f"--out {finds}" if finds else "--next"
         raise InputError(f"{wanted}, --room {room_name}: a room is found, or given; give only one of them")
     room = None if room_name is None else open_room(room_name)
     given = [open_scan(file, board) for file in log_files]
     chosen = load_board(board) if board else given[0].board()
     scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
-    if None in spreads and not (room_file or plan_next):
+    if None in spreads and not (finds or plan_next):
         raise InputError(
             f"--poses {poses_file}: an unknown pose is found with the room: add --out ROOM.toml, or --next"
         )
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
     shown = None
     with progress_of_share() as show:
-        if room_file or plan_next:
+        if finds or plan_next:
             shown = _room_of_scans(scans, moved, given, spreads, plan_next, show)
             room, scans = shown.room, shown.scans
         found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
-    for doubt in _doubts(found, room_name is not None, shown):
+    doubts = list(_doubts(found, room_name is not None, shown))
+    for doubt in doubts:
         warn(doubt)
-    if room_file and shown:
-        with written_file(room_file, overwrite=force) as file:
-            file.write(shown.room.text.encode())
-    if picture:
-        from sonarhw_compare.map.map_picture import draw_map
-
-        with written_file(picture, overwrite=force) as file:
-            write_picture(draw_map(found, room), file, checked_out(picture, PICTURES, True))
+    known = None if poses or poses_file else _room_of_logs(given)
+    _write(files, found, room, shown, known, doubts, force)
     if as_json:
         print_json(_figures(found) | ({} if shown is None else {"found": shown.figures}))
         return
@@ -116,7 +115,9 @@ def map_logs(
 class _RoomOfScans:
     """A found room for the outputs of the command."""
 
-    room: "Room"
+    found: "FoundRoom"
+    board: "Board"
+    room: "Room"  # of its file
     scans: "list[PlacedScan]"  # from the refined places
     figures: dict[str, Any]
     lines: list[str]
@@ -144,15 +145,67 @@ def _doubts(found: "RoomMap", is_given: bool, shown: _RoomOfScans | None) -> Ite
         yield f"{title}: its pose was not found, so the room is found without it"
 
 
-def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> tuple[Path | None, Path | None]:
-    """Return the names of the room file and of the picture; None for one that is not wanted."""
-    chosen: dict[bool, Path] = {}
+@dataclass(frozen=True)
+class _Outputs:
+    """The names of the files to write; None for one that is not wanted."""
+
+    room: Path | None = None
+    report: Path | None = None
+    picture: Path | None = None
+
+
+def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> _Outputs:
+    kinds, files = {".toml": "room", ".html": "report"}, _Outputs()
     for path in out:
-        suffix = checked_out(path, [*PICTURES, ".toml"], force, *inputs)
-        if (is_room := suffix == ".toml") in chosen:
-            raise InputError(f"--out {chosen[is_room]}, --out {path}: give one room file and one picture at most")
-        chosen[is_room] = path
-    return chosen.get(True), chosen.get(False)
+        kind = kinds.get(checked_out(path, [*PICTURES, *kinds], force, *inputs), "picture")
+        if (other := getattr(files, kind)) is not None:
+            raise InputError(f"--out {other}, --out {path}: give one room file, one report and one picture at most")
+        files = replace(files, **{kind: path})
+    return files
+
+
+def _room_of_logs(given: "Sequence[GivenScan]") -> "Room | None":
+    """Return the room that all logs contain; None if there is none, or not the same in all."""
+    texts = {scan.log.metadata.room_text if scan.log is not None else "" for scan in given}
+    return given[0].room() if len(texts) == 1 and texts != {""} else None
+
+
+def _write(
+    files: _Outputs,
+    found: "RoomMap",
+    room: "Room | None",
+    shown: _RoomOfScans | None,
+    known: "Room | None",
+    doubts: Sequence[str],
+    force: bool,
+) -> None:
+    """Write room file, report and picture. `known` is the room that the logs contain."""
+    if shown and files.room:
+        with written_file(files.room, overwrite=force) as file:
+            file.write(shown.room.text.encode())
+    if shown and files.report:
+        from sonarhw_compare.report.map_report import MapReport, map_report_html
+
+        report = MapReport(
+            shown.found, shown.room, tuple(shown.scans), shown.board, found, known, tuple(shown.lines), tuple(doubts)
+        )
+        with written_file(files.report, overwrite=force) as file:
+            file.write(map_report_html(report).encode())
+    if files.picture:
+        figure = _figure(found, room, shown, known)
+        with written_file(files.picture, overwrite=force) as file:
+            write_picture(figure, file, checked_out(files.picture, PICTURES, True))
+
+
+def _figure(found: "RoomMap", room: "Room | None", shown: _RoomOfScans | None, known: "Room | None") -> "Figure":
+    if shown is None:
+        from sonarhw_compare.map.map_picture import draw_map
+
+        return draw_map(found, room)
+    from sonarhw_compare.report.found_room_picture import draw_found_room
+    from sonarhw_compare.room_finding.found_room_file import open_ends
+
+    return draw_found_room(shown.scans, shown.room, shown.board, open_ends(shown.found), known)
 
 
 def _room_of_scans(
@@ -194,7 +247,7 @@ def _room_of_scans(
             }
             for one in nexts
         ]
-    return _RoomOfScans(room, list(placed.scans), figures, lines, placed.left_out)
+    return _RoomOfScans(found, board, room, list(placed.scans), figures, lines, placed.left_out)
 
 
 def _next_text(one: "NextPlace") -> str:

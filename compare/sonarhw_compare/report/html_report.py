@@ -2,8 +2,7 @@
 
 import math
 import platform
-from base64 import b64encode
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -15,7 +14,6 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
-from sonarhw.harmless_text import harmless
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import Origin, Reading
 from sonarhw_compare.explain.sentences import explain_reading
@@ -24,24 +22,20 @@ from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
 from sonarhw_compare.matching.probability_score import ProbabilityScore, calibration_text, score_comparison
+from sonarhw_compare.report.html_parts import (
+    Facts,
+    escaped,
+    facts_table,
+    html_page,
+    metres,
+    picture,
+    table_head,
+    table_row,
+)
 from sonarhw_compare.report.report_pictures import bscan_png, calibration_svg, plan_svg, ranges_svg
 from sonarhw_compare.report.report_regions import millimetres, regions_table
 
 MOST_READINGS = 3600  # only the newest are listed, so that the page stays readable
-Facts = Sequence[tuple[str, str]]
-
-_STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 68em; margin: 2em auto; padding: 0 1em; }
-h1 { margin-bottom: 0; } h2 { margin-top: 1.8em; border-bottom: 1px solid #ccc; }
-img { max-width: 100%; } table { border-collapse: collapse; } .facts td:first-child { color: #555; }
-td, th { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; }
-:is(.readings, .regions) td:nth-child(-n+5), .notes td:nth-child(-n+3) {
-  text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-:is(.regions, .notes) th { border-bottom: 1px solid #ccc; }
-.readings th { position: sticky; top: 0; background: #fff; border-bottom: 1px solid #ccc; }
-pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 1.15em; }
-@media print { .readings th { position: static; } }
-"""
 
 
 @dataclass(frozen=True)
@@ -95,13 +89,7 @@ def report_of(
 
 def report_html(report: Report) -> str:
     """Return the page. Raises NotALog if a trace can no longer be read."""
-    return "\n".join(
-        ("<!DOCTYPE html>", '<html lang="en">', *_head(report), "<body>", *_body(report), "</body></html>")
-    )
-
-
-def _head(report: Report) -> Iterator[str]:
-    yield f'<head><meta charset="utf-8"><title>{_escaped(_title(report))}</title><style>{_STYLE}</style></head>'
+    return html_page(_title(report), _body(report))
 
 
 def _title(report: Report) -> str:
@@ -112,18 +100,18 @@ def _title(report: Report) -> str:
 def _body(report: Report) -> Iterator[str]:
     comparison, log = report.comparison, report.log
     summary = comparison.summary()
-    yield f"<h1>{_escaped(_title(report))}</h1>"
+    yield f"<h1>{escaped(_title(report))}</h1>"
     made = "recorded" if comparison.origin is Origin.MEASURED else f"{comparison.origin} readings"
     when = f", {made} {_date(log.metadata.started)}" if log and log.metadata.started else ""
-    yield f"<p>{_escaped(report.name)}{when}</p>"
+    yield f"<p>{escaped(report.name)}{when}</p>"
     yield f'<p class="lead">{escape(_lead(summary))}</p>'
     for doubt in few_explained(report.name, summary.within_5cm, summary.n_echo):
-        yield f"<p><strong>Warning:</strong> {_escaped(doubt)}.</p>"
+        yield f"<p><strong>Warning:</strong> {escaped(doubt)}.</p>"
     yield "<h2>The scan in the room</h2>"
     both = f"{comparison.origin} and predicted"
-    yield _picture("svg+xml", plan_svg(comparison), f"Plan of the room with {both} points")
+    yield picture("svg+xml", plan_svg(comparison), f"Plan of the room with {both} points")
     yield "<h2>Range against heading</h2>"
-    yield _picture(
+    yield picture(
         "svg+xml",
         ranges_svg(comparison),
         f"Ranges, {both}, and their residuals over heading",
@@ -131,10 +119,10 @@ def _body(report: Report) -> Iterator[str]:
     bscan = bscan_png(comparison)
     if bscan is not None:
         yield "<h2>B-scan</h2>"
-        yield _picture("png", bscan, f"Traces side by side, {both}, heading by range")
+        yield picture("png", bscan, f"Traces side by side, {both}, heading by range")
     yield from _notes(report)
     yield "<h2>Figures</h2>"
-    yield _facts(_figures(summary))
+    yield facts_table(_figures(summary))
     yield from _probabilities(report)
     yield "<h2>Regions of constant depth</h2>"
     yield from regions_table(comparison)
@@ -175,14 +163,14 @@ def _probabilities(report: Report) -> Iterator[str]:
     if score is None or score.log_score is None:
         return
     yield "<h2>Predicted probabilities</h2>"
-    yield _facts(
+    yield facts_table(
         (
             ("log score", f"{score.log_score:.2f} (mean logarithm of the probability of a reading; 0 is best)"),
             ("most probable readings, stated and observed", calibration_text(score.calibration)),
         )
     )
     if board.threshold_sd_db:
-        yield _picture("svg+xml", calibration_svg(score.calibration), "Observed shares over stated probabilities")
+        yield picture("svg+xml", calibration_svg(score.calibration), "Observed shares over stated probabilities")
 
 
 def _settings(report: Report) -> Iterator[str]:
@@ -213,7 +201,7 @@ def _settings(report: Report) -> Iterator[str]:
     ):
         if facts:
             yield f"<h2>{title}</h2>"
-            yield _facts(facts)
+            yield facts_table(facts)
     for name, text in (("room file", room.text), ("board profile", board.text)):
         if text:
             yield f"<details><summary>The {name}</summary><pre>{escape(text)}</pre></details>"
@@ -287,11 +275,11 @@ def _notes(report: Report) -> Iterator[str]:
     if not report.notes:
         return
     yield "<h2>Notes</h2>"
-    yield from _table("notes", ("no.", "heading (°)", "scan (m)", "note"))
+    yield from table_head("notes", ("no.", "heading (°)", "scan (m)", "note"))
     board = report.comparison.prediction.board
     for _, reading, text in report.notes:
         heading = report.comparison.heading + board.turned(reading.angle)
-        yield _row((str(reading.number), f"{in_degrees(heading, 1):.1f}", _metres(reading.range), text))
+        yield table_row((str(reading.number), f"{in_degrees(heading, 1):.1f}", metres(reading.range), text))
     yield "</tbody></table>"
 
 
@@ -302,47 +290,19 @@ def _readings(report: Report) -> Iterator[str]:
     if report.left_out:
         yield f"<p>The newest {len(comparison.rows)}; {report.left_out} older ones are left out.</p>"
     names = ("no.", "heading (°)", "scan (m)", "predicted (m)", "residual (mm)", "class", "explanation")
-    yield from _table("readings", names)
+    yield from table_head("readings", names)
     for row in comparison.rows:
         cells = (
             str(row.reading.number),
             f"{in_degrees(row.heading, 1):.1f}",
-            _metres(row.measured),
-            _metres(row.predicted),
+            metres(row.measured),
+            metres(row.predicted),
             "" if row.residual is None else millimetres(row.residual),
             row.kind.label,
             explain_reading(comparison, row.index) + notes.get(row.index, ""),
         )
-        yield _row(cells)
+        yield table_row(cells)
     yield "</tbody></table>"
-
-
-def _table(kind: str, names: Iterable[str]) -> Iterator[str]:
-    """Yield the begin of a table."""
-    yield f'<table class="{kind}"><thead><tr>'
-    yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
-
-
-def _row(cells: Iterable[str]) -> str:
-    return "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in cells) + "</tr>"
-
-
-def _metres(length: float | None) -> str:
-    return "" if length is None else f"{length:.3f}"
-
-
-def _escaped(name: str) -> str:
-    """Return a name as HTML. Control characters and the bytes of a file name that is not UTF-8 are escapes."""
-    return escape(harmless(name))
-
-
-def _facts(facts: Iterable[tuple[str, str]]) -> str:
-    rows = "".join(f"<tr><td>{_escaped(name)}</td><td>{_escaped(value)}</td></tr>" for name, value in facts)
-    return f'<table class="facts">{rows}</table>'
-
-
-def _picture(kind: str, content: bytes, meaning: str) -> str:
-    return f'<img alt="{escape(meaning)}" src="data:image/{kind};base64,{b64encode(content).decode("ascii")}">'
 
 
 def _date(started: float) -> str:

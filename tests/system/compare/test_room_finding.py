@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -61,14 +62,26 @@ def logs(folder: Path, names: str = "abcd") -> list[str]:
 def test_the_room_is_found_and_predicts_another_scan(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    room_file, picture = tmp_path / "found.toml", tmp_path / "found.png"
-    assert run(["map", *logs(folder), "--out", str(room_file), "--out", str(picture), "--json"]) == 0
+    room_file, picture, report = (tmp_path / f"found.{suffix}" for suffix in ("toml", "svg", "html"))
+    files = [word for file in (room_file, picture, report) for word in ("--out", str(file))]
+    assert run(["map", *logs(folder), *files, "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)["found"]
     found = load_room(room_file)
     assert missing_walls(found) == []
     assert figures["explained"] >= 0.9 * figures["echoes"]
     assert len(figures["walls"]) == len(found.walls)
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    drawn, page = picture.read_text(encoding="utf-8"), report.read_text(encoding="utf-8")
+    assert all(f"<!-- {name} -->" in drawn for name in found.names)
+    assert "<!-- beside L -->" in drawn  # the room in the logs
+    # the report has the found room and the baseline, one picture each, and a row for each wall
+    assert re.findall("data:image/([a-z]+)", page) == ["svg", "png"]
+    rows = [re.findall("<td>([^<]*)</td>", row) for row in page.split("<tr>")]
+    listed = {row[0]: (row[1], row[2]) for row in rows if len(row) == 6 and row[0].startswith("wall")}
+    assert listed == {
+        name: (f"{x:.3f}, {y:.3f}", f"{x2:.3f}, {y2:.3f}")
+        for name, (x, y, x2, y2) in zip(found.names, found.walls.tolist(), strict=False)
+    }
+    assert [row[0] for row in rows if row[:1] and row[0].startswith("baseline")] != []
     assert list(found.places) == list(PLACES)
     assert "±" in room_file.read_text(encoding="utf-8")
 
@@ -113,7 +126,8 @@ def test_an_unknown_pose_needs_a_search_for_the_room(
     [
         (["--out", "a.toml", "--room", "simple"], "a room is found, or given"),
         (["--next", "--room", "simple"], "--next, --room simple: a room is found, or given"),
-        (["--out", "a.toml", "--out", "b.toml"], "one room file and one picture at most"),
+        (["--out", "a.html", "--room", "simple"], "a room is found, or given"),
+        (["--out", "a.toml", "--out", "b.toml"], "one room file, one report and one picture at most"),
         (["--poses", "none.csv", "--pose", "0,0,0"], "contains the poses of all logs"),
         (["--out", "a.txt"], "expected a name ending in"),
     ],
