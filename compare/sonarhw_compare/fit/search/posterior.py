@@ -20,6 +20,7 @@ from sonarhw_compare.fit.search.averaging import Mixture
 
 _WALKERS = 48  # at least; fewer have too few independent differences
 _WIDER = 1.2  # initial width by that of the curvature; a wide ensemble converges faster than a narrow one
+_SHORTEST = 0.01  # of the distance of a draw from the mean
 _BURN_IN = 80  # steps, at least
 _LONGER = 1  # most repetitions with twice as many samples, if the chain has not converged
 _TESTABLE = 50  # steps; fewer are too few to test for convergence
@@ -89,7 +90,10 @@ def _ensemble(objective: Objective, start: Mixture, walkers: int, random: Random
     mean = np.clip(start.mean, lower, upper)[rows]
     away = begin[:, rows] - mean
     reach = np.where(away > 0, upper[rows] - mean, mean - lower[rows]) / np.maximum(np.abs(away), 1e-300)
-    begin[:, rows] = mean + away * np.minimum(1.0, reach.min(axis=1, initial=1.0))[:, None]
+    shorter = np.minimum(1.0, reach.min(axis=1, initial=1.0))
+    # with a mean on a bound, these would all be at the mean; each value is clipped instead
+    shorter[shorter < _SHORTEST] = 1.0
+    begin[:, rows] = mean + away * shorter[:, None]
     # walkers on a bound would all have the same value
     spread = np.sqrt(np.diag(start.covariance))
     inside = np.minimum(spread, upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
