@@ -167,19 +167,17 @@ def follow_fan(
     spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
     to_receiver = np.hypot(*(targets[1:] - targets[0]).T)
     radii = np.zeros(len(targets)) if radii is None else radii
-    heights, slopes, leaving = no_heights(len(reflectances)), np.zeros(len(directions)), detectable.leaving
+    heights, slopes = no_heights(len(reflectances)), np.zeros((len(directions), 1))
     if passing is not None:
         # a path has one slope, and few of the rays nearest to it have a similar one
         spacing *= WIDER
-        of_each = passing.slopes(directions)
-        heights, slopes, count = passing.heights, of_each.ravel(), of_each.shape[1]
-        directions, leaving = np.repeat(directions, count), np.repeat(leaving, count)
-    if len(directions) * max_bounces > _MOST_TOUCHES:
+        heights, slopes = passing.heights, passing.slopes(directions)
+    if slopes.size * max_bounces > _MOST_TOUCHES:
         raise InputError(
-            f"{len(directions)} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
+            f"{slopes.size} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
             "reflections in all, because of memory; use fewer rays or fewer reflections"
         )
-    touched = np.full((len(directions), max_bounces), -1, np.int32)
+    touched = np.empty((slopes.size, max_bounces), np.int32)
     candidates = _follow(
         source,
         directions,
@@ -190,7 +188,7 @@ def follow_fan(
         targets,
         radii,
         longest,
-        detectable._replace(leaving=leaving),
+        detectable,
         list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
         touched,
         np.full(4096, -1, np.int32),
@@ -202,7 +200,7 @@ def follow_fan(
         path_table.MOST_POINTS,
     )
     path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
-    return Fan(touched, candidates, directions)
+    return Fan(touched, candidates, np.repeat(directions, slopes.shape[1]))
 
 
 @compiled
@@ -227,87 +225,147 @@ def _follow(
     faintest: float,
     most_points: int,
 ) -> IntArray:
-    """Fill `touched` (n, b), all -1, and return the candidates of `follow_fan`, up to `most_points` points in all.
+    """Fill `touched` (n k, b) and return the candidates of `follow_fan`, up to `most_points` points in all.
 
-    `slopes` (n,) are the slopes of the rays; `edges` lists the targets after the first, by the cells near them; `slots`
-    is a hash table, all -1; `met` (t,) is all 0; `max_return` is the length of the longest path to any target and
-    straight on to the receiver, m.
+    `slopes` (n, k) are the slopes of the rays in each direction; row d k + j of `touched` belongs to slope j of
+    direction d. Rays with different slopes are one ray until they meet a surface that only some of them pass, and only
+    one row is filled for them. `edges` lists the targets after the first, by the cells near them; `slots` is a hash
+    table, all -1; `met` (t,) is all 0; `max_return` is the length of the longest path to any target and straight on to
+    the receiver, m.
     """
     # one long function: passing growing lists between compiled functions costs 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
     leaving, least, axis_x, axis_y, receiving = detectable
-    max_bounces = touched.shape[1]
+    max_bounces, count = touched.shape[1], slopes.shape[1]
     candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
     nearby, leg_number = np.empty(targets.shape[0], np.int32), 0
     deepest = 0
     same_transducer = targets[0, 0] == source[0] and targets[0, 1] == source[1]
-    for ray in range(directions.shape[0]):
-        dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
-        leg = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[ray])
+    # branches that wait, at the surface that they meet: the leg to it, and in whole numbers the rest
+    order, met_by = np.empty(count, np.int32), np.empty(count, np.int32)
+    legs, states = np.empty((count, 9)), np.empty((count, 5), np.int32)
+    for direction in range(directions.shape[0]):
+        if leaving[direction] <= faintest:
+            continue
+        for k in range(count):
+            order[k] = k
+        begin, end, waiting = 0, count, 0
+        ray = direction * count
+        touched[ray] = -1
+        dx, dy = math.cos(directions[direction]), math.sin(directions[direction])
+        leg = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[direction])
         # a plain -1 has a type of its own, for which `first_among` would be compiled once more
         surface: int = np.int64(-1)  # type: ignore[assignment]
-        if leg.amplitude <= faintest:
-            continue
-        bounces = 0
+        following: int = np.int64(-1)  # type: ignore[assignment]
+        bounces, distance, at_surface = 0, 0.0, False
         while True:
-            # find the next surface
-            distance, following = first_among(
-                leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
-            )
-            reach = min(distance, max_length - leg.length)
+            going = True
+            if not at_surface:
+                # find the next surface
+                distance, following = first_among(
+                    leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
+                )
+                reach = min(distance, max_length - leg.length)
 
-            # note every target that this leg passes; not the receiver on the first leg if that starts there
-            leg_number += 1
-            passed = _edges_along(
-                leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
-            )
-            if bounces > 0 or not same_transducer:
-                nearby[passed] = 0
-                passed += 1
-            for target in nearby[:passed]:
-                tx, ty = targets[target]
-                miss, loudest = _passes(leg, reach, tx, ty, radii[target], longest[target], spacing)
-                if target == 0 and miss >= 0.0:
-                    loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
-                if miss < 0.0 or loudest <= least[target]:
-                    continue
-                if found == candidates.shape[0]:
-                    candidates, misses = _longer(candidates, misses)
-                candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
-                misses[found] = miss
-                found += _enter(candidates[: found + 1], misses, touched, slots)
-                if bounces > deepest:
-                    deepest = bounces
-                if found * (deepest + 2) > most_points:
-                    return candidates[:found]
-                if found > _FULL * slots.shape[0]:
-                    slots = _grown(slots, candidates[:found], misses, touched)
+                # note every target that this leg passes; not the receiver on the first leg if that starts there
+                leg_number += 1
+                passed = _edges_along(
+                    leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
+                )
+                if bounces > 0 or not same_transducer:
+                    nearby[passed] = 0
+                    passed += 1
+                for target in nearby[:passed]:
+                    tx, ty = targets[target]
+                    miss, loudest = _passes(leg, reach, tx, ty, radii[target], longest[target], spacing)
+                    if target == 0 and miss >= 0.0:
+                        loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
+                    if miss < 0.0 or loudest <= least[target]:
+                        continue
+                    if found == candidates.shape[0]:
+                        candidates, misses = _longer(candidates, misses)
+                    candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
+                    misses[found] = miss
+                    found += _enter(candidates[: found + 1], misses, touched, slots)
+                    if bounces > deepest:
+                        deepest = bounces
+                    if found * (deepest + 2) > most_points:
+                        return candidates[:found]
+                    if found > _FULL * slots.shape[0]:
+                        slots = _grown(slots, candidates[:found], misses, touched)
 
-            # stop where the path leaves the room, is long enough or can no longer return in time
-            if leg.length + distance > max_length:
-                break
-            if _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) > max_return:
-                break
+                # stop where the path leaves the room, is long enough or can no longer return in time
+                going = leg.length + distance <= max_length
+                if going:
+                    going = _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) <= max_return
 
-            # pass the surface, if it is not as high as the ray is there
-            surface = following
-            if heights.low[following]:
-                x, y = leg.x + distance * leg.dx, leg.y + distance * leg.dy
-                following = surface_at(x, y, slopes[ray] * (leg.length + distance), following, heights, walls)
-                if following < 0:
-                    leg = _passed(leg, distance)
-                    continue
-            if bounces == max_bounces:
-                break
+            at_surface = False
+            if going:
+                # pass the surface, if it is not as high as the ray is there
+                surface = following
+                if heights.low[following]:
+                    x, y = leg.x + distance * leg.dx, leg.y + distance * leg.dy
+                    for k in range(begin, end):
+                        climb = slopes[direction, order[k]] * (leg.length + distance)
+                        met_by[k] = surface_at(x, y, climb, following, heights, walls)
+                    middle = _parted(met_by, order, begin, end)
+                    if middle < end:
+                        legs[waiting, 0], legs[waiting, 1] = leg.x, leg.y
+                        legs[waiting, 2], legs[waiting, 3] = leg.dx, leg.dy
+                        legs[waiting, 4], legs[waiting, 5], legs[waiting, 6] = leg.length, leg.width, leg.opening
+                        legs[waiting, 7], legs[waiting, 8] = leg.amplitude, distance
+                        states[waiting, 0], states[waiting, 1], states[waiting, 2] = middle, end, bounces
+                        states[waiting, 3], states[waiting, 4] = following, direction * count + order[middle]
+                        touched[states[waiting, 4]] = touched[ray]
+                        waiting += 1
+                        end = middle
+                    following = int(met_by[begin])
+                    if following < 0:
+                        leg = _passed(leg, distance)
+                        continue
+                going = bounces < max_bounces
 
-            # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
-            leg = _reflected(leg, distance, following, reflectances[following], walls, posts)
-            if leg.amplitude * math.sqrt(leg.length / leg.width) <= faintest:
+            if going:
+                # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
+                leg = _reflected(leg, distance, following, reflectances[following], walls, posts)
+                going = leg.amplitude * math.sqrt(leg.length / leg.width) > faintest
+            if going:
+                surface = following
+                touched[ray, bounces] = following
+                bounces += 1
+            elif waiting == 0:
                 break
-            surface = following
-            touched[ray, bounces] = following
-            bounces += 1
+            else:
+                waiting -= 1
+                leg = _Leg(
+                    legs[waiting, 0],
+                    legs[waiting, 1],
+                    legs[waiting, 2],
+                    legs[waiting, 3],
+                    legs[waiting, 4],
+                    legs[waiting, 5],
+                    legs[waiting, 6],
+                    legs[waiting, 7],
+                )
+                distance, at_surface = legs[waiting, 8], True
+                begin, end, bounces = states[waiting, 0], states[waiting, 1], states[waiting, 2]
+                following, ray = states[waiting, 3], states[waiting, 4]
     return candidates[:found]
+
+
+@compiled_part
+def _parted(met_by: IntArray, order: IntArray, begin: int, end: int) -> int:
+    """Move the rays between `begin` and `end` that meet the same as the first of them to the front.
+
+    Returns the row behind these rays.
+    """
+    middle = begin + 1
+    for k in range(begin + 1, end):
+        if met_by[k] == met_by[begin]:
+            order[k], order[middle] = order[middle], order[k]
+            met_by[k], met_by[middle] = met_by[middle], met_by[k]
+            middle += 1
+    return middle
 
 
 @compiled_part
