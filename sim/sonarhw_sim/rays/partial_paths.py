@@ -81,8 +81,10 @@ def solved_paths(
 ) -> PartialPaths:
     """Return those candidates of a fan that are real paths; `leads_to` (t,) is the edge at each target or -1."""
     blocking = room.surfaces if passing is None else passing.blocking
+    # the height of a path to an edge is not known yet
+    climbs = passing.to_receiver if passing is not None and leads_to[0] < 0 else None
     real, points, lengths, divergences = solve_candidates(
-        place, fan.directions, fan.touched, fan.candidates, targets, longest, blocking
+        place, fan.directions, fan.touched, fan.candidates, targets, longest, blocking, climbs
     )
     ray, bounces, target = fan.candidates[real].T
     most = points.shape[1] - 3

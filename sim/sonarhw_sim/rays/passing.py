@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled_part
-from sonarhw_sim.room.grid import Listing, Surfaces
+from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.room.grid import IntArray, Listing, Surfaces
 
 BoolArray = NDArray[np.bool_]
 
 SLOPES = 8  # of the rays in each direction, of each kind
+_NEARLY = 1e-6  # m: a path this near to the end of a surface is not omitted here; its exact heights are checked later
 _FLUSH = 1e-9  # m: walls this near to one line touch sound at one point
 
 
@@ -32,6 +33,18 @@ class KernelHeights(NamedTuple):
     ceiling: float  # inf: none
 
 
+class Climbs(NamedTuple):
+    """What sound goes up and down on the way to the receiver, to test its heights; for kernels."""
+
+    climbs: FloatArray  # (c,), m, negative if it first goes down; none: heights are not tested
+    low: BoolArray  # (s,): surfaces that have a height
+    spans: FloatArray  # (s, 2), m: lower and upper end
+    start: float  # m, of the transducer
+    floor: float  # m; -inf: none
+    ceiling: float  # m; inf: none
+    longest: float  # m, of a path in space
+
+
 @dataclass(frozen=True)
 class Passing:
     """Walls and posts with their heights, and where sound may be in between."""
@@ -44,6 +57,13 @@ class Passing:
     ceiling: float  # m; inf: none
     climbs: FloatArray  # (c,), m: up and down travelled by the paths to find, negative if these first go down
     max_length: float  # m
+    lids: bool  # whether sound may turn at levels other than floor and ceiling
+
+    @property
+    def to_receiver(self) -> Climbs:
+        """What the paths to find go up and down, for kernels; none if sound may turn at a lid."""
+        climbs = self.climbs[:0] if self.lids else self.climbs
+        return Climbs(climbs, self.low, self.spans, self.height, self.floor, self.ceiling, self.max_length)
 
     @property
     def blocking(self) -> Surfaces:
@@ -100,6 +120,11 @@ def only(surfaces: Surfaces, chosen: BoolArray) -> Surfaces:
     return surfaces._replace(listing=Listing(before[starts], numbers[kept]))
 
 
+def no_climbs() -> Climbs:
+    """Return the climbs with which heights are not tested."""
+    return Climbs(np.empty(0), np.empty(0, np.bool_), np.empty((0, 2)), 0.0, 0.0, 0.0, 0.0)
+
+
 def no_heights(surfaces: int) -> KernelHeights:
     """Return the heights for a search in which sound passes none of so many surfaces."""
     nothing = Listing(np.zeros(surfaces + 1, np.int32), np.empty(0, np.int32))
@@ -120,6 +145,51 @@ def surface_at(x: float, y: float, climb: float, surface: int, heights: KernelHe
         if 0.0 <= along <= ex * ex + ey * ey and heights.spans[other, 0] <= height <= heights.spans[other, 1]:
             return int(other)
     return -1
+
+
+@compiled
+def at_heights(points: FloatArray, surfaces: IntArray, bends: IntArray, lengths: FloatArray, climbs: Climbs) -> BoolArray:
+    """Return which paths past edges one of the climbs leads to the height of all that they touch, (n,) bool.
+
+    Columns as in `rays.paths.Paths`.
+    """
+    fit = np.empty(lengths.shape[0], np.bool_)
+    for row in range(lengths.shape[0]):
+        fit[row] = touches_at_height(points[row], surfaces[row], int(bends[row]), lengths[row], climbs)
+    return fit
+
+
+@compiled_part
+def touches_at_height(path: FloatArray, sequence: IntArray, bend: int, length: float, climbs: Climbs) -> bool:
+    """Return whether one of the climbs leads a path (k, 2) of a length (m) to the height of all that it touches.
+
+    The path touches `sequence`, padded with -1, and passes an edge after the first `bend` of its surfaces.
+    """
+    if not climbs.climbs.shape[0]:
+        return True
+    # only low surfaces matter
+    at, touched, count, along = np.empty(sequence.shape[0]), np.empty(sequence.shape[0], np.int32), 0, 0.0
+    for k in range(path.shape[0] - 1):
+        along += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        if math.isnan(along):
+            break
+        touch = k if k < bend else k - 1
+        if k != bend and touch < sequence.shape[0] and sequence[touch] >= 0 and climbs.low[sequence[touch]]:
+            at[count], touched[count] = along / length, sequence[touch]
+            count += 1
+    for climb in climbs.climbs:
+        if climb * climb + length * length > climbs.longest * climbs.longest + _NEARLY:
+            continue
+        fits = 0
+        while fits < count:
+            height = _folded(climbs.start + climb * at[fits], climbs.floor, climbs.ceiling)
+            lower, upper = climbs.spans[touched[fits]]
+            if not lower - _NEARLY <= height <= upper + _NEARLY:
+                break
+            fits += 1
+        if fits == count:
+            return True
+    return False
 
 
 @compiled_part

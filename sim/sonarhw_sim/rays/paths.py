@@ -16,7 +16,7 @@ from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, reversed_paths, shortest_first
-from sonarhw_sim.rays.passing import Passing
+from sonarhw_sim.rays.passing import Passing, at_heights
 from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.post_paths import PostWays, post_paths, post_paths_to_edges, ways_to_posts
 from sonarhw_sim.room.grid import IntArray
@@ -130,6 +130,9 @@ def find_paths(
         back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, back_ways, passing)
     straight = out.select(np.flatnonzero(out.edges < 0))
     diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, search.max_bounces)
+    if passing is not None:
+        columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
+        diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
     by_posts = post_paths(room, source, end, out_ways, back_ways, longest, search.max_bounces, passing)
     found = [straight, diffracted, by_posts]
     if passing is not None and receiver is None:

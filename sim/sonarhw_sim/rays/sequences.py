@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.kernel import post_distance, reflect
+from sonarhw_sim.rays.passing import Climbs, no_climbs, touches_at_height
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
 BoolArray = NDArray[np.bool_]
@@ -35,8 +36,9 @@ def solve_candidates(
     targets: FloatArray,
     longest: FloatArray,
     surfaces: Surfaces,
+    to_receiver: Climbs | None = None,
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
-    """Solve candidates (c, 3) of `follow_fan`.
+    """Solve candidates (c, 3) of `follow_fan`; those to target 0 only if one of the climbs `to_receiver` is possible.
 
     Returns whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool, and for each of the
     r valid ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
@@ -47,7 +49,18 @@ def solve_candidates(
     real, points = np.zeros(count, dtype=np.bool_), np.empty((count, most + 3, 2))
     lengths, divergences = np.empty(count), np.empty(count)
     found = _solve(
-        source, directions, touched, candidates, targets, longest, surfaces, real, points, lengths, divergences
+        source,
+        directions,
+        touched,
+        candidates,
+        targets,
+        longest,
+        surfaces,
+        to_receiver or no_climbs(),
+        real,
+        points,
+        lengths,
+        divergences,
     )
     return real, points[:found], lengths[:found], divergences[:found]
 
@@ -61,6 +74,7 @@ def _solve(
     targets: FloatArray,
     longest: FloatArray,
     surfaces: Surfaces,
+    to_receiver: Climbs,
     real: BoolArray,
     points: FloatArray,
     lengths: FloatArray,
@@ -85,7 +99,12 @@ def _solve(
         length = 0.0
         for k in range(bounces + 1):
             length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        if length > longest[target] or not path_is_free(path, surfaces):
+        if length > longest[target]:
+            continue
+        # `bounces`: there is no edge
+        if target == 0 and not touches_at_height(path, sequence, bounces, length, to_receiver):
+            continue
+        if not path_is_free(path, surfaces):
             continue
         for k in range(bounces + 2, width):
             points[found, k, 0], points[found, k, 1] = np.nan, np.nan

@@ -185,12 +185,18 @@ def are_clear(
     2), m, which are those of the departure, of each level, and of the arrival.
     """
     clear = np.empty(rows.shape[0], np.bool_)
+    if not rows.shape[0]:
+        return clear
+    way = _way(ways, rows[0])
+    passages = _passages(way, obstacles)
     for row in range(rows.shape[0]):
-        way, q = _way(ways, rows[row]), which[row]
-        count = 0
+        q, count = which[row], 0
         while count < sequences.shape[1] and sequences[q, count] >= 0:
             count += 1
-        passages = _passages(way, obstacles)
+        # often, several sequences in turn are for one way
+        if row > 0 and rows[row] != rows[row - 1]:
+            way = _way(ways, rows[row])
+            passages = _passages(way, obstacles)
         clear[row] = way.at[way.last] > _CLOSE and _is_clear(
             way, passages, heights[q], climbs[q], sequences[q], count, obstacles
         )
