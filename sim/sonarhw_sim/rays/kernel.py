@@ -14,6 +14,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays import path_table
+from sonarhw_sim.rays.candidate_table import FULL, add_last, grown, longer
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.passing import KernelHeights, Passing, no_heights, surface_at
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
@@ -24,7 +25,6 @@ ALLOWANCE = 1.5
 WIDER = 16.0  # times this distance, if rays have slopes
 _AT_START = 1e-11  # m
 _MOST_TOUCHES = 100_000_000  # 400 MB
-_FULL = 0.5  # share of a hash table's slots in use at which it grows
 
 
 @compiled
@@ -283,16 +283,16 @@ def _follow(
                     if miss < 0.0 or loudest <= least[target]:
                         continue
                     if found == candidates.shape[0]:
-                        candidates, misses = _longer(candidates, misses)
+                        candidates, misses = longer(candidates, misses)
                     candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
                     misses[found] = miss
-                    found += _enter(candidates[: found + 1], misses, touched, slots)
+                    found += add_last(candidates[: found + 1], misses, touched, slots)
                     if bounces > deepest:
                         deepest = bounces
                     if found * (deepest + 2) > most_points:
                         return candidates[:found]
-                    if found > _FULL * slots.shape[0]:
-                        slots = _grown(slots, candidates[:found], misses, touched)
+                    if found > FULL * slots.shape[0]:
+                        slots = grown(slots, candidates[:found], misses, touched)
 
                 # stop where the path leaves the room, is long enough or can no longer return in time
                 going = leg.length + distance <= max_length
@@ -420,17 +420,6 @@ def _reflected(
     return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
 
 
-@inlined
-def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return both arrays with twice the capacity; numba would need a second to compile a concatenation."""
-    count = misses.shape[0]
-    more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)
-    for k in range(count):
-        more[k, 0], more[k, 1], more[k, 2] = candidates[k, 0], candidates[k, 1], candidates[k, 2]
-        more_misses[k] = misses[k]
-    return more, more_misses
-
-
 @compiled_part
 def _edges_along(
     x: float,
@@ -469,59 +458,6 @@ def _edges_along(
             break
         walk = advance(cells, walk)
     return count
-
-
-@compiled_part
-def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
-    """Enter the last candidate in the hash table, unless an earlier one has the same sequence and target.
-
-    Returns whether it is new. Of equal candidates, the ray that passes nearest in widths of its tube (`misses`) is
-    kept: where posts spread the tube, only that ray leads to the exact path.
-    """
-    last = candidates.shape[0] - 1
-    slot = _hash(candidates[last], touched) & (slots.shape[0] - 1)
-    while slots[slot] >= 0:
-        known = slots[slot]
-        if _alike(candidates[known], candidates[last], touched):
-            if misses[last] < misses[known]:
-                candidates[known, 0], misses[known] = candidates[last, 0], misses[last]
-            return False
-        slot = (slot + 1) & (slots.shape[0] - 1)
-    slots[slot] = last
-    return True
-
-
-@inlined
-def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
-    larger = np.empty(4 * slots.shape[0], np.int32)
-    for k in range(larger.shape[0]):
-        larger[k] = -1
-    for count in range(1, candidates.shape[0] + 1):
-        _enter(candidates[:count], misses, touched, larger)
-    return larger
-
-
-@inlined
-def _hash(candidate: IntArray, touched: IntArray) -> int:
-    ray, bounces, target = candidate
-    # targets and surfaces have similar numbers, so the target is scrambled first to avoid collisions
-    mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF
-    mixed ^= mixed >> 15
-    for surface in touched[ray, :bounces]:
-        # the multiplier of FNV-1a
-        mixed = ((mixed ^ (surface + 1)) * 16777619) & 0xFFFFFFFF
-        mixed ^= mixed >> 15
-    return mixed
-
-
-@compiled_part
-def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
-    if one[1] != other[1] or one[2] != other[2]:
-        return False
-    same = 0
-    while same < one[1] and touched[one[0], same] == touched[other[0], same]:
-        same += 1
-    return bool(same == one[1])
 
 
 @compiled

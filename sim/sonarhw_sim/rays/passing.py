@@ -148,7 +148,9 @@ def surface_at(x: float, y: float, climb: float, surface: int, heights: KernelHe
 
 
 @compiled
-def at_heights(points: FloatArray, surfaces: IntArray, bends: IntArray, lengths: FloatArray, climbs: Climbs) -> BoolArray:
+def at_heights(
+    points: FloatArray, surfaces: IntArray, bends: IntArray, lengths: FloatArray, climbs: Climbs
+) -> BoolArray:
     """Return which paths past edges one of the climbs leads to the height of all that they touch, (n,) bool.
 
     Columns as in `rays.paths.Paths`.

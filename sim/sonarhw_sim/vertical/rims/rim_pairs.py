@@ -51,16 +51,18 @@ def pairs_of(
     count = path_table.ROOM_FOR_PAIRS
     while True:
         rows, at = np.empty((count, 2), np.intp), np.empty(count)
-        count = _pair(out, back, starts, wedges, limits, strength, most, rows, at)
+        count = _pair(out, back, back is out, starts, wedges, limits, strength, most, rows, at)
         path_table.check_size(count, _FEWEST_POINTS)
         if count <= len(rows):
-            return rows[:count, 0], rows[:count, 1], at[:count]
+            order = np.lexsort(rows[:count].T[::-1])
+            return rows[order, 0], rows[order, 1], at[order]
 
 
 @compiled
 def _pair(
     out: Halves,
     back: Halves,
+    same: bool,
     starts: NDArray[np.intp],
     wedges: FloatArray,
     limits: tuple[float, float, float, int],
@@ -69,24 +71,29 @@ def _pair(
     rows: NDArray[np.intp],
     at: FloatArray,
 ) -> int:
-    """Return how many pairs there are, more than `most` not all counted; fill in the first `rows` (m, 2) and `at`."""
+    """Return how many pairs there are, more than `most` not all counted; fill in the first `rows` (m, 2) and `at`.
+
+    With `same`, `back` is `out`, and each pair is tested once for both of its orders.
+    """
     wavelength, max_length, faintest, max_bounces = limits
-    found = 0
+    found, heard = 0, back.gains * back.beams
     for i in range(out.rims.shape[0]):
-        rim = out.rims[i]
-        for j in range(starts[i], back.rims.shape[0]):
-            radial = out.radial[i] + back.radial[j]
+        rim, loud = out.rims[i], out.gains[i] * out.beams[i]
+        low, high, start, near = out.lows[i], out.highs[i], out.axial[i], out.radial[i]
+        for j in range(i if same else starts[i], back.rims.shape[0]):
+            radial = near + back.radial[j]
             if back.rims[j] != rim or radial > max_length:
                 break
-            axial = back.axial[j] - out.axial[i]
-            point = out.axial[i] + axial * out.radial[i] / max(radial, 1e-300)
-            if not max(out.lows[i], back.lows[j]) <= point < min(out.highs[i], back.highs[j]):
+            if loud * heard[j] < faintest:
+                continue
+            axial = back.axial[j] - start
+            point = start + axial * near / max(radial, 1e-300)
+            if not max(low, back.lows[j]) <= point < min(high, back.highs[j]):
                 continue
             if out.bounces[i] + back.bounces[j] > max_bounces:
                 continue
-            most_heard = out.gains[i] * back.gains[j] * out.beams[i] * back.beams[j]
-            length = math.hypot(axial, radial)
-            if most_heard < faintest or length > max_length:
+            most_heard, length = loud * heard[j], math.hypot(axial, radial)
+            if length > max_length:
                 continue
             # Keller's cone: seen along the rim, the wave is longer
             longer = wavelength * length / max(radial, 1e-300)
@@ -98,6 +105,11 @@ def _pair(
             if found < rows.shape[0]:
                 rows[found, 0], rows[found, 1], at[found] = i, j, point
             found += 1
+            if same and j > i:
+                if found < rows.shape[0]:
+                    rows[found, 0], rows[found, 1] = j, i
+                    at[found] = back.axial[j] - axial * back.radial[j] / max(radial, 1e-300)
+                found += 1
         if found > most:
             break
     return found
