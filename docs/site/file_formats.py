@@ -51,7 +51,7 @@ NOTES = """## Notes file
 
 Notes on readings are kept beside the log, which is never changed: those of `scan.mcap` in `scan.notes.csv`. The window
 writes the file at once when a note is saved, and removes it with the last note. `sonarhw compare` and `sonarhw report`
-show the notes. Copy and rename both files together.
+show the notes, and `sonarhw log export` adds them. Copy and rename both files together.
 
 The file is CSV in UTF-8 with this header, and may be edited:
 

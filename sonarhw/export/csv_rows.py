@@ -1,6 +1,7 @@
 """Readings as lines of CSV, in degrees and metres: the output of `scan --print` and of `log export`."""
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, BinaryIO
 
 from sonarhw.harmless_text import harmless
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
 
 _FORMULA = tuple("=+-@＝＋－＠")  # first characters of a formula; a tab and a line break are escaped
 HEADER = "time_s,heading_deg,range_m,echoes_s"
+_QUOTED = tuple(',"')  # characters in a cell that needs quotes; line breaks are escaped
 
 
 def row(reading: "Reading", began: float) -> str:
@@ -24,11 +26,18 @@ def row(reading: "Reading", began: float) -> str:
     return f"{number(reading.time - began)},{number(math.degrees(reading.angle))},{distance},{echoes}"
 
 
-def write_csv(log: "Log", file: BinaryIO) -> None:
-    """Write the readings of all scans to `file`: a header, then one line per reading."""
-    file.write(f"{HEADER}\n".encode())
+def write_csv(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
+    """Write the readings of all scans to `file`: a header, then one line per reading.
+
+    `notes`: by the place of their reading in the log, from 0. With any, `note` is a fifth column.
+    """
+    file.write(f"{HEADER}{',note' if notes else ''}\n".encode())
+    place = 0
     for scan in log.scans:
-        file.writelines(f"{row(reading, scan.began)}\n".encode() for reading in scan.readings)
+        for reading in scan.readings:
+            note = f",{_quoted(text_cell(notes.get(place, '')))}" if notes else ""
+            file.write(f"{row(reading, scan.began)}{note}\n".encode())
+            place += 1
 
 
 def number(value: float) -> str:
@@ -43,6 +52,10 @@ def text_cell(text: str) -> str:
     """
     cell = harmless(text)
     return f"'{cell}" if cell.startswith(_FORMULA) and not _is_number(cell) else cell
+
+
+def _quoted(cell: str) -> str:
+    return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in _QUOTED) else cell
 
 
 def _is_number(text: str) -> bool:

@@ -1,10 +1,10 @@
 """The file formats in which readings are exported, by `sonarhw log export` and by Export data in the window.
 
-To add a format, write a function `write_x(log, file)` in a new module and add an entry to FORMATS. The command,
+To add a format, write a function `write_x(log, file, notes)` in a new module and add an entry to FORMATS. The command,
 its help, the window's file dialog and its tooltip follow.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -20,13 +20,13 @@ class ExportFormat:
 
     suffix: str  # of the file name, in lower case
     title: str  # in a file dialog
-    write: "Callable[[Log, BinaryIO], None]"
+    write: "Callable[[Log, BinaryIO, Mapping[int, str]], None]"  # notes by the place of their reading in the log
 
 
-def _write_npz(log: "Log", file: BinaryIO) -> None:
+def _write_npz(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
     from sonarhw.export.npz import write_npz  # loads NumPy, which the help of the command line does not need
 
-    write_npz(log, file)
+    write_npz(log, file, notes)
 
 
 # `--out -` writes the first format

@@ -5,7 +5,7 @@ Traces are written one by one, because the traces of an hour do not fit into mem
 
 import math
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
@@ -20,13 +20,14 @@ _TRACE_TYPE = np.dtype("<f4")  # represents 16-bit samples exactly
 _FAST = 1  # deflate level; the highest level saves less than a tenth and takes many times as long
 
 
-def write_npz(log: "Log", file: BinaryIO) -> None:
+def write_npz(log: "Log", file: BinaryIO, notes: Mapping[int, str]) -> None:
     """Write the readings of all scans to `file`.
 
     One row per reading: `scan`, `number`, `sweep`, `ping`; `time_s` since the start of its scan; `heading_deg`, the
     turntable angle; `range_m`, NaN without an echo; `echoes_s` (n, most echoes), padded with NaN; `temperature_c`, NaN
     without a thermometer; `speed_of_sound`. With traces also `traces` (n, longest) float32, padded with NaN,
-    `trace_rate_hz` and `trace_start_s`. Raises NotALog if a trace can no longer be read.
+    `trace_rate_hz` and `trace_start_s`. With `notes`, by the place of their reading in the log, also `notes`, empty for
+    readings without one. Raises NotALog if a trace can no longer be read.
     """
     rows = [(index, scan, reading) for index, scan in enumerate(log.scans) for reading in scan.readings]
     readings = [reading for _, _, reading in rows]
@@ -42,6 +43,8 @@ def write_npz(log: "Log", file: BinaryIO) -> None:
         "temperature_c": _floats([reading.temperature_c for reading in readings]),
         "speed_of_sound": np.array([reading.speed_of_sound for reading in readings], np.float64),
     }
+    if notes:
+        columns["notes"] = np.array([notes.get(place, "") for place in range(len(rows))], np.str_)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_FAST) as archive:
         for name, column in columns.items():
             write_array(archive, name, column.shape, column.dtype, [column])

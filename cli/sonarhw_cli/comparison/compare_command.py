@@ -16,7 +16,7 @@ from sonarhw_cli.comparison.compare_two import compare_two
 from sonarhw_cli.comparison.find_missing import find_missing
 from sonarhw_cli.comparison.plain_fit_option import FitOption
 from sonarhw_cli.console.lines import print_json, print_line
-from sonarhw_cli.console.log_input import LogFile, open_in_room
+from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     PICTURE_FILE,
@@ -36,16 +36,12 @@ from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sonarhw_compare.fit.plain_fit import Fit
     from sonarhw_compare.matching.match import Comparison, Summary
     from sonarhw_compare.matching.probability_score import ProbabilityScore
     from sonarhw_compare.matching.regions import Region
     from sonarhw_compare.notes.placed_notes import PlacedNotes
     from sonarhw_compare.pictures.range_shading import RangeShading
-
-    from sonarhw.readings import Reading
 
 
 def compare(
@@ -220,16 +216,6 @@ def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
     summary = comparison.summary()
     for doubt in few_explained(str(log_file), summary.within_5cm, summary.n_echo):
         warn(doubt)
-
-
-def notes_beside(log_file: Path, readings: "Sequence[Reading]") -> "PlacedNotes":
-    """Return the notes on the readings of a log, and warn of those that are not shown."""
-    from sonarhw_compare.notes.placed_notes import notes_of_log
-
-    notes = notes_of_log(log_file, readings)
-    for doubt in notes.doubts:
-        warn(doubt)
-    return notes
 
 
 def save_comparison(

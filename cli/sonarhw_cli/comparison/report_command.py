@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.choices import Receiver
 
-from sonarhw_cli.comparison.compare_command import notes_beside, warn_of_few_explained
+from sonarhw_cli.comparison.compare_command import warn_of_few_explained
 from sonarhw_cli.comparison.plain_fit_option import FitOption, plain_fit
-from sonarhw_cli.console.log_input import LogFile, open_in_room
+from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
 from sonarhw_cli.console.options import (
     BoardOfLog,
     Force,

@@ -1,5 +1,6 @@
 """Reading of logs, with a warning if a log is torn or damaged, or if its angles may be wrong."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,10 +13,12 @@ from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan
+    from sonarhw_compare.notes.placed_notes import PlacedNotes
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Room
 
     from sonarhw.log import Log
+    from sonarhw.readings import Reading
 
 LogFile = Annotated[Path, typer.Argument(help="Log (*.mcap), whole or torn.", metavar="LOG")]
 LogFiles = Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or torn.", metavar="LOG")]
@@ -35,6 +38,16 @@ def load_log(path: Path) -> "Log":
     from sonarhw.log import read_log
 
     return read_log(path)
+
+
+def notes_beside(log_file: Path, readings: "Sequence[Reading]") -> "PlacedNotes":
+    """Return the notes on the readings of a log, and warn of those that are not shown."""
+    from sonarhw_compare.notes.placed_notes import notes_of_log
+
+    notes = notes_of_log(log_file, readings)
+    for doubt in notes.doubts:
+        warn(doubt)
+    return notes
 
 
 def open_scan(log_file: Path, board: str | None = None) -> "GivenScan":

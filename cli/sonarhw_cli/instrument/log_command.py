@@ -9,7 +9,7 @@ import typer
 
 from sonarhw.export.export_formats import FORMATS, export_format, export_suffixes
 from sonarhw_cli.console.lines import print_json, print_line
-from sonarhw_cli.console.log_input import LogFile, load_log, open_log
+from sonarhw_cli.console.log_input import LogFile, load_log, notes_beside, open_log
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import LOG, STDOUT, AsJson, Force, checked_out
 from sonarhw_cli.console.output import binary_output, print_written
@@ -43,7 +43,7 @@ def log_export(
     out: Annotated[str, typer.Option("--out", help=f"File to write; - writes {FORMATS[0].suffix} to standard output.")],
     force: Force = False,
 ) -> None:
-    """Write a log to a file in the format of its suffix."""
+    """Write a log to a file in the format of its suffix, with the notes beside it."""
     kind = checked_out(out, (*export_suffixes(), LOG, STDOUT), force, log)
     recorded = open_log(log)
     if kind == LOG:
@@ -53,8 +53,9 @@ def log_export(
         print_written(Path(out))
         return
     chosen = FORMATS[0] if kind == STDOUT else export_format(kind)
+    notes = notes_beside(log, recorded.readings)
     with binary_output(out, force) as file:
-        chosen.write(recorded, file)
+        chosen.write(recorded, file, notes.texts)
 
 
 @app.command("recover")

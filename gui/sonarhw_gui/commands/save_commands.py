@@ -172,7 +172,7 @@ class SaveCommands(QObject):
         if recorded is None:
             return None
         if subject.endings == DATA:
-            return Data(recorded, scene)
+            return Data(recorded, scene, notes=session.showing.pinned_notes)
         link = session.live.link
         live = link is not None and not session.replay.loaded
         facts = [(name, value) for name, value, _ in link_figures(link)] if live else []

@@ -13,7 +13,7 @@ from sonarhw_gui.scene.note_texts import NO_NOTES, NoteTexts
 
 
 class NoteStore:
-    """The notes of one log at a time. Notes are written at once; a log that has no file yet keeps them until it has."""
+    """The notes of one log at a time. Notes are written at once; of a scan without a log they are kept in memory."""
 
     def __init__(self, folder: Path | None) -> None:
         """`folder`: for notes that cannot be written beside their log; None: they are kept in memory."""
@@ -36,7 +36,10 @@ class NoteStore:
     def save(self, notes: NoteTexts, readings: Sequence[Reading], log: Path | None) -> None:
         """Write the notes that have changed since the last call."""
         places = notes.changed_since(self._stored)
-        if log is None or not places:
+        if not places:
+            return
+        if log is None:
+            self._warn_of_no_log()
             return
         changes = [note_on(readings[place], notes.of(place)) for place in places if place < len(readings)]
         others = [note for note in self._kept_aside(log) if not any(map(note.is_on_reading_of, changes))]
@@ -50,6 +53,14 @@ class NoteStore:
                 self._stored = notes
         else:
             self._stored, self._aside = notes, False
+
+    def _warn_of_no_log(self) -> None:
+        if not self._aside:
+            self.messages.append(
+                "this scan has no log, and its notes are lost when the window closes; Copy CSV above the table of "
+                "readings includes them"
+            )
+        self._aside = True
 
     def _keep_aside(self, log: Path, changes: Sequence[ReadingNote], problem: str) -> bool:
         """Keep notes in the folder of the window; return whether they are on the disk. One message a log."""

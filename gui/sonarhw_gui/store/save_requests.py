@@ -58,6 +58,7 @@ class Data:
     recorded: Log | Path
     scene: Scene
     endings: Sequence[str] = (*export_suffixes(), JSON)
+    notes: Sequence[ReadingNote] = ()
 
     def write(self, file: BinaryIO, ending: str) -> None:
         """Write the readings or the summary."""
@@ -65,7 +66,7 @@ class Data:
         if ending == JSON:
             file.write(_summary(log, self.scene).encode())
         else:
-            export_format(ending).write(log, file)
+            export_format(ending).write(log, file, _notes_in(log, self.notes))
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,6 @@ class ReportPage:
 
         log, scene = _log_of(self.recorded), self.scene
         room, place = room_and_place(scene)
-        # the readings of a live scan may be in another order in its log
-        notes = placed_notes(self.notes, log.readings, Path(self.name), Path(self.name)).texts
         report = report_of(
             self.name,
             log.readings,
@@ -99,7 +98,7 @@ class ReportPage:
             scene.options,
             log=log,
             link=tuple(self.link),
-            notes=notes,
+            notes=_notes_in(log, self.notes),
         )
         file.write(report_html(report).encode())
 
@@ -144,6 +143,11 @@ class SaveRequest:
 
 def _log_of(recorded: Log | Path) -> Log:
     return read_log(recorded) if isinstance(recorded, Path) else recorded
+
+
+def _notes_in(log: Log, notes: Sequence[ReadingNote]) -> dict[int, str]:
+    """Return notes by the place of their reading in the log: those of a live scan may be in another order there."""
+    return placed_notes(notes, log.readings, Path(), Path()).texts
 
 
 def _summary(log: Log, scene: Scene) -> str:

@@ -27,9 +27,9 @@ def reading(number: int, echoes: tuple[float, ...], warm: float | None, trace: T
     return Reading(number, 1, 2, math.radians(10 * number), 5.0 + 0.1 * number, echoes, 340.0, warm, trace=trace)
 
 
-def arrays(*scans: Scan) -> dict[str, Any]:
+def arrays(*scans: Scan, notes: dict[int, str] | None = None) -> dict[str, Any]:
     file = BytesIO()
-    write_npz(cast(Any, TwoScans(scans)), file)
+    write_npz(cast(Any, TwoScans(scans)), file, notes or {})
     file.seek(0)
     return dict(np.load(file))
 
@@ -71,3 +71,9 @@ def test_a_log_without_readings_has_empty_columns() -> None:
     assert found["number"].shape == (0,)
     assert found["echoes_s"].shape == (0, 0)
     assert found["range_m"].dtype == np.float64
+
+
+def test_notes_are_text_in_the_row_of_their_reading() -> None:
+    first, second = Scan(4.0, (reading(0, (0.01,), None),)), Scan(5.0, (reading(3, (), None), reading(4, (), None)))
+    assert arrays(first, second, notes={1: "a chair, Füße"})["notes"].tolist() == ["", "a chair, Füße", ""]
+    assert "notes" not in arrays(first, second)

@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -278,7 +278,7 @@ def test_an_export_in_an_unknown_format_is_refused(
 
 
 def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def write_count(log: Log, file: BinaryIO) -> None:
+    def write_count(log: Log, file: BinaryIO, notes: Mapping[int, str]) -> None:
         file.write(str(len(log.readings)).encode())
 
     added = (*export_formats.FORMATS, export_formats.ExportFormat(".count", "How many readings", write_count))

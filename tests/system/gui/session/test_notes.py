@@ -4,20 +4,24 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QContextMenuEvent
 from PySide6.QtWidgets import QApplication, QLineEdit
 from pytestqt.qtbot import QtBot
+from sonarhw_cli.app import run
 from sonarhw_compare.notes.note_file import notes_path
 from sonarhw_compare.notes.placed_notes import notes_of_log
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.reading_cells import Column
+from sonarhw_gui.store.note_store import NoteStore
 
 from sonarhw.errors import OutputError
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenFake, OpenWith
 from tests.system.gui.driving import ended, pixel_at, position_of, predicted, until
+from tests.system.gui.session.test_saving import save
 
 SHIFT, CONTROL = Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier
 
@@ -221,3 +225,29 @@ def test_the_note_commands_are_in_the_palette_and_off_without_a_reading(qtbot: Q
     until(qtbot, lambda: predicted(window))
     assert not window.commands.note.isEnabled()
     assert not window.commands.delete_note.isEnabled()
+
+
+def test_exports_contain_the_notes_as_those_of_the_command_line(
+    qtbot: QtBot, open_with: OpenWith, log: Path, tmp_path: Path
+) -> None:
+    window = opened(qtbot, open_with, log)
+    note(qtbot, window, 27, "false wall, 3 bounces")
+    for ending in (".csv", ".npz"):
+        save(qtbot, window, tmp_path / f"saved{ending}", Qt.Key.Key_E)
+        assert run(["log", "export", str(log), "--out", str(tmp_path / f"exported{ending}")]) == 0
+    assert (tmp_path / "saved.csv").read_text() == (tmp_path / "exported.csv").read_text()
+    lines = (tmp_path / "saved.csv").read_text().splitlines()
+    assert lines[0].endswith(",note")
+    assert [place for place, line in enumerate(lines[1:]) if line.endswith(',"false wall, 3 bounces"')] == [27]
+    for name in ("saved", "exported"):
+        with np.load(tmp_path / f"{name}.npz") as arrays:
+            assert {place: text for place, text in enumerate(arrays["notes"]) if text} == {27: "false wall, 3 bounces"}
+
+
+def test_notes_of_a_scan_without_a_log_are_lost_with_one_warning(recorded: Path) -> None:
+    readings, store = read_log(recorded).readings, NoteStore(None)
+    notes = store.open(None, readings).with_note(2, "the post")
+    store.save(notes, readings, None)
+    assert "this scan has no log, and its notes are lost when the window closes" in store.messages[0]
+    store.save(notes.with_note(3, "another"), readings, None)
+    assert len(store.messages) == 1
