@@ -143,14 +143,14 @@ def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
         raise InputError(f"{file}: is not {expected}: {error}") from error
 
 
-def short_lines(file: Path, text: TextIO, expected: str = "a CSV file") -> Iterator[str]:
-    """Yield the lines. Raises InputError before a line needs much memory."""
+def short_lines(file: Path, text: TextIO, expected: str = "a CSV file", most: int = MOST_CHARACTERS) -> Iterator[str]:
+    """Yield the lines of at most `most` characters. Raises InputError before a line needs much memory."""
     for number in count(1):
-        line = text.readline(MOST_CHARACTERS + 1)
+        line = text.readline(most + 1)
         if not line:
             return
-        if len(line) > MOST_CHARACTERS:
-            raise InputError(f"{file}, line {number}: has more than {MOST_CHARACTERS} characters; expected {expected}")
+        if len(line) > most:
+            raise InputError(f"{file}, line {number}: has more than {most} characters; expected {expected}")
         yield line
 
 

@@ -20,6 +20,7 @@ from sonarhw_compare.imports.foreign_csv import opened, short_lines
 from sonarhw_compare.imports.foreign_rows import MOST_SAMPLES, ForeignRow, Meaning, readings_of
 
 LONGEST_TRACE = 0xFFFF  # samples of a trace in a log
+_LONGEST_NUMBER = 26  # characters with its comma, as numpy.savetxt writes it
 SLOWEST, FASTEST = 1e3, 1e7  # Hz
 _WHAT = "an array of samples"
 
@@ -99,7 +100,8 @@ def _npy(file: Path) -> NDArray[np.generic]:
     try:
         table: NDArray[np.generic] = np.load(file, mmap_mode="r", allow_pickle=False)
     except (ValueError, EOFError) as error:
-        first = str(error).partition("\n")[0]
+        # without the advice of later sentences
+        first = str(error).partition("\n")[0].partition(". ")[0]
         raise InputError(f"{file}: is not an array of NumPy (.npy): {first}") from error
     _check_size(file, table.size)
     return table
@@ -126,7 +128,7 @@ def _text(file: Path) -> NDArray[np.generic]:
     """Return the numbers of a text file, one row a line, between commas, semicolons, tabs or spaces."""
     lines: list[FloatArray] = []
     with opened(file, _WHAT) as text:
-        for number, line in enumerate(short_lines(file, text, _WHAT), 1):
+        for number, line in enumerate(short_lines(file, text, _WHAT, LONGEST_TRACE * _LONGEST_NUMBER), 1):
             words = line.replace(",", " ").replace(";", " ").split()
             if not words:
                 continue

@@ -501,6 +501,18 @@ def test_raw_traces_are_readings_a_step_apart(tmp_path: Path, suffix: str) -> No
         assert reading.trace.samples == pytest.approx(samples, abs=1 / 127)
 
 
+def test_text_has_room_for_the_longest_traces_and_not_for_longer_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "raw.csv", tmp_path / "out.mcap"
+    command = ["import", str(file), "--out", str(out), "--rate", "1e6"]
+    for count, status in ((65_535, 0), (75_000, 2)):
+        np.savetxt(file, -0.123456789 * np.ones((2, count)), delimiter=",")
+        assert run([*command, "--force"]) == status
+    assert "has more than" in capsys.readouterr().err
+    assert [len(one.trace.samples) for one in read_log(out).readings if one.trace is not None] == [65_535] * 2
+
+
 @pytest.mark.parametrize(
     ("name", "content", "options", "message"),
     [
@@ -508,6 +520,7 @@ def test_raw_traces_are_readings_a_step_apart(tmp_path: Path, suffix: str) -> No
         ("a.wav", b"no", [], "is not a WAV file"),
         ("a.wav", b"", ["--rate", "1e5"], "--rate 100000: a WAV file has its own"),
         ("a.npy", b"", ["--rate", "1e5"], "is not an array of NumPy"),
+        ("a.npy", b"0.1 0.2\n", ["--rate", "1e5"], "This file contains pickled (object) data\n"),
         ("a.npy", b"\x93NUMPY\1\0", ["--rate", "1e5"], "is not an array of NumPy"),
         ("a.npy", b"", [], "needs --rate, Hz"),
         ("a.mat", b"", ["--rate", "1e5"], "is not a MAT file"),
