@@ -132,10 +132,15 @@ uint32_t host_receive(uint8_t *bytes, uint32_t most)
 
 static bool listening(void) { return host.now < host.over_us; }
 
+static bool counter_clockwise(void)
+{
+    return host.wiring & HOST_DIRECTION_OPEN || host.forwards != ((host.wiring & HOST_MOTOR_REVERSED) != 0);
+}
+
 static void make_step(void)
 {
     if (host.mode != HOST_MOTOR_SLIPPING)
-        host.position += host.forwards != ((host.wiring & HOST_MOTOR_REVERSED) != 0) ? 1 : -1;
+        host.position += counter_clockwise() ? 1 : -1;
     host.stepped_while_listening += listening();
     uint16_t ticks = turntable_step();
     host.step_due_ns += ticks * 500ULL;

@@ -14,6 +14,7 @@ enum host_wiring {
     HOST_MOTOR_REVERSED = 4,
     HOST_MARK_OPEN = 8,
     HOST_MARK_INVERTED = 16,
+    HOST_DIRECTION_OPEN = 32, // the motor turns counter-clockwise only
 };
 
 void host_start(void); // a board after power on, at time 0

@@ -177,12 +177,14 @@ def echo_moves(readings: Sequence[Reading], marked: bool) -> Diagnosis:
     return passed("echo moves", f"first echo from {min(times) * 1e3:.1f} to {max(times) * 1e3:.1f} ms all around")
 
 
-def switches(failure: str | None, levels: Input | None) -> Diagnosis:
-    """Judge a Home; `failure` is the device's reason."""
+def switches(failure: str | None, levels: Input | None, one_switch: bool = False) -> Diagnosis:
+    """Judge a Home; `failure` is the device's reason. With `one_switch`, there is no cam."""
     if failure is None:
         return passed("zero", "found")
-    shown = "" if levels is None else f"; mark {_level(Input.MARK, levels)}, cam {_level(Input.CAM, levels)}"
-    return failed("zero", f"{failure}{shown}", _home_advice(failure))
+    parts = [Input.MARK] if one_switch else [Input.MARK, Input.CAM]
+    shown = [] if levels is None else [f"{str(part.name).lower()} {_level(part, levels)}" for part in parts]
+    text = "; ".join([failure, ", ".join(shown)] if shown else [failure])
+    return failed("zero", text, _home_advice(failure))
 
 
 def _level(item: Input, levels: Input) -> str:
@@ -236,10 +238,10 @@ def same_echoes(readings: Sequence[Reading], moves: Diagnosis) -> Diagnosis:
     return passed("steps", text)
 
 
-def direction(readings: Sequence[Reading], plate: float, marked: bool = True) -> Diagnosis:
+def direction(readings: Sequence[Reading], plate: float, mirrored: Sequence[str]) -> Diagnosis:
     """Judge whether the nearest echo is on the side of the plate. `plate` is its heading, rad.
 
-    A turntable that is not `marked` has no home switches.
+    `mirrored` are the parts to invert if the table turns the other way.
     """
     heard = [reading for reading in readings if reading.range is not None]
     if not heard:
@@ -249,9 +251,8 @@ def direction(readings: Sequence[Reading], plate: float, marked: bool = True) ->
     if abs(nearest.angle - plate) <= HEADING_ERROR:
         return passed("direction", text)
     if abs(nearest.angle + plate) <= HEADING_ERROR:
-        all_three = "`sonarhw wiring URL --invert mark --invert cam --invert motor`"
-        advice = f"the table turns the other way: {all_three if marked else '`sonarhw wiring URL --invert motor`'}"
-        return failed("direction", text, advice)
+        inverts = " ".join(f"--invert {part}" for part in mirrored)
+        return failed("direction", text, f"the table turns the other way: `sonarhw wiring URL {inverts}`")
     return failed("direction", text, "take away what is nearer than the plate, and check zero and gear")
 
 

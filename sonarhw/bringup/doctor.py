@@ -1,7 +1,7 @@
 """Check a new scanner step by step: line, firmware, ranging board, turntable, first plate."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from sonarhw.bringup import diagnoses
@@ -17,7 +17,8 @@ PINGS = 20
 HEADINGS = 12  # all around
 BESIDE = math.radians(60)  # searched on both sides of zero for the plate
 _PINGS_IN_PLACE = (1, 2)  # first protocol with pings before a Home
-_BEFORE, _BEYOND = math.radians(-20), math.radians(380)  # a turn over two marks
+_OVER_TWO_MARKS = math.radians(-20), math.radians(380)
+_MIRRORED = "mark", "cam", "motor"  # what is inverted on a turntable that turns the other way
 
 
 @dataclass(frozen=True)
@@ -82,14 +83,16 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
     features = _features(scanner.info.capabilities, Feature.HOME_MARK | Feature.LOST_STEPS)
     marked = Feature.HOME_MARK in features
     scanner.configure(trace=False)
-    zero = _zero(scanner, marked)
+    one_switch = Feature.ONE_SWITCH in features
+    zero = _zero(scanner, marked, one_switch)
     yield zero
     if zero.verdict is Verdict.FAIL:
         yield from (skipped(check, "the zero is unknown") for check in ("steps", "echo moves", "direction", "plate"))
         return
     detects_loss = Feature.LOST_STEPS in features
     if detects_loss:
-        steps = diagnoses.steps(_failure(scanner, lambda: (scanner.turn(_BEFORE), scanner.turn(_BEYOND))))
+        before, beyond = _over_marks(scanner.info.capabilities)
+        steps = diagnoses.steps(_failure(scanner, lambda: (scanner.turn(before), scanner.turn(beyond))))
         yield steps
     around = _scanned(scanner, replace(_around(scanner.info.capabilities), sweeps=1 if detects_loss else 2))
     if isinstance(around, Diagnosis):
@@ -108,21 +111,30 @@ def _turntable(scanner: Scanner, plate: Plate | None) -> Iterator[Diagnosis]:
         )
         yield from (skipped("direction", "no plate"), skipped("plate", "no plate", advice))
         return
-    yield from _plate(scanner, plate, marked)
+    mirrored = [part for part in _MIRRORED if part == "motor" or (marked and not (one_switch and part == "cam"))]
+    yield from _plate(scanner, plate, mirrored)
 
 
-def _zero(scanner: Scanner, marked: bool) -> Diagnosis:
+def _over_marks(capabilities: DeviceCapabilities | None) -> tuple[float, float]:
+    """Return the ends of a turn over two marks, or over the one mark of a table that cannot turn as far, rad."""
+    before, beyond = _OVER_TWO_MARKS
+    if capabilities and capabilities.highest_angle < beyond:
+        return capabilities.lowest_angle, capabilities.highest_angle
+    return before, beyond
+
+
+def _zero(scanner: Scanner, marked: bool, one_switch: bool) -> Diagnosis:
     """Home. A turntable without a mark, which may refuse to home, takes its present angle as zero."""
     try:
         scanner.home()
     except CommandRefused as error:
         if marked:
-            return diagnoses.switches(_reason(scanner, error), scanner.inputs())
+            return diagnoses.switches(_reason(scanner, error), scanner.inputs(), one_switch)
         scanner.home(here=True)
         return skipped("zero", "no home switches: the present angle is zero")
     except DeviceError as error:
-        return diagnoses.switches(_reason(scanner, error), scanner.inputs())
-    return diagnoses.switches(None, scanner.inputs())
+        return diagnoses.switches(_reason(scanner, error), scanner.inputs(), one_switch)
+    return diagnoses.switches(None, scanner.inputs(), one_switch)
 
 
 def _around(capabilities: DeviceCapabilities | None) -> ScanOrder:
@@ -134,12 +146,12 @@ def _around(capabilities: DeviceCapabilities | None) -> ScanOrder:
     return sector(lowest, highest, (highest - lowest) / HEADINGS)
 
 
-def _plate(scanner: Scanner, plate: Plate, marked: bool) -> Iterator[Diagnosis]:
+def _plate(scanner: Scanner, plate: Plate, mirrored: Sequence[str]) -> Iterator[Diagnosis]:
     beside = _scanned(scanner, sector(-math.degrees(BESIDE), math.degrees(BESIDE) + 5, 5))
     if isinstance(beside, Diagnosis):
         yield beside
         return
-    yield diagnoses.direction(beside, plate.heading, marked)
+    yield diagnoses.direction(beside, plate.heading, mirrored)
     at_plate = _scanned(scanner, ScanOrder(plate.heading, math.radians(1), 1, 1, PINGS))
     yield at_plate if isinstance(at_plate, Diagnosis) else diagnoses.plate(at_plate, plate.distance)
 

@@ -406,9 +406,8 @@ class ProtocolDevice(ABC):
                 self.line.send(Accepted(sequence), now)
             case ConfigureWiring():
                 if message.change > sum(Wiring) or message.inverted & ~message.change:
-                    text = (
-                        f"change {message.change}, inverted {message.inverted}; expected 0 to 7, and none beyond change"
-                    )
+                    given = f"change {message.change}, inverted {message.inverted}"
+                    text = f"{given}; expected 0 to 15, and none beyond change"
                     raise RefusalError(Refusal.OUT_OF_RANGE, text)
                 inverted = self.configure_wiring(Wiring(message.change), Wiring(message.inverted), now)
                 self.line.send(WiringSettings(sequence, inverted), now)

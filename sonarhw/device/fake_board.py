@@ -52,6 +52,9 @@ PING_PERIOD = 0.100  # s; shortest time from the start of a ping to the start of
 MAX_LISTEN = 0.065  # s
 REACH = 720_000_000  # µdeg in each direction; limit of the transducer's cable
 HOMING_LIMIT = math.radians(750)  # from the angle at the start, while the zero is unknown
+ONE_SWITCH_REACH = 175_000_000  # µdeg in each direction; beyond half a turn, the mark would show the wrong side
+ONE_SWITCH_LIMIT = math.radians(360)  # as HOMING_LIMIT
+ONE_SWITCH_TRIES = 3  # Homes without success
 MOST_JOG = 10_000_000  # µdeg
 HOTTEST = 12_500  # 0.01 °C; reported with a shorted thermistor
 STEPS = 200
@@ -103,6 +106,7 @@ class FakeBoard(ProtocolDevice):
             self._turntable.wedge(0.0, math.inf)
         self._turntable.turn_to(self._wires.sign, 0.0)
         self._lost_steps = 0  # microsteps
+        self._tries = 0  # Homes by the mark alone since the last one that succeeded
         self._listening = False
         self._next_ping = 0.0  # s; earliest time of the next ping, so that the echoes of the last one have decayed
         self._settings = Settings(0, microseconds_of(MAX_LISTEN), microseconds_of(blanking), 0, 343_200)
@@ -148,11 +152,12 @@ class FakeBoard(ProtocolDevice):
         features |= Feature.ENVELOPE if rate else Feature(0)
         features |= Feature(0) if self.temperature() == NO_TEMPERATURE else Feature.THERMOMETER
         features |= Feature.INPUTS | Feature.WIRING if self.line.minor >= 2 else Feature(0)
+        features |= Feature.ONE_SWITCH if self._wires.one_switch else Feature(0)
         return Capabilities(
             command=sequence,
             features=features,
-            lowest_angle=-REACH,
-            highest_angle=REACH,
+            lowest_angle=-self._reach,
+            highest_angle=self._reach,
             steps=STEPS,
             fastest=microdegrees_of(SPEED),
             hardest=0,
@@ -171,6 +176,11 @@ class FakeBoard(ProtocolDevice):
         )
 
     @property
+    def _reach(self) -> int:
+        """The limit of the cable in each direction, µdeg."""
+        return ONE_SWITCH_REACH if self._wires.one_switch else REACH
+
+    @property
     def zero(self) -> Zero:
         """How the zero of the turntable is known."""
         return self._turntable.zero
@@ -178,14 +188,16 @@ class FakeBoard(ProtocolDevice):
     def set_zero(self, now: float) -> None:
         """Make the present angle the zero of the turntable."""
         self._turntable.set_zero(now)
+        self._wires.proven &= not self._wires.one_switch
 
     def inputs(self, now: float) -> Input:
         """Return the inputs whose pins are high."""
         return self._wires.levels(self._turntable, now)
 
     def configure_wiring(self, change: Wiring, inverted: Wiring, now: float) -> Wiring:
-        """Invert switches or motor, and return what is inverted. A change makes the zero unknown."""
+        """Set the wiring, and return what is set. A change makes the zero unknown."""
         if change:
+            self._wires.proven = False
             self._wires.inverted = self._wires.inverted & ~change | inverted
             self._turntable.zero = Zero.UNKNOWN
             self._turntable.turn_to(self._wires.sign, now)
@@ -238,6 +250,9 @@ class FakeBoard(ProtocolDevice):
 
     def homing(self, now: float) -> Iterator[float]:
         """Home the turntable, without waiting for the echo source."""
+        if self._wires.one_switch:
+            yield from self._home_by_mark(now)
+            return
         if failure := self._wires.homing_failure():
             self._turntable.zero = Zero.UNKNOWN
             yield now + _HOMING_FAILS_AFTER
@@ -246,6 +261,23 @@ class FakeBoard(ProtocolDevice):
         yield arrival
         if not self._turntable.confirm_home(arrival):
             raise ActionError("the zero mark was not found; check what blocks the turntable")
+
+    def _home_by_mark(self, now: float) -> Iterator[float]:
+        if self._tries == ONE_SWITCH_TRIES:
+            yield now
+            raise ActionError("homing may wind the cable no further; unwind it by hand and restart the board")
+        self._tries += 1
+        mark, failure = self._wires.one_switch_zero(self._turntable.true_angle(now))
+        self._wires.proven = False
+        if failure:
+            self._turntable.zero = Zero.UNKNOWN
+            yield now + _HOMING_FAILS_AFTER
+            raise ActionError(failure)
+        arrival = self._turntable.home(now, mark)
+        yield arrival
+        if not self._turntable.confirm_home(arrival):
+            raise ActionError("the zero mark was not found; check what blocks the turntable")
+        self._tries, self._wires.proven = 0, True
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises RefusalError at once."""
@@ -293,7 +325,8 @@ class FakeBoard(ProtocolDevice):
     def _jogged(self, microdegrees: int, now: float) -> float:
         angle = self._turntable.jogged(radians_of(microdegrees), now)
         homed = self._turntable.zero is not Zero.UNKNOWN
-        limit, origin = (radians_of(REACH), 0.0) if homed else (HOMING_LIMIT, self._turntable.initial)
+        unknown = ONE_SWITCH_LIMIT if self._wires.one_switch else HOMING_LIMIT
+        limit, origin = (radians_of(self._reach), 0.0) if homed else (unknown, self._turntable.origin)
         if abs(microdegrees) > MOST_JOG or abs(angle - origin) > limit:
             text = "a jog of at most 10 degrees, within the limits of the cable, is possible"
             raise RefusalError(Refusal.OUT_OF_RANGE, f"{microdegrees / 1e6:.9g} degrees; {text}")
@@ -302,8 +335,8 @@ class FakeBoard(ProtocolDevice):
     def _check_angle(self, microdegrees: int) -> None:
         if self._turntable.zero is Zero.UNKNOWN:
             raise RefusalError(Refusal.NOT_HOMED, "the zero of the turntable is unknown; send Home first")
-        if abs(microdegrees) > REACH:
-            reach = REACH / 1e6
+        if abs(microdegrees) > self._reach:
+            reach = self._reach / 1e6
             raise RefusalError(
                 Refusal.OUT_OF_RANGE,
                 f"{microdegrees / 1e6:.9g} degrees; the cable winds from -{reach:g} to {reach:g} degrees",
@@ -315,7 +348,9 @@ class FakeBoard(ProtocolDevice):
         self._check_mark(arrival)
 
     def _check_mark(self, now: float) -> None:
-        if self._turntable.mark_misplaced(now):
+        wrong_side = self._wires.one_switch and self._turntable.on_wrong_side(now, self._wires.mark_wrong)
+        if self._turntable.mark_misplaced(now) or wrong_side:
+            self._wires.proven &= not self._wires.one_switch
             lost = round(abs(self._turntable.error(now)) * MICROSTEPS / math.tau)
             self._lost_steps += lost
             self._turntable.zero = Zero.UNKNOWN

@@ -11,6 +11,7 @@ from sonarhw.wire.messages import Zero
 SPEED = math.pi  # rad/s
 HOMING_SPEED = 2 * SPEED
 SETTLING = 0.020  # s after a move
+MISSING = math.radians(5)  # past the position of a mark that has not come
 _TOLERANCE = 1e-6  # rad; far less than a microstep
 
 
@@ -27,6 +28,7 @@ class Turntable:
         self.settling = SETTLING
         self.sign = 1.0  # -1: the table turns clockwise where it counts counter-clockwise
         self.initial = initial_angle
+        self.origin = initial_angle  # counted angle where it started, or the last known zero, rad
         self._from = self._to = initial_angle
         self._start = self._arrival = 0.0
         self._slipped = 0.0  # true minus counted angle, rad
@@ -36,23 +38,23 @@ class Turntable:
         """Return the reported angle, rad from the zero mark; 0 before it is homed."""
         return 0.0 if self.zero is Zero.UNKNOWN else self._position(now)
 
-    def home(self, now: float) -> float:
-        """Turn to the zero mark, and return the time of arrival, s. Then call `confirm_home`."""
+    def home(self, now: float, mark: float = 0.0) -> float:
+        """Turn to the zero mark at that true angle, and return the time of arrival, s. Then call `confirm_home`."""
         self.zero = Zero.UNKNOWN
-        self._count_from(self.sign * self.true_angle(now), now)
+        self._count_from(self.sign * (self.true_angle(now) - mark), now)
         return self._move(0.0, now, HOMING_SPEED) + SETTLING
 
     def confirm_home(self, now: float) -> bool:
         """Return whether the zero mark is reached. If so, the table is homed and its angle is 0."""
         self._release_if_due(now)
         if self._stuck is None:
-            self.zero, self._slipped = Zero.MARK, 0.0
+            self.zero, self._slipped, self.origin = Zero.MARK, 0.0, 0.0
         return self.zero is Zero.MARK
 
     def set_zero(self, now: float) -> None:
         """Call the present angle 0, without moving."""
         self._count_from(0.0, now)
-        self.zero = Zero.HAND
+        self.zero, self.origin = Zero.HAND, 0.0
 
     def turn(self, angle: float, now: float) -> float:
         """Turn to `angle`, and return the time when the table has settled there, s."""
@@ -99,6 +101,12 @@ class Turntable:
         true = self._from + error, self._to + error
         return abs(error) > _TOLERANCE and any(_passes_mark(min(move), max(move)) for move in (counted, true))
 
+    def on_wrong_side(self, now: float, inverted: bool) -> bool:
+        """Return whether the mark, perhaps inverted, shows another side of zero than the count within half a turn."""
+        counted = self._position(now)
+        beside = abs(counted) > MISSING
+        return self.zero is Zero.MARK and beside and (marked(self.true_angle(now)) != inverted) != (counted > 0)
+
     def slip(self, angle: float) -> None:
         """Miss steps: add `angle` (rad) to the difference of true and counted angle."""
         self._slipped += angle
@@ -129,6 +137,11 @@ class Turntable:
         self._from, self._to, self._start = self._position(now), angle, now
         self._arrival = now + abs(self._to - self._from) / speed
         return self._arrival
+
+
+def marked(angle: float) -> bool:
+    """Return the level of the mark at this true angle: high from 0 to half a turn."""
+    return math.sin(angle + 1e-9) >= 0
 
 
 def _passes_mark(low: float, high: float) -> bool:

@@ -3,12 +3,16 @@
 import math
 from enum import IntFlag
 
-from sonarhw.device.turntable import Turntable
+from sonarhw.device.turntable import Turntable, marked
 from sonarhw.errors import InputError
 from sonarhw.wire.messages import Input, Wiring
 
 CAM_ANGLE = math.radians(-20.0)  # edge of the cam
+ONE_SWITCH_MOST = math.radians(185)  # limit of one Home by the mark alone
+ONE_SWITCH_UNPROVEN = math.radians(60)  # on each side, until a Home has succeeded with the present wiring
 NOISE_ECHO = 0.003  # s; time of the false echo of every ping with NOISE_ON_INIT
+
+_BEGIN = "begin within 45 degrees of 0"
 
 
 class WiringFault(IntFlag):
@@ -55,19 +59,29 @@ class Wires:
 
     def __init__(self, faults: WiringFault = WiringFault(0)) -> None:
         self.faults = faults
-        self.inverted = Wiring(0)
+        self.inverted = Wiring(0)  # and ONE_SWITCH
+        self.proven = False  # whether a Home has succeeded with these settings
+
+    @property
+    def one_switch(self) -> bool:
+        """Whether the table homes by the mark alone."""
+        return Wiring.ONE_SWITCH in self.inverted
 
     @property
     def sign(self) -> float:
         """Direction in which the table turns for a counter-clockwise command: 1 or, clockwise, -1."""
         return -1.0 if self._wrong(WiringFault.MOTOR_REVERSED, Wiring.MOTOR) else 1.0
 
+    @property
+    def mark_wrong(self) -> bool:
+        """Whether the mark is low for the firmware where it should be high."""
+        return self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
+
     def levels(self, turntable: Turntable, now: float) -> Input:
         """Return the inputs whose pins are high, while the board does not listen."""
         angle = turntable.true_angle(now)
-        mark = math.sin(angle + 1e-9) >= 0
         levels = Input(0)
-        if mark != bool(self.faults & WiringFault.MARK_INVERTED) or self.faults & WiringFault.MARK_OPEN:
+        if marked(angle) != bool(self.faults & WiringFault.MARK_INVERTED) or self.faults & WiringFault.MARK_OPEN:
             levels |= Input.MARK
         if (angle > CAM_ANGLE) != bool(self.faults & WiringFault.CAM_INVERTED) or self.faults & WiringFault.CAM_OPEN:
             levels |= Input.CAM
@@ -78,15 +92,36 @@ class Wires:
     def homing_failure(self) -> str | None:
         """Return why a Home fails with these wires; None if it finds a zero."""
         cam = self._wrong(WiringFault.CAM_INVERTED, Wiring.CAM)
-        mark = self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
         if self.faults & WiringFault.MARK_OPEN:
             return "the zero mark never came; check its wire and the motor"
         if self.faults & WiringFault.CAM_OPEN or cam != (self.sign < 0):
             return "the cam never changed; check its wire and polarity, and the direction"
         # the mark is high at the edge of the cam, or the table passes the mark on its other side
-        if mark or self.sign < 0:
+        if self.mark_wrong or self.sign < 0:
             return "moved the wrong way; invert the mark, or cam and motor"
         return None
 
+    def one_switch_zero(self, angle: float) -> tuple[float, str | None]:
+        """Return the true angle of the zero that a Home by the mark alone finds from `angle`, and why it fails.
+
+        A mark opposite to zero counts as a failure.
+        """
+        way = self.sign * (-1.0 if marked(angle) != self.mark_wrong else 1.0)
+        edge = _next_edge(angle, way)
+        most = ONE_SWITCH_MOST if self.proven else ONE_SWITCH_UNPROVEN
+        if self.faults & WiringFault.MARK_OPEN or (
+            abs(edge - angle) > most and (self.proven or abs(_next_edge(angle, -way) - angle) > most)
+        ):
+            return edge, f"the zero mark never came; check its wire and the motor; {_BEGIN}"
+        if abs(edge - angle) > most or round(edge / math.pi) % 2:
+            return edge, f"moved the wrong way; invert the mark or the motor; {_BEGIN}"
+        return edge, None
+
     def _wrong(self, fault: WiringFault, setting: Wiring) -> bool:
         return bool(self.faults & fault) != bool(self.inverted & setting)
+
+
+def _next_edge(angle: float, way: float) -> float:
+    """Return the angle of the next edge of the mark in this direction, 1 or -1."""
+    halves = (angle + 1e-9) / math.pi
+    return math.pi * (math.ceil(halves) if way > 0 else math.floor(halves))

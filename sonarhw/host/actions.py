@@ -10,6 +10,8 @@ from sonarhw.readings import FloatArray
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import (
     AnswerMessage,
+    AskCapabilities,
+    Capabilities,
     Configure,
     ConfigureTurntable,
     ConfigureWiring,
@@ -61,7 +63,7 @@ def zeroing() -> Job:
 
 
 def configuring_wiring(request: ConfigureWiring) -> Job:
-    """Return the job that inverts switches or the motor. Its result is a WiringSettings message."""
+    """Return the job that sets the wiring. Its result is a WiringSettings message."""
     return Job(lambda talk, _: _configure_wiring(talk, request))
 
 
@@ -110,6 +112,8 @@ def _configure_wiring(talk: Conversation, request: ConfigureWiring) -> Script[Wi
     answer = yield from talk.request_typed(request, WiringSettings)
     if request.change:
         talk.device.zero = Zero.UNKNOWN
+        # with one switch, the turntable turns less far
+        talk.device.capabilities = yield from talk.request_typed(AskCapabilities(), Capabilities)
     return answer
 
 

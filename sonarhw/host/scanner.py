@@ -258,10 +258,11 @@ class Scanner:
         return turn_settings(self._answer(configuring_turntable(request), TurntableSettings))
 
     def configure_wiring(self, change: Wiring = Wiring(0), inverted: Wiring = Wiring(0)) -> Wiring:
-        """Invert what is in `change` and `inverted`, do not invert the rest of `change`, and return what is inverted.
+        """Set what is in `change` and `inverted`, clear the rest of `change`, and return what is set.
 
-        The device keeps this over a restart. A change makes the zero unknown. Raises DeviceError if the firmware is too
-        old, CommandRefused, NoAnswer, LinkLost.
+        Wiring.ONE_SWITCH chooses homing by the mark alone. The other parts are inverted. The device keeps this over a
+        restart. A change makes the zero unknown. Raises DeviceError if the firmware is too old, CommandRefused,
+        NoAnswer, LinkLost.
         """
         request = ConfigureWiring(int(change), int(inverted & change))
         return Wiring(self._answer(configuring_wiring(request), WiringSettings).inverted)

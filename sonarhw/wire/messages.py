@@ -178,6 +178,7 @@ class Feature(IntFlag):
     CARRIER = 128
     INPUTS = 256
     WIRING = 512
+    ONE_SWITCH = 1024
 
 
 class Input(IntFlag):
@@ -189,11 +190,12 @@ class Input(IntFlag):
 
 
 class Wiring(IntFlag):
-    """What a device can invert, so that it works with other switches and another motor."""
+    """What a device can invert, so that it works with other switches and another motor, and whether it has a cam."""
 
     MARK = 1
     CAM = 2
     MOTOR = 4
+    ONE_SWITCH = 8
 
 
 # host to device
@@ -335,13 +337,13 @@ class SetZero(CommandMessage):
 
 @dataclass(frozen=True)
 class ConfigureWiring(CommandMessage):
-    """Invert the level of a switch or the direction of the motor. Answer: WiringSettings, with the values in force."""
+    """Invert a switch or the motor, or home by one switch. Answer: WiringSettings, with the values in force."""
 
     TYPE = 0x0E
     SINCE = 2
     WHEN_BUSY = WhenBusy.REFUSED
     change: int = _on_wire(U8, "sum of the wiring codes to set; the others keep their value")
-    inverted: int = _on_wire(U8, "sum of those wiring codes in `change` that are to be inverted")
+    inverted: int = _on_wire(U8, "sum of those wiring codes in `change` that are to be in force")
 
 
 # device to host
@@ -523,10 +525,10 @@ class LinkTested(AnswerMessage):
 
 @dataclass(frozen=True)
 class WiringSettings(AnswerMessage):
-    """What is inverted. Answers ConfigureWiring."""
+    """The settings of the wiring. Answers ConfigureWiring."""
 
     TYPE = 0x8E
-    inverted: int = _on_wire(U8, "sum of the wiring codes that are inverted")
+    inverted: int = _on_wire(U8, "sum of the wiring codes in force")
 
 
 FROM_HOST = tuple(kind for _, kind in sorted(BY_TYPE.items()) if issubclass(kind, CommandMessage))

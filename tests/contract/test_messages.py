@@ -5,7 +5,7 @@ The kind of line makes no difference to them, so each device is tested over one 
 
 import itertools
 import time
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import pytest
 
@@ -137,7 +137,7 @@ def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
         StartScan(0, 1, 1, 1, 1, in_place=2),
         Turn(11 * DEGREE, relative=1),
         Turn(DEGREE, relative=2),
-        ConfigureWiring(8, 8),
+        ConfigureWiring(16, 16),
         ConfigureWiring(1, 2),
     ],
     ids=short,
@@ -333,6 +333,30 @@ def test_the_wiring_can_be_inverted_and_back(talk: Talk) -> None:
     assert Input.CAM in Input(heartbeat(talk).inputs)
     talk.act(Turn(-90 * DEGREE))
     assert heartbeat(talk).inputs == 0
+
+
+def test_one_switch_homes_by_the_mark_and_turns_less_than_half_a_turn(talk: Talk) -> None:
+    before = talk.capabilities()
+    if not before.features & Feature.LOST_STEPS:
+        pytest.skip("no home switches")
+    talk.home()
+    try:
+        assert talk.ask(ConfigureWiring(8, 8), WiringSettings).inverted == Wiring.ONE_SWITCH
+        able = talk.capabilities()
+        assert able.features == before.features | Feature.ONE_SWITCH
+        assert heartbeat(talk).homed == Zero.UNKNOWN
+        talk.home()
+        for angle in (able.highest_angle, able.lowest_angle, 90 * DEGREE):
+            assert abs(angle) < 178 * DEGREE
+            assert talk.act(Turn(angle))[2].outcome == Outcome.DONE
+            assert bool(Input(heartbeat(talk).inputs) & Input.MARK) == (angle > 0)
+        assert talk.ask(Turn(able.highest_angle + 1), Refused).code == Refusal.OUT_OF_RANGE
+        talk.home()
+    finally:
+        assert talk.ask(ConfigureWiring(8, 0), WiringSettings).inverted == 0
+    after = talk.capabilities()
+    assert after == replace(before, command=after.command)
+    talk.home()
 
 
 # scanning

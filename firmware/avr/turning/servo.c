@@ -10,6 +10,7 @@
 #include "pins.h"
 #include "steps.h"
 #include "turntable.h" // turntable_step
+#include "wiring.h" // motor_inverted
 
 #define PERIOD_TICKS 40000
 #define MIDDLE_TICKS 3000
@@ -55,7 +56,7 @@ static void start_pulses(void)
 void motor_start(bool counter_clockwise, uint16_t first_ticks)
 {
     (void)counter_clockwise; // the pulse follows the position
-    reversed = turntable_inverted() & WIRING_MOTOR;
+    reversed = motor_inverted();
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         released = false;

@@ -7,11 +7,13 @@
 #include "hardware.h" // thermometer
 #include "host_link.h" // host_link_greet
 #include "kept.h" // kept_at_least
+#include "limits.h" // turntable_reach
 #include "line.h" // line_can
 #include "outbox.h" // outbox_finish
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_info
 #include "turntable.h" // turntable_zero
+#include "wiring.h" // one_switch
 
 void on_hello(const struct command_frame *frame, const struct hello *hello)
 {
@@ -39,9 +41,10 @@ void on_ask_capabilities(const struct command_frame *frame)
     send_capabilities(&(struct capabilities){
         .command = frame->sequence,
         .features = TURNTABLE_FEATURES | RANGING_FEATURES | TRACE_FEATURES | FEATURE_INPUTS | FEATURE_WIRING |
+                    (one_switch() ? FEATURE_ONE_SWITCH : 0) |
                     (thermometer() == NO_TEMPERATURE ? 0 : FEATURE_THERMOMETER),
-        .lowest_angle = -REACH_DEGREES * 1000000L,
-        .highest_angle = REACH_DEGREES * 1000000L,
+        .lowest_angle = -turntable_reach() * 1000000L,
+        .highest_angle = turntable_reach() * 1000000L,
         .steps = FULL_STEPS,
         .fastest = SPEED * MICRODEGREES_A_STEP,
         .hardest = ACCELERATION * (uint32_t)MICRODEGREES_A_STEP,

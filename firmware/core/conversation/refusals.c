@@ -2,8 +2,8 @@
 
 #include "action.h" // action_running
 #include "answers.h" // answer_refused
-#include "board_facts.h" // REACH_DEGREES
-#include "turntable.h" // turntable_reaches
+#include "limits.h" // turntable_reach
+#include "turntable.h" // turntable_homed
 
 bool refused_while_busy(const struct command_frame *frame)
 {
@@ -25,9 +25,9 @@ bool refused_angle(const struct command_frame *frame, int64_t microdegrees)
     struct words words = {.size = 0};
     words_degrees(&words, microdegrees);
     words_add(&words, FLASH_TEXT(" degrees; the cable winds from "));
-    words_number(&words, -REACH_DEGREES);
+    words_number(&words, -turntable_reach());
     words_add(&words, FLASH_TEXT(" to "));
-    words_number(&words, REACH_DEGREES);
+    words_number(&words, turntable_reach());
     words_add(&words, FLASH_TEXT(" degrees"));
     answer_refused_in_words(frame, REFUSAL_OUT_OF_RANGE, &words);
     return true;

@@ -5,9 +5,11 @@
 #include "answers.h" // answer_accepted
 #include "board_facts.h" // SPEED
 #include "homing_facts.h" // enum homing
+#include "manner.h" // struct turntable_manner
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_turntable_settings
-#include "turntable.h" // struct turntable_manner
+#include "turntable.h" // turntable_home
+#include "wiring.h" // wiring_now
 
 void on_home(const struct command_frame *frame)
 {
@@ -49,13 +51,16 @@ void on_configure_wiring(const struct command_frame *frame, const struct configu
 {
     if (refused_while_busy(frame))
         return;
-    if (request->change & ~(WIRING_MARK | WIRING_CAM | WIRING_MOTOR) || request->inverted & ~request->change) {
-        answer_out_of_range(frame, FLASH_TEXT("change: expected 0 to 7; inverted: only what is in change"));
+    uint8_t all = WIRING_MARK | WIRING_CAM | WIRING_MOTOR | (HOMING == HOMING_WITH_SWITCHES ? WIRING_ONE_SWITCH : 0);
+    if (request->change & ~all || request->inverted & ~request->change) {
+        answer_out_of_range(frame, HOMING == HOMING_WITH_SWITCHES
+                                       ? FLASH_TEXT("change: expected 0 to 15; inverted: only what is in change")
+                                       : FLASH_TEXT("change: expected 0 to 7; inverted: only what is in change"));
         return;
     }
     if (request->change)
         turntable_invert(request->change, request->inverted);
-    send_wiring_settings(&(struct wiring_settings){.command = frame->sequence, .inverted = turntable_inverted()});
+    send_wiring_settings(&(struct wiring_settings){.command = frame->sequence, .inverted = wiring_now()});
 }
 
 static uint32_t microsteps(uint32_t microdegrees)

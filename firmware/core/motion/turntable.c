@@ -1,20 +1,23 @@
 #include "turntable.h"
 
-#include "board_facts.h" // MICROSTEPS, REACH_DEGREES, speeds
+#include "angles.h" // steps_of
+#include "board_facts.h" // MICROSTEPS, speeds
 #include "hardware.h" // motor, home switch
 #include "homing_facts.h" // JOG_DEGREES
+#include "limits.h" // homing_limit
+#include "manner.h" // turntable_manner
 #include "messages.h" // enum approach
 #include "ramp.h" // struct ramp
+#include "wiring.h" // switches
 
-#define TURN_MICRODEGREES 360000000
 #define FULL_TRAVEL_US 1000000 // of a servo, whose angle is unknown before its first pulse
-#define WIRING_PROVEN 0x40 // stored beside enum wiring: a Home has succeeded with this wiring
-#define STEPS_OF_DEGREES(degrees) ((int32_t)((int64_t)(degrees) * MICROSTEPS / 360))
 
 enum leg {
     STILL,
-    SEEKING_ABOVE, // counter-clockwise until the cam reports: above zero
-    SEEKING_BELOW, // clockwise until the cam reports: below zero
+    SEEKING_ABOVE, // counter-clockwise until the switch reports: above zero
+    SEEKING_BELOW, // clockwise until the switch reports: below zero
+    SEARCHING, // for the mark on the other side, where it must not be
+    CLEARING, // further clockwise, so that the edge of the mark is out of reach of noise
     CREEPING, // counter-clockwise to the mark
     PASSING, // past the heading, to return to it
     APPROACHING, // to the heading
@@ -23,7 +26,7 @@ enum leg {
     SETTLING,
 };
 
-enum order { NOTHING, TO_HOME, TO_TURN };
+enum order { NOTHING, TO_HOME, TO_TURN, TO_RETURN }; // to where a Home began
 
 static struct {
     enum leg leg;
@@ -31,29 +34,25 @@ static struct {
     enum turntable_trouble trouble;
     enum zero zero;
     bool homed_before; // a Home has succeeded since the start
-    uint8_t wiring; // enum wiring and WIRING_PROVEN
     bool was_high; // level of the mark while seeking the cam
     bool mark_changed; // in this Home
+    bool searched; // in this Home: the first switch was found, or the other side is searched
+    int32_t began_at; // this Home, steps
+    uint8_t tries; // Homes since the last one that succeeded
     int32_t changed_at; // where this level changed last, steps
     int32_t target; // steps
     int32_t awaited; // next expected position of the mark, steps
     int32_t lost; // steps
     uint64_t settled_us;
-    struct turntable_manner manner;
 } table;
 
 // shared with the step interrupt
 static struct ramp ramp;
-static bool mark_inverted;
 static volatile int32_t position; // steps; before the first zero from the start of the board
 static int8_t direction;
 static bool was_marked;
 static volatile bool mark_passed; // counter-clockwise; only this edge is exact
 static volatile int32_t mark_position;
-
-static bool marked_now(void) { return home_mark() != mark_inverted; }
-
-static bool above_zero(void) { return home_side() != ((table.wiring & WIRING_CAM) != 0); }
 
 uint16_t turntable_step(void)
 {
@@ -82,50 +81,20 @@ void turntable_reset(void)
     table.order = NOTHING;
     table.zero = ZERO_UNKNOWN;
     table.homed_before = false;
-    table.wiring = stored_wiring();
-    mark_inverted = table.wiring & WIRING_MARK;
+    table.tries = 0;
+    wiring_reset();
     table.lost = 0;
     position = 0;
     turntable_set_manner((struct turntable_manner){0, 0, SETTLING_US, APPROACH_COUNTER_CLOCKWISE});
 }
 
-void turntable_set_manner(struct turntable_manner request)
-{
-    if (!request.speed || request.speed > SPEED)
-        request.speed = SPEED;
-    if (request.speed < SLOWEST_RAMP)
-        request.speed = SLOWEST_RAMP;
-    if (!request.acceleration || request.acceleration > ACCELERATION)
-        request.acceleration = ACCELERATION;
-    if (request.acceleration < GENTLEST_RAMP)
-        request.acceleration = GENTLEST_RAMP;
-    table.manner = request;
-}
-
-struct turntable_manner turntable_manner(void) { return table.manner; }
-
 enum zero turntable_zero(void) { return table.zero; }
 
 bool turntable_homed(void) { return table.zero != ZERO_UNKNOWN; }
 
-static int32_t steps_of(int32_t microdegrees)
-{
-    int64_t twice = 2 * (int64_t)microdegrees * MICROSTEPS;
-    return (int32_t)((twice + (twice < 0 ? -TURN_MICRODEGREES : TURN_MICRODEGREES)) / (2 * (int64_t)TURN_MICRODEGREES));
-}
-
-static int32_t microdegrees_of(int32_t steps) { return (int32_t)((int64_t)steps * TURN_MICRODEGREES / MICROSTEPS); }
-
 int16_t turntable_steps(void) { return (int16_t)position; }
 
 int32_t turntable_microdegrees(void) { return turntable_homed() ? microdegrees_of(position_now()) : 0; }
-
-int32_t turntable_nearest(int32_t microdegrees) { return microdegrees_of(steps_of(microdegrees)); }
-
-bool turntable_reaches(int64_t microdegrees)
-{
-    return microdegrees >= -REACH_DEGREES * 1000000L && microdegrees <= REACH_DEGREES * 1000000L;
-}
 
 // Expect the mark at its next position counter-clockwise of here that is beyond the backlash; keep an earlier one.
 static void await_mark(void)
@@ -153,9 +122,9 @@ static void start(enum leg leg, int32_t steps, uint16_t speed)
     direction = steps < 0 ? -1 : 1;
     if (direction > 0)
         await_mark();
-    ramp = ramp_of((uint16_t)(steps < 0 ? -steps : steps), table.manner.acceleration, speed);
+    ramp = ramp_of((uint16_t)(steps < 0 ? -steps : steps), turntable_manner().acceleration, speed);
     uint16_t first = ramp_next(&ramp);
-    motor_start((direction > 0) != ((table.wiring & WIRING_MOTOR) != 0), first);
+    motor_start((direction > 0) != motor_inverted(), first);
 }
 
 static void stop(void)
@@ -168,7 +137,7 @@ static void stop(void)
 static void settle(uint64_t now_us)
 {
     table.leg = SETTLING;
-    table.settled_us = now_us + table.manner.settle_us;
+    table.settled_us = now_us + turntable_manner().settle_us;
 }
 
 // Start towards the target. False if the table is already there.
@@ -176,50 +145,71 @@ static bool approach(void)
 {
     int32_t way = table.target - position_now();
     int32_t past = STEPS_OF_DEGREES(BACKLASH_DEGREES);
-    if (way < 0 && table.manner.approach == APPROACH_COUNTER_CLOCKWISE)
-        start(PASSING, way - past, table.manner.speed);
-    else if (way > 0 && table.manner.approach == APPROACH_CLOCKWISE)
-        start(PASSING, way + past, table.manner.speed);
+    if (way < 0 && turntable_manner().approach == APPROACH_COUNTER_CLOCKWISE)
+        start(PASSING, way - past, turntable_manner().speed);
+    else if (way > 0 && turntable_manner().approach == APPROACH_CLOCKWISE)
+        start(PASSING, way + past, turntable_manner().speed);
     else if (way)
-        start(APPROACHING, way, table.manner.speed);
+        start(APPROACHING, way, turntable_manner().speed);
     return way != 0;
 }
 
+/* With one switch, a Home that fails returns to where it began, so that Homes between restarts do not add up. The next one
+ * is limited as if the wiring had never worked: the level of the mark shows the side of zero only within half a turn. */
 static void give_up(enum turntable_trouble trouble)
 {
     table.trouble = trouble;
     table.zero = ZERO_UNKNOWN;
     table.leg = HALTING;
+    if (one_switch()) {
+        wiring_prove(false);
+        table.order = trouble == TROUBLE_LOST_STEPS ? NOTHING : TO_RETURN;
+    }
     stop();
 }
 
 // A first Home crawls, so that a person can stop it if a wire is wrong.
 static uint16_t homing_speed(uint16_t fastest) { return table.homed_before ? fastest : CRAWL_SPEED; }
 
-static bool within_homing_limit(int32_t steps)
-{
-    int32_t limit = STEPS_OF_DEGREES(HOMING_LIMIT_DEGREES);
-    return steps > -limit && steps < limit;
-}
-
-/* Start towards the edge of the cam. Never beyond HOMING_LIMIT from the last known zero, or from where the board
- * started: with one wrong wire, every Home would wind the cable further. With wiring that has never worked, only as far
- * as a table that was left within its first turn needs. */
+/* Start towards the edge of the switch. Never beyond the homing limit from the last known zero, or from where the board
+ * started: with one wrong wire, every Home would wind the cable further. */
 static void seek(enum leg leg, uint16_t speed)
 {
     int32_t here = position_now();
-    int32_t way = STEPS_OF_DEGREES(HOMING_LIMIT_DEGREES);
-    way = leg == SEEKING_ABOVE ? way - here : way + here;
-    int32_t most = STEPS_OF_DEGREES(UNPROVEN_DEGREES);
-    if (!(table.wiring & WIRING_PROVEN) && way > most)
+    int32_t way = leg == SEEKING_ABOVE ? homing_limit() - here : homing_limit() + here;
+    int32_t most = homing_most();
+    if (way > most)
         way = most;
-    if (way <= 0) {
-        give_up(TROUBLE_LIMIT);
-        return;
-    }
     table.was_high = home_mark();
     table.changed_at = here;
-    start(leg, leg == SEEKING_ABOVE ? way : -way, homing_speed(speed));
+    if (way > 0)
+        start(leg, leg == SEEKING_ABOVE ? way : -way, homing_speed(speed));
+    else
+        give_up(TROUBLE_LIMIT);
+}
+
+/* The switch has not changed. With one switch that has never worked, its change on the other side tells an inverted wire
+ * from an open one. */
+static void look_elsewhere(void)
+{
+    int32_t most = STEPS_OF_DEGREES(ONE_SWITCH_UNPROVEN_DEGREES);
+    int32_t there = table.began_at + (table.leg == SEEKING_BELOW ? most : -most);
+    if (!one_switch())
+        give_up(TROUBLE_CAM);
+    else if (wiring_proven() || table.searched || !within_homing_limit(there))
+        give_up(TROUBLE_NO_MARK);
+    else {
+        table.searched = true;
+        table.was_high = home_mark();
+        start(SEARCHING, there - position_now(), homing_speed(SPEED));
+    }
+}
+
+static void go_back(void)
+{
+    table.target = table.began_at;
+    if (table.target != position_now())
+        start(APPROACHING, table.target - position_now(), homing_speed(SPEED));
 }
 
 // A servo goes to its zero by itself. At least one step, because the first one starts its pulses.
@@ -227,7 +217,20 @@ static void return_to_zero(void)
 {
     if (position == 0)
         position = -1;
-    start(RETURNING, -position, table.manner.speed);
+    start(RETURNING, -position, turntable_manner().speed);
+}
+
+static void find_zero(void)
+{
+    table.mark_changed = table.searched = false;
+    table.began_at = position_now();
+    // a table that turns in one direction only is wound further by every Home, although it counts none of that
+    if (one_switch() && table.tries == ONE_SWITCH_TRIES)
+        give_up(TROUBLE_LIMIT);
+    else {
+        table.tries += one_switch();
+        seek(above_zero() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
+    }
 }
 
 static void begin(void)
@@ -237,12 +240,12 @@ static void begin(void)
     table.leg = STILL;
     if (order == TO_TURN)
         approach();
+    else if (order == TO_RETURN)
+        go_back();
     else if (order == TO_HOME && HOMING == HOMING_ABSOLUTE)
         return_to_zero();
-    else if (order == TO_HOME) {
-        table.mark_changed = false;
-        seek(above_zero() ? SEEKING_BELOW : SEEKING_ABOVE, HOMING_SPEED);
-    }
+    else if (order == TO_HOME)
+        find_zero();
 }
 
 static void take(enum order order)
@@ -291,16 +294,12 @@ static void mirror_position(void)
 
 void turntable_invert(uint8_t change, uint8_t inverted)
 {
-    if (HOMING != HOMING_ABSOLUTE && (table.wiring ^ inverted) & change & WIRING_MOTOR)
+    if (HOMING != HOMING_ABSOLUTE && change & WIRING_MOTOR && motor_inverted() != ((inverted & WIRING_MOTOR) != 0))
         mirror_position();
-    table.wiring = (uint8_t)((table.wiring & ~(change | WIRING_PROVEN)) | inverted);
-    mark_inverted = table.wiring & WIRING_MARK;
+    wiring_set(change, inverted);
     table.zero = ZERO_UNKNOWN;
     table.homed_before = false;
-    store_wiring(table.wiring);
 }
-
-uint8_t turntable_inverted(void) { return table.wiring & (uint8_t)~WIRING_PROVEN; }
 
 void turntable_stay(void) { take(NOTHING); }
 
@@ -311,6 +310,8 @@ void turntable_set_zero(void)
     interrupts_on();
     table.zero = ZERO_HAND;
     table.awaited = MICROSTEPS;
+    if (one_switch())
+        wiring_prove(false); // this zero may be further than half a turn from the mark
 }
 
 void turntable_halt(void)
@@ -329,7 +330,7 @@ void turntable_release(void)
     table.zero = ZERO_UNKNOWN;
 }
 
-/* Back over the edge of the cam to the mark. A table that turns the wrong way finds the mark, too, but further away. The
+/* Back over the edge of the switch to the mark. A table that turns the wrong way finds the mark, too, but further away. The
  * edge of the cam is less than half a turn below the mark, so the mark is low there, unless its wire is wrong. */
 static void creep(void)
 {
@@ -338,7 +339,7 @@ static void creep(void)
         return;
     }
     table.target = position_now();
-    start(CREEPING, STEPS_OF_DEGREES(CREEP_DEGREES), homing_speed(CREEP_SPEED));
+    start(CREEPING, creep_most(), homing_speed(CREEP_SPEED));
 }
 
 // Set zero to the position of the mark.
@@ -351,8 +352,8 @@ static void set_zero(void)
     mark_passed = false;
     table.zero = ZERO_MARK;
     table.homed_before = true;
-    table.wiring |= WIRING_PROVEN;
-    store_wiring(table.wiring);
+    table.tries = 0;
+    wiring_prove(true);
     table.awaited = MICROSTEPS;
     table.target = 0;
     // the table first slows down, then returns to zero
@@ -386,15 +387,20 @@ static void check_mark(void)
     mark_passed = false;
     interrupts_on();
     int32_t seen = off;
-    off %= MICROSTEPS;
-    if (off > MICROSTEPS / 2)
-        off -= MICROSTEPS;
-    if (off < -MICROSTEPS / 2)
-        off += MICROSTEPS;
+    off = steps_beside(off, MICROSTEPS);
     if (off > LOST_STEPS || off < -LOST_STEPS)
         lose(off);
     else
         table.awaited = seen - off + MICROSTEPS;
+}
+
+// With one switch, the table never turns beyond half a turn. So the level of the mark must always be that of its side.
+static void check_side(void)
+{
+    int32_t here = position_now();
+    int32_t near = STEPS_OF_DEGREES(MISSING_DEGREES);
+    if ((here > near || here < -near) && marked_now() != (here > 0))
+        lose(steps_beside(here, MICROSTEPS / 2)); // at least these
 }
 
 // While the table seeks the cam, the mark must change in every half turn. Otherwise its wire is open, or nothing turns.
@@ -421,27 +427,38 @@ static void watch(void)
         stop();
     else if (table.leg == SEEKING_ABOVE || table.leg == SEEKING_BELOW)
         watch_mark();
+    else if (table.leg == SEARCHING && home_mark() != table.was_high)
+        give_up(TROUBLE_WRONG_WAY);
     else if (table.leg == CREEPING && mark_passed)
         take_mark();
     else if (table.zero == ZERO_MARK && HOMING == HOMING_WITH_SWITCHES)
         check_mark();
+    if (table.zero == ZERO_MARK && one_switch())
+        check_side();
 }
 
 static void next_leg(uint64_t now_us)
 {
     switch (table.leg) {
     case SEEKING_ABOVE:
-        if (above_zero())
+        if (above_zero()) {
+            table.searched = true;
             seek(SEEKING_BELOW, SPEED);
-        else
-            give_up(TROUBLE_CAM);
+        } else
+            look_elsewhere();
         break;
     case SEEKING_BELOW:
-        if (!above_zero())
-            creep();
+        if (above_zero())
+            look_elsewhere();
+        else if (one_switch())
+            start(CLEARING, -STEPS_OF_DEGREES(CLEAR_DEGREES), homing_speed(SPEED));
         else
-            give_up(TROUBLE_CAM);
+            creep();
         break;
+    case CLEARING:
+        creep();
+        break;
+    case SEARCHING:
     case CREEPING:
         give_up(TROUBLE_NO_MARK);
         break;

@@ -13,29 +13,17 @@
 
 enum turntable_trouble {
     TROUBLE_NONE,
-    TROUBLE_NO_MARK, // the cam changed, but no mark came
+    TROUBLE_NO_MARK, // the cam changed, but no mark came; with one switch: the mark never changed
     TROUBLE_CAM, // the cam never changed
-    TROUBLE_WRONG_WAY, // the mark came far from the cam: motor and cam are both inverted
+    TROUBLE_WRONG_WAY, // the mark came far from the cam, or on the other side of the switch
     TROUBLE_LIMIT, // homing has used the whole way that the cable allows
     TROUBLE_LOST_STEPS, // the zero mark was not at its position, or missing
 };
 
-struct turntable_manner {
-    uint16_t speed; // steps/s
-    uint32_t acceleration; // steps/s²
-    uint32_t settle_us;
-    uint8_t approach; // enum approach
-};
-
 void turntable_reset(void);
-// Set speed, acceleration, settling and approach. 0 selects the default; values out of range are limited.
-void turntable_set_manner(struct turntable_manner request);
-struct turntable_manner turntable_manner(void);
 enum zero turntable_zero(void);
 bool turntable_homed(void); // whether the zero is known
 int32_t turntable_microdegrees(void); // 0 before it is homed
-bool turntable_reaches(int64_t microdegrees);
-int32_t turntable_nearest(int32_t microdegrees); // angle of the nearest microstep
 
 void turntable_home(void);
 void turntable_stay(void); // end a halt, and clear the trouble of the last movement
@@ -46,9 +34,8 @@ void turntable_jog(int32_t microdegrees); // by this angle, also while the zero 
 void turntable_halt(void); // as soon as the ramp allows; after a Home that was stopped, the zero is unknown
 void turntable_release(void); // without current it can be turned by hand, so it must be homed again
 
-// Invert some of enum wiring, and keep that over a restart. The zero becomes unknown.
+// Set some of enum wiring, and keep that over a restart. The zero becomes unknown.
 void turntable_invert(uint8_t change, uint8_t inverted);
-uint8_t turntable_inverted(void); // enum wiring
 
 // Starts the next leg of a movement when one has ended. True while turning or settling.
 bool turntable_work(uint64_t now_us);

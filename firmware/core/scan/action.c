@@ -2,6 +2,7 @@
 
 #include <string.h> // memcmp
 
+#include "angles.h" // nearest_step
 #include "board_facts.h" // PING_PERIOD_US
 #include "hardware.h" // pings
 #include "kept.h" // readings
@@ -9,6 +10,7 @@
 #include "outbox.h" // outbox_idle
 #include "send_messages.h" // send_reading_message
 #include "turntable.h" // turntable
+#include "wiring.h" // one_switch
 #include "words.h" // struct words
 
 #define PATIENCE_US 100000 // answers may delay a ping by this
@@ -115,7 +117,8 @@ static void add_trouble(struct words *words)
         words_add(words, FLASH_TEXT("the cam never changed; check its wire and polarity, and the direction"));
         break;
     case TROUBLE_WRONG_WAY:
-        words_add(words, FLASH_TEXT("moved the wrong way; invert the mark, or cam and motor"));
+        words_add(words, one_switch() ? FLASH_TEXT("moved the wrong way; invert the mark or the motor")
+                                      : FLASH_TEXT("moved the wrong way; invert the mark, or cam and motor"));
         break;
     case TROUBLE_LIMIT:
         words_add(words, FLASH_TEXT("homing may wind the cable no further; unwind it by hand and restart the board"));
@@ -126,9 +129,13 @@ static void add_trouble(struct words *words)
     case TROUBLE_NONE:
         return;
     }
-    if (action.type == HOME) {
-        words_add(words, FLASH_TEXT("; mark "));
-        words_number(words, home_mark());
+    if (one_switch() && action.trouble != TROUBLE_LIMIT)
+        words_add(words, FLASH_TEXT("; begin within 45 degrees of 0"));
+    if (action.type != HOME)
+        return;
+    words_add(words, FLASH_TEXT("; mark "));
+    words_number(words, home_mark());
+    if (!one_switch()) {
         words_add(words, FLASH_TEXT(", cam "));
         words_number(words, home_side());
     }
@@ -228,7 +235,7 @@ static void send_kept(uint32_t number)
         .number = number,
         .sweep = place.sweep,
         .ping = place.ping,
-        .angle = turntable_nearest(place.angle),
+        .angle = nearest_step(place.angle),
         .fired_us = reading.fired_us,
         .temperature = reading.temperature,
         .echoes = {reading.echoes, reading.echo_count},

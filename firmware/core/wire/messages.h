@@ -114,6 +114,7 @@ enum feature {
     FEATURE_CARRIER = 128,
     FEATURE_INPUTS = 256,
     FEATURE_WIRING = 512,
+    FEATURE_ONE_SWITCH = 1024,
 };
 
 enum input {
@@ -126,6 +127,7 @@ enum wiring {
     WIRING_MARK = 1,
     WIRING_CAM = 2,
     WIRING_MOTOR = 4,
+    WIRING_ONE_SWITCH = 8,
 };
 
 struct hello {
@@ -184,7 +186,7 @@ struct test_link {
 
 struct configure_wiring {
     uint8_t change; // sum of the wiring codes to set; the others keep their value
-    uint8_t inverted; // sum of those wiring codes in `change` that are to be inverted
+    uint8_t inverted; // sum of those wiring codes in `change` that are to be in force
 };
 
 struct info {
@@ -317,7 +319,7 @@ struct link_tested {
 
 struct wiring_settings {
     uint16_t command; // sequence number of the answered command
-    uint8_t inverted; // sum of the wiring codes that are inverted
+    uint8_t inverted; // sum of the wiring codes in force
 };
 
 #endif

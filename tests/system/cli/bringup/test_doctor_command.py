@@ -20,7 +20,7 @@ from sonarhw.device.faulty_board import FaultyDevice
 from sonarhw.device.wiring_faults import Wires, WiringFault
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace
-from sonarhw.wire.messages import ResetCause, Statistics
+from sonarhw.wire.messages import ResetCause, Statistics, Wiring
 from tests.fixtures.example_logs import example_reading
 from tests.fixtures.plain_echoes import DISTANCE, PLATE_DEG, HallEchoes
 from tests.system.cli.instrument.test_scan_command import sonarhw
@@ -73,9 +73,12 @@ def emulated(faults: WiringFault) -> Iterator[str]:
         yield board.url
 
 
-def check_diagnoses(url: str, checks: list[str], advice: str, turns: bool = True) -> list[Diagnosis]:
-    """Assert that exactly these checks fail, and that the first one gives this advice."""
+def check_diagnoses(
+    url: str, checks: list[str], advice: str, turns: bool = True, wiring: Wiring = Wiring(0)
+) -> list[Diagnosis]:
+    """Assert that exactly these checks fail with these settings, and that the first one gives this advice."""
     with Scanner.open(url) as scanner:
+        scanner.configure_wiring(wiring, wiring)
         made = [*examine(scanner, turns, PLATE)]
     bad = [diagnosis for diagnosis in made if diagnosis.verdict is Verdict.FAIL]
     assert [diagnosis.check for diagnosis in bad] == checks, made
@@ -99,6 +102,34 @@ def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
     with emulated(fault) as url:
         shown = checks if needs_turntable else [check for check in checks if check not in TURNTABLE]
         check_diagnoses(url, shown, advice, needs_turntable)
+
+
+ONE_SWITCH_FAULTS = [
+    (WiringFault.CAM_OPEN, [], ""),
+    (WiringFault.MARK_OPEN, ["zero"], "check the wire of the mark"),
+    (WiringFault.MARK_INVERTED, ["zero"], "--invert mark"),
+    (WiringFault.MOTOR_REVERSED, ["zero"], "--invert motor"),
+    (WiringFault.MARK_INVERTED | WiringFault.MOTOR_REVERSED, ["direction", "plate"], "--invert mark --invert motor`"),
+]
+ONE_SWITCH_BOARD_FAULTS = [*ONE_SWITCH_FAULTS, (WiringFault.STEPS_DOUBLED, ["steps"], "check the microstep jumpers")]
+
+
+@pytest.mark.parametrize(("fault", "checks", "advice"), ONE_SWITCH_FAULTS, ids=names(ONE_SWITCH_FAULTS))
+def test_faults_of_a_fake_board_with_one_switch(fault: WiringFault, checks: list[str], advice: str) -> None:
+    with fake(fault) as url:
+        check_one_switch(url, checks, advice)
+
+
+@pytest.mark.parametrize(("fault", "checks", "advice"), ONE_SWITCH_BOARD_FAULTS, ids=names(ONE_SWITCH_BOARD_FAULTS))
+def test_faults_of_the_emulated_board_with_one_switch(fault: WiringFault, checks: list[str], advice: str) -> None:
+    with emulated(fault) as url:
+        check_one_switch(url, checks, advice)
+
+
+def check_one_switch(url: str, checks: list[str], advice: str) -> None:
+    """Assert what `check_diagnoses` asserts, with one switch."""
+    made = check_diagnoses(url, checks, advice, wiring=Wiring.ONE_SWITCH)
+    assert not any("cam " in diagnosis.text for diagnosis in made)
 
 
 def test_the_command_prints_each_check_and_its_exit_status_counts_failures() -> None:
@@ -168,7 +199,7 @@ def test_the_nearest_echo_must_be_on_the_side_of_the_plate(nearest_deg: float, v
         replace(example_reading(n), angle=math.radians(deg), echo_times=(0.006 if deg == nearest_deg else 0.02,))
         for n, deg in enumerate((-90, -30, 0, 25))
     ]
-    diagnosis = diagnoses.direction(readings, math.radians(30))
+    diagnosis = diagnoses.direction(readings, math.radians(30), ["motor"])
     assert diagnosis.verdict is verdict
     assert advice in diagnosis.advice
 

@@ -3,12 +3,16 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
+from sonarhw import Scanner
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.wiring_faults import Wires, WiringFault
+from sonarhw.log import read_log
+from sonarhw.wire.messages import Wiring
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.system.cli.instrument.test_scan_command import sonarhw
 
@@ -37,6 +41,31 @@ def test_an_inverted_cam_is_corrected_so_that_home_succeeds() -> None:
         assert "the cam never changed" in failed.stderr
         assert sonarhw("wiring", url, "--invert", "cam").returncode == 0
         assert sonarhw("home", url).returncode == 0
+
+
+def test_one_switch_homes_without_a_cam_and_limits_the_scan(tmp_path: Path) -> None:
+    with served(WiringFault.CAM_OPEN) as (_, url):
+        assert sonarhw("home", url).returncode == 1
+        chosen = sonarhw("wiring", url, "--one-switch")
+        assert chosen.stdout.splitlines()[-2:] == ["inverted  nothing", "homes by  mark"]
+        assert sonarhw("home", url).returncode == 0
+        log = tmp_path / "around.mcap"
+        around = sonarhw("scan", url, "--from", "-175", "--to", "185", "--step", "10", "--out", str(log))
+        assert around.returncode == 0, around.stderr
+        assert len(read_log(log).readings) == 36
+        beyond = sonarhw("turn", url, "176")
+        assert "176 degrees; the cable winds from -175 to 175 degrees" in beyond.stderr
+        assert "homes by" not in sonarhw("wiring", url, "--no-one-switch").stdout
+        assert "the cam never changed" in sonarhw("home", url).stderr
+
+
+def test_the_limits_of_an_open_connection_follow_the_number_of_switches() -> None:
+    with served() as (_, url), Scanner.open(url) as scanner:
+        for switches, limit in (Wiring.ONE_SWITCH, 175), (Wiring(0), 720):
+            scanner.configure_wiring(Wiring.ONE_SWITCH, switches)
+            able = scanner.info.capabilities
+            assert able is not None
+            assert math.degrees(able.highest_angle) == pytest.approx(limit)
 
 
 @pytest.mark.parametrize(("fault", "sign"), [(WiringFault(0), 1), (WiringFault.MOTOR_REVERSED, -1)])

@@ -38,11 +38,17 @@ def find_zero(host: DocumentHost) -> None:
         assert end.fields["outcome"] == codes("Outcome")["DONE"], end
 
 
-@pytest.mark.parametrize("combination", combinations() + combinations("PROGRAMS"))
-def test_a_host_written_from_the_document_scans(combination: str) -> None:
+EVERY = combinations() + combinations("PROGRAMS")
+SWITCHED = [(combination, "ONE_SWITCH") for combination in EVERY if combination.endswith("step-dir")]
+
+
+@pytest.mark.parametrize(("combination", "wiring"), [*((combination, "") for combination in EVERY), *SWITCHED])
+def test_a_host_written_from_the_document_scans(combination: str, wiring: str) -> None:
     with connected(combination) as host:
         assert host.answer("AskStatistics").fields["code"] == codes("Refusal")["NO_HELLO"]
         info = host.greet().fields
+        setting = codes("Wiring").get(wiring, 0)
+        assert host.answer("ConfigureWiring", change=setting, inverted=setting).fields["inverted"] == setting
         able = host.answer("AskCapabilities").fields
         if able["fastest_baud"]:
             host.use_baud(able["fastest_baud"])

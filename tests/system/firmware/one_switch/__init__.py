@@ -1,0 +1,1 @@
+"""Homing by the mark alone."""
