@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from sonarhw_sim.air import Air
@@ -34,12 +35,12 @@ class DraftWall:
     angle: float  # rad
     ends: tuple[DraftEnd, DraftEnd]
 
-    @property
+    @cached_property
     def along(self) -> FloatArray:
         """Unit vector from the first end to the second, (2,)."""
         return np.array([math.cos(self.angle), math.sin(self.angle)])
 
-    @property
+    @cached_property
     def normal(self) -> FloatArray:
         """Unit vector to the left of the wall, (2,)."""
         return np.array([-math.sin(self.angle), math.cos(self.angle)])

@@ -20,8 +20,9 @@ _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a readin
 
 def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
     """Return the draft to which no wall and no post can be added that is worth its price."""
+    nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
     while True:
-        unexplained = unexplained_readings(evidence, best.draft, ROUGH)
+        unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
         tried = [with_wall(evidence, best, arcs, unexplained), with_post(evidence, best, arcs, unexplained)]
         longer = max(tried, key=lambda one: one.score)
         if longer.score - best.score < PRICE:
@@ -44,9 +45,15 @@ def pruned(evidence: Evidence, best: Scored) -> Scored:
     return best
 
 
-def unexplained_readings(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
-    """Return a weight of each reading, 0 explained .. 1 like a false echo, by scan."""
-    nothing, now = (evidence.by_reading(one, noise) for one in (RoomDraft(draft.places), draft))
+def unexplained_readings(
+    evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, nothing: list[FloatArray] | None = None
+) -> list[FloatArray]:
+    """Return a weight of each reading, 0 explained .. 1 like a false echo, by scan.
+
+    `nothing` is the log-likelihood of the readings in an empty room, if known.
+    """
+    now = evidence.by_reading(draft, noise)
+    nothing = evidence.by_reading(RoomDraft(draft.places), noise) if nothing is None else nothing
     return [expit(_UNEXPLAINED + none - one) for none, one in zip(nothing, now, strict=True)]
 
 

@@ -7,6 +7,7 @@ both (`map.features` explains this). Candidates are ranked by the unexplained re
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -77,7 +78,7 @@ def wall_candidates(arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most
     """Return the `most` best supported walls; `unexplained` is the weight of each reading, 0..1, by scan."""
     table = table_of(arcs)
     weights = _weights(table, unexplained)
-    lines = np.array(list(_lines(arcs)), dtype=np.float64).reshape(-1, 2)
+    lines = np.array(_lines(tuple(arcs)), dtype=np.float64).reshape(-1, 2)
     if not len(lines):
         return []
     supports, members = np.empty(len(lines)), np.empty((len(lines), len(arcs)), np.bool_)
@@ -103,7 +104,7 @@ def post_candidates(arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most
     weights = _weights(table, unexplained)
     found: list[tuple[float, DraftPost]] = []
     for radius in _RADII:
-        for point in _points(arcs, radius):
+        for point in _points(tuple(arcs), radius):
             dx, dy = (np.array(point) - table.centres).T
             misfits = table.misfits(np.hypot(dx, dy) - radius, np.arctan2(dy, dx))
             support = float((weights * np.maximum(1 - (misfits / _FARTHEST) ** 2, 0.0)).sum())
@@ -126,8 +127,13 @@ def _weights(table: ArcTable, unexplained: Sequence[FloatArray]) -> FloatArray:
     )
 
 
-def _lines(arcs: Sequence[Arc]) -> Iterator[tuple[float, float]]:
-    """Yield normal (rad) and distance from the origin (m) of lines that touch one arc or two."""
+@lru_cache(maxsize=4)  # growth asks for the same arcs after each wall
+def _lines(arcs: tuple[Arc, ...]) -> tuple[tuple[float, float], ...]:
+    """Return normal (rad) and distance from the origin (m) of lines that touch one arc or two."""
+    return tuple(_lines_of(arcs))
+
+
+def _lines_of(arcs: Sequence[Arc]) -> Iterator[tuple[float, float]]:
     for arc in arcs:
         yield arc.bearing, float(np.dot(arc.centre, direction(arc.bearing))) + arc.range
     for one, other in combinations(arcs, 2):
@@ -143,8 +149,13 @@ def _lines(arcs: Sequence[Arc]) -> Iterator[tuple[float, float]]:
                 yield normal, float(np.dot(one.centre, direction(normal))) + one.range
 
 
-def _points(arcs: Sequence[Arc], radius: float) -> Iterator[tuple[float, float]]:
-    """Yield the centres (m) of posts of this radius on two arcs; behind the middle of each, if all have one place."""
+@lru_cache(maxsize=8)
+def _points(arcs: tuple[Arc, ...], radius: float) -> tuple[tuple[float, float], ...]:
+    """Return the centres (m) of posts of this radius on two arcs; behind the middle of each, if all have one place."""
+    return tuple(_points_of(arcs, radius))
+
+
+def _points_of(arcs: Sequence[Arc], radius: float) -> Iterator[tuple[float, float]]:
     if len({arc.scan for arc in arcs}) == 1:
         for arc in arcs:
             x, y = (np.array(arc.centre) + (arc.range + radius) * direction(arc.bearing)).tolist()

@@ -7,6 +7,7 @@ walls, and the gradient of the length is -(u + a). An image behind a moving wall
 posts, all this holds to first order.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -52,18 +53,26 @@ def with_reverses(paths: Paths, board: Board) -> Paths:
         return paths
     ends = np.searchsorted(paths.lengths, paths.lengths + SAME_LENGTH, side="right")
     kept, gains = np.ones(len(paths), np.bool_), paths.gains.copy()
+    leaving, arriving = paths.leaving.tolist(), paths.arriving.tolist()  # of short lists, a comparison is faster
     for first in np.flatnonzero(ends - np.arange(len(paths)) > 1).tolist():
         for second in range(first + 1, ends[first]):
-            if kept[first] and kept[second] and _are_reverse(paths, first, second):
+            ways = (leaving[first], arriving[first]), (arriving[second], leaving[second])
+            if kept[first] and kept[second] and _are_reverse(*ways):
                 kept[second] = False
                 gains[first] *= 2
     return replace(paths, gains=gains).select(np.flatnonzero(kept))
 
 
-def _are_reverse(paths: Paths, first: int, second: int) -> bool:
-    """Return whether each of two paths of equal length departs where the other one arrives."""
-    apart = (paths.leaving[first] - paths.arriving[second], paths.arriving[first] - paths.leaving[second])
-    return bool(np.abs(apart).max() < _SAME_DIRECTION)
+def _are_reverse(one: Iterable[list[float]], reverse: Iterable[list[float]]) -> bool:
+    """Return whether a path departs where another one of equal length arrives, and arrives where that one departs.
+
+    `one` has departure and arrival of the path, `reverse` arrival and departure of the other, as unit vectors.
+    """
+    return all(
+        abs(a - b) < _SAME_DIRECTION
+        for here, there in zip(one, reverse, strict=True)
+        for a, b in zip(here, there, strict=True)
+    )
 
 
 def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str]) -> EchoPaths:
