@@ -15,6 +15,7 @@ img { max-width: 100%; } table { border-collapse: collapse; } .facts td:first-ch
 td, th { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; }
 :is(.readings, .regions) td:nth-child(-n+5), .notes td:nth-child(-n+3), .surfaces :is(td, th):nth-child(n+2) {
   text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.surfaces { margin: 0.8em 0; }
 :is(.regions, .notes, .surfaces) th { border-bottom: 1px solid #ccc; }
 .readings th { position: sticky; top: 0; background: #fff; border-bottom: 1px solid #ccc; }
 pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 1.15em; }

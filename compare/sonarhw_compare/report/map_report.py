@@ -62,7 +62,7 @@ def _body(report: MapReport) -> Iterator[str]:
     for line in report.lines:
         yield f"<p>{escaped(line)}</p>"
     yield "<h2>Baseline: certainty grid and regions of constant depth</h2>"
-    yield _drawn("png", draw_map(report.baseline, report.room), "Certainty grid, arcs, walls, corners and edges")
+    yield _drawn("png", draw_map(report.baseline, report.known), "Certainty grid, arcs, walls, corners and edges")
     yield from _beside(report)
     yield "<h2>Made with</h2>"
     yield facts_table((("board", report.board.name), ("sonarhw", version("sonarhw")), ("NumPy", version("numpy"))))
