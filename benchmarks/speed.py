@@ -19,16 +19,17 @@ import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.traces import received
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.prediction import paths_for, weigh_paths
+from sonarhw_sim.predict.prediction import paths_for, predict_scan, weigh_paths
 from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import follow_fan
+from sonarhw_sim.room.model import Room, load_room
 
 from benchmarks.cases.hundred_echoes import LISTEN, RATE, SPEED, hundred_echoes
 from benchmarks.cases.image_source_table import compare_with_image_sources
 from benchmarks.cases.numpy_fan import follow_with_numpy
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, OPTIONS, scan
-from benchmarks.cases.table_rows import Row, at_least, at_most
+from benchmarks.cases.table_rows import Row, at_least, at_most, without_limit
 from tests.oracles.one_heading import range_at
 
 HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)
@@ -77,10 +78,23 @@ def rows() -> Iterator[Row]:
     yield at_most("whole scan, 1 000 walls: times that of 64 walls", 3, larger / whole)
     huge = office_floor(10_000)
     yield at_most("whole scan, 10 000 walls: times that of 1 000 walls", 6, seconds(lambda: scan(huge)) / larger)
+    yield from default_predictions(small)
     board, echoes = load_board("polaroid-6500"), hundred_echoes()
     trace = seconds(lambda: received(echoes, board, SPEED, LISTEN).rf(RATE))
     yield at_most("trace of 62 ms at 1 MHz with 100 echoes: ms", 1, trace * 1e3)
     yield at_most("memory of a scan in 10 000 walls, whole process: MB", 300, memory_of_huge_scan())
+
+
+def default_predictions(floor: Room) -> Iterator[Row]:
+    """Yield the times of predictions as commands make them by default, paths and readings, at 360 headings."""
+    board = load_board("polaroid-6500")
+    places = [("64 walls", floor, PLACE)]
+    for name, place in (("laboratory", "bench"), ("doorstep", "robot")):
+        room = load_room(name)
+        places.append((f"{name}, {place}", room, room.places[place]))
+    for name, room, place in places:
+        time_of_scan = seconds(lambda r=room, p=place: predict_scan(r, p, board, HEADINGS))  # type: ignore[misc]
+        yield without_limit(f"default prediction, 360 headings, {name}: ms", time_of_scan * 1e3)
 
 
 def memory_of_huge_scan() -> float:

@@ -21,3 +21,8 @@ def at_least(work: str, required: float, measured: float) -> Row:
 def at_most(work: str, required: float, measured: float) -> Row:
     """Return a row of a value with a maximum."""
     return Row(work, f"≤ {required:g}", f"{measured:.2f}", measured <= required)
+
+
+def without_limit(work: str, measured: float) -> Row:
+    """Return a row of a value that is only stated."""
+    return Row(work, "-", f"{measured:.0f}", True)
