@@ -3,8 +3,8 @@
 import math
 import os
 import tty
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import ScanOrder
 from tests.contract.relay import Relay
-from tests.contract.scanners import emulated, ser2net
+from tests.contract.scanners import emulated, emulated_uno, ser2net
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time
 from tests.hang_guard import wait_until
@@ -92,9 +92,12 @@ def test_a_scanner_that_returns_under_another_name_is_found(line: str, tmp_path:
         assert scanner.statistics.losses >= 1
 
 
-def test_firmware_and_driver_complete_a_scan_over_a_bad_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("board", [emulated, emulated_uno])
+def test_firmware_and_driver_complete_a_scan_over_a_bad_line(
+    board: Callable[[], AbstractContextManager[str]],
+) -> None:
     faults = read_faults("drop=1/2000,flip=1/2000,insert=1/2000")
-    with emulated() as url, Link(url) as link:
+    with board() as url, Link(url) as link:
         relay = Relay(link, faults)
         try:
             with serve(relay, tcp="127.0.0.1:0") as endpoint, Scanner.open(endpoint.url) as scanner:

@@ -98,17 +98,11 @@ def test_info_states_that_there_is_no_protocol(capsys: pytest.CaptureFixture[str
     assert lines[-1] == "ignored       half lines (1)"
 
 
-@pytest.mark.parametrize(
-    ("name", "preset"),
-    [
-        ("radar 15 to 165", "arduino-radar"),
-        ("radar 0 to 180 with * and #", "arduino-radar"),
-        ("Angle and Distance in words", "angle-distance"),
-        ("CSV over a whole turn", "csv"),
-        ("CSV with header, back to the start", "csv"),
-        ("JSON lines, clockwise", "jsonl"),
-    ],
-)
+# a pattern of the user's own has no preset
+PRESETS = [(name, found[1]) for name, one in SKETCHES.items() if (found := re.search(r"preset=([\w-]+)", one.query))]
+
+
+@pytest.mark.parametrize(("name", "preset"), PRESETS)
 def test_guess_proposes_a_url_that_works(
     name: str, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
