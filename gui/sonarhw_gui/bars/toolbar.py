@@ -1,7 +1,7 @@
 """The toolbar: the most frequent commands, and the list of places."""
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QSizePolicy, QToolBar, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QSizePolicy, QToolBar, QWidget
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.parts.plain_label import PlainLabel
@@ -28,12 +28,20 @@ class ToolBar(QToolBar):
         self.addActions(commands.views.actions())
         self.addSeparator()
         self.addAction(commands.fit)
-        self.addWidget(PlainLabel("  Place "))
-        self.addWidget(self.place)
+        self.addWidget(self._named_place())
         gap = QWidget()
         gap.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.addWidget(gap)
         self.addAction(commands.dark)
+
+    def _named_place(self) -> QWidget:
+        """Return name and list in one part: on a narrow screen both move behind the arrow of the toolbar."""
+        part = QWidget()
+        row = QHBoxLayout(part)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(PlainLabel("  Place "))
+        row.addWidget(self.place)
+        return part
 
     def show_state(self, shown: Shown) -> None:
         """List the places of the room."""

@@ -40,6 +40,7 @@ class ReplayBar(QWidget):
         self._commands = commands
         self._look = Look()
         self._playing = False
+        self._widest = ""  # longest text of the time
         self.badge = PlainLabel("REPLAY")
         self.badge.setToolTip("The readings come from a log; the scanner is not in use")
         self.play = QPushButton()
@@ -72,7 +73,9 @@ class ReplayBar(QWidget):
         ):
             action.setIcon(self._icon(shape))
         self.time.setFont(text_font(look))
+        self._reserve_time()
         self._show_playing()
+        self._hide_what_does_not_fit()
 
     def show_state(self, state: ReplayState | None) -> None:
         """Show the state of the replay; None hides the bar."""
@@ -89,12 +92,15 @@ class ReplayBar(QWidget):
             self._show_playing()
         self.slider.show_state(state)
         self.time.setText(time_text(state))
-        # width of the longest text; otherwise the slider moves at every additional digit
-        widest = time_text(replace(state, position=state.duration, count=state.total))
-        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance(widest))
+        self._widest = time_text(replace(state, position=state.duration, count=state.total))
+        self._reserve_time()
         self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
         commands.loop.setChecked(state.loop)
         commands.skip_gaps.setChecked(state.skip_gaps)
+
+    def _reserve_time(self) -> None:
+        # width of the longest text; otherwise the slider moves at every additional digit
+        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance(self._widest))
 
     def _arrange(self) -> None:
         commands = self._commands
@@ -136,6 +142,9 @@ class ReplayBar(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Hide what does not fit."""
         super().resizeEvent(event)
+        self._hide_what_does_not_fit()
+
+    def _hide_what_does_not_fit(self) -> None:
         needed = self.minimumSizeHint().width()
         for group in reversed(self.dispensable):
             needed += _width_of(group)
