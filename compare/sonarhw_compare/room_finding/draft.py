@@ -93,6 +93,16 @@ class RoomDraft:
             kept[other] = replace(wall, ends=(ends[0], ends[1]))
         return replace(self, walls=kept)
 
+    def without_only(self, key: int) -> "RoomDraft":
+        """Return the draft without a wall; all others stay where they are, with free ends where they met it."""
+        kept = {}
+        for other, wall in self.walls.items():
+            ends = [
+                DraftEnd(at) if end.meets == key else end for end, at in zip(wall.ends, self.extent(other), strict=True)
+            ]
+            kept[other] = replace(wall, ends=(ends[0], ends[1]))
+        return replace(self, walls={other: wall for other, wall in kept.items() if other != key})
+
     @staticmethod
     def _end_elsewhere(wall: DraftWall, at: float, walls: dict[int, DraftWall]) -> DraftEnd:
         """Return an end at the line of the wall that crosses nearest to `at`, or a free end there."""

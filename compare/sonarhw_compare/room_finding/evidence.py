@@ -100,7 +100,7 @@ class Support:
 
 def support_of(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> tuple[Support, ...]:
     """Return the support of each wall and post of a draft, in the order of its room."""
-    without = [(wall_name(number), draft.without_wall(key)) for number, key in enumerate(draft.walls)]
+    without = [(wall_name(number), draft.without_only(key)) for number, key in enumerate(draft.walls)]
     for number in range(len(draft.posts)):
         kept = draft.posts[:number] + draft.posts[number + 1 :]
         without.append((post_name(number), replace(draft, posts=kept)))

@@ -22,6 +22,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plan.edge_arrows import EdgeArrows
+from sonarhw_gui.plan.found_layer import FoundLayer
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from sonarhw_gui.plan.proposal_layer import ProposalLayer
@@ -68,6 +69,7 @@ class PlanDrawing(Canvas):
         self.ruler = RulerLayer(self.plot)
         self.sound = SoundLayer(self.plot)
         self.proposal, self.overlays = ProposalLayer(self.plot), OverlayMarks(self.plot)
+        self.found = FoundLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -97,6 +99,8 @@ class PlanDrawing(Canvas):
             self.pointer.draw(shown)
         if _differ(before, shown, "proposal", "compared", "readings", "scene", "hidden", "look"):
             self.proposal.draw(shown.proposal, self._marks)
+        if _differ(before, shown, "found"):
+            self.found.draw(shown.found)
         if self._measured and _differ(before, shown, "overlays"):
             self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
         if _differ(before, shown, "sound", "look"):
@@ -267,8 +271,10 @@ class PlanDrawing(Canvas):
         metrics = QFontMetrics(text_font(look, 0.9))
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound, self.proposal):
+        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound):
             layer.set_look(look)
+        for proposed in (self.proposal, self.found):
+            proposed.set_look(look)
         self.overlays.set_look()
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)

@@ -22,17 +22,24 @@ class AddScanRequest:
     """Read a log, to draw it over the scan shown."""
 
     path: Path
-    scene: Scene  # shown now; its board and place are used if the log names none
+    scene: Scene  # shown now; its place is used to draw a log that names none
 
-    def answer(self) -> tuple[str, tuple[Reading, ...], Scene]:
-        """Return the name, the readings and the scene of the log. Raises InputError."""
+    def answer(self) -> "_Made":
+        """Read the log. Raises InputError."""
         log = read_log(self.path)
         if not log.readings:
             raise InputError(f"{self.path.name}: contains no readings")
-        scene = scene_of_log(log.metadata)
-        if scene.room is None:
-            scene = replace(self.scene, board=scene.board)
-        return self.path.stem, log.readings, scene
+        return _Made(self.path.stem, log.readings, scene_of_log(log.metadata), self.scene)
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A scan, and where it was made."""
+
+    name: str
+    readings: tuple[Reading, ...]
+    scene: Scene
+    drawn_in: Scene | None = None  # if its own place is unknown
 
 
 class ScanList(QObject):
@@ -56,7 +63,7 @@ class ScanList(QObject):
     def keep(self, name: str, readings: tuple[Reading, ...], scene: Scene) -> None:
         """Add readings, as they are now."""
         if readings:
-            self._add([(name, readings, scene)])
+            self._add([_Made(name, readings, scene)])
 
     def keep_sweeps(self, name: str, readings: tuple[Reading, ...], scene: Scene) -> None:
         """Add each sweep of readings; the first and the last are compared."""
@@ -69,7 +76,7 @@ class ScanList(QObject):
         before = len(self.scans)
         chosen = sweeps[: max(1, _MOST - before)]
         parts = [tuple(one for one in readings if one.sweep == sweep) for sweep in chosen]
-        self._add([(f"{name}, sweep {sweep + 1}", part, scene) for sweep, part in zip(chosen, parts, strict=True)])
+        self._add([_Made(f"{name}, sweep {sweep + 1}", part, scene) for sweep, part in zip(chosen, parts, strict=True)])
         if len(self.scans) > before + 1:
             self.compare(before, len(self.scans) - 1)
 
@@ -107,14 +114,14 @@ class ScanList(QObject):
         if self._worker is not None:
             self._worker.close()
 
-    def _add(self, scans: Iterable[tuple[str, tuple[Reading, ...], Scene]]) -> None:
-        for name, readings, scene in scans:
+    def _add(self, scans: Iterable[_Made]) -> None:
+        for made in scans:
             if len(self.scans) == _MOST:
-                self.failed.emit(f"{name}: {_MOST} scans are in the list; remove one")
+                self.failed.emit(f"{made.name}: {_MOST} scans are in the list; remove one")
                 break
             used = {scan.style for scan in self.scans}
             style = next((k for k in range(len(OVERLAYS)) if k not in used), len(self.scans) % len(OVERLAYS))
-            self.scans = (*self.scans, overlaid(name, readings, scene, style))
+            self.scans = (*self.scans, overlaid(made.name, made.readings, made.scene, style, made.drawn_in))
         self._set(ScanPair(len(self.scans) - 1, SHOWN))
 
     def _set(self, pair: ScanPair | None) -> None:

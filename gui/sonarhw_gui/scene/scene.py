@@ -12,7 +12,7 @@ from sonarhw_sim.room.room_writing import with_place
 from sonarhw.errors import InputError
 from sonarhw.log import LogMetadata
 
-_NOWHERE = Place("", (0.0, 0.0))
+NOWHERE = Place("", (0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Scene:
     @property
     def pose(self) -> Place:
         """The place, with the actual heading of the turntable's zero; without a room the origin, facing +x."""
-        place = self.place or _NOWHERE
+        place = self.place or NOWHERE
         return replace(place, heading=self.board.heading_at(0.0, place.heading))
 
     @cached_property

@@ -22,6 +22,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.choice import Choice
+from sonarhw_gui.shown.found_drawing import FoundDrawing
 from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
 from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment
@@ -190,6 +191,13 @@ class ShownModel(QObject):
         """Draw a proposed change of the room; None: none."""
         if proposal is not self.shown.proposal:
             self.shown = replace(self.shown, proposal=proposal)
+            self._update_due = True
+
+    @Slot(object)
+    def draw_found(self, found: FoundDrawing | None) -> None:
+        """Draw the state of a search for the room; None: nothing."""
+        if found is not self.shown.found:
+            self.shown = replace(self.shown, found=found)
             self._update_due = True
 
     @Slot(object, object)

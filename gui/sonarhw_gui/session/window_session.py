@@ -15,6 +15,7 @@ from sonarhw_sim.compilation import Quiet, watch_compilation
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw_gui.causes.cause_control import CauseControl
+from sonarhw_gui.finding.find_control import FindControl
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.scanner_place import ConnectScanner, ScannerPlace
 from sonarhw_gui.live.window_status import Status
@@ -99,6 +100,7 @@ class WindowSession(QObject):
         self.scanners = ScannerChoice(find_scanner, self)
         self.fitting = FitControl(self)
         self.causes, self.scans = CauseControl(self), ScanList(self)
+        self.finding = FindControl(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self)
         self.saver = FileSaver(self)
         self.sound = SoundControl(self)
         self.preparation = Preparation()
@@ -311,12 +313,8 @@ class WindowSession(QObject):
         """Stop the board, close the log, end all threads. A second call has no effect."""
         self._timer.stop()
         self.unsaved.write()
-        self.live.close()
-        self.documents.close()
-        self.scanners.close()
-        self.fitting.close()
-        self.causes.close()
-        self.scans.close()
+        for part in (self.live, self.documents, self.scanners, self.fitting, self.causes, self.scans, self.finding):
+            part.close()
         self.saver.close()
         self.showing.close()
         watch_compilation(Quiet())
@@ -328,7 +326,7 @@ class WindowSession(QObject):
         """Fetch the results of all threads since the last tick, and emit the changes."""
         now = time.monotonic()
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
-        for part in (self.scanners, self.fitting, self.causes, self.scans, self.saver):
+        for part in (self.scanners, self.fitting, self.causes, self.scans, self.finding, self.saver):
             part.tick()
         self._look_at_files(now)
         for opened in self.documents.take():

@@ -24,6 +24,7 @@ from sonarhw_gui.commands.note_commands import NoteCommands
 from sonarhw_gui.commands.print_command import PrintCommand
 from sonarhw_gui.commands.save_commands import SaveCommands
 from sonarhw_gui.commands.undo_list import UndoList
+from sonarhw_gui.finding.find_panel import FindPanel
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import apply_look
@@ -45,6 +46,7 @@ from sonarhw_gui.shell.wiring import (
     connect_causes,
     connect_commands,
     connect_device,
+    connect_finding,
     connect_fit,
     connect_replay,
     connect_scans,
@@ -69,7 +71,7 @@ class MainWindow(QMainWindow):
         self.views = ViewArea()
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
-        self.causes, self.scans = CausesPanel(), ScansPanel()
+        self.causes, self.scans, self.finding = CausesPanel(), ScansPanel(), FindPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.bounces, self.hint = BounceLine(), Hint()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
@@ -123,6 +125,7 @@ class MainWindow(QMainWindow):
             ("Fit", "F9", self.fit_panel),
             ("Causes", "F11", self.causes),
             ("Scans", "F12", self.scans),
+            ("Find the room", "Ctrl+M", self.finding),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
@@ -145,6 +148,7 @@ class MainWindow(QMainWindow):
         connect_fit(self.fit_panel, session)
         connect_causes(self.causes, session)
         connect_scans(self.scans, session)
+        connect_finding(self.finding, session)
         self.scans.add_requested.connect(self.files.ask_scan)
         connect_replay(self.replay_bar, session)
         connect_sound(self.sound_bar, session)

@@ -3,6 +3,7 @@
 from sonarhw_gui.bars.banner import Banner
 from sonarhw_gui.causes.causes_panel import CausesPanel
 from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.finding.find_panel import FindPanel
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
@@ -73,6 +74,20 @@ def connect_scans(panel: ScansPanel, session: WindowSession) -> None:
     session.scans.changed.connect(panel.show_scans)
 
 
+def connect_finding(panel: FindPanel, session: WindowSession) -> None:
+    """Connect the panel "Find the room" with the search of the session."""
+    finding, showing = session.finding, session.showing
+    panel.requested.connect(finding.start)
+    panel.continued.connect(finding.go_on)
+    panel.cancelled.connect(finding.cancel)
+    panel.rejected.connect(finding.reject)
+    panel.accepted.connect(finding.note_accepted)
+    panel.next_requested.connect(finding.plan_next)
+    panel.edited.connect(showing.edit)
+    panel.drawn.connect(showing.draw_found)
+    finding.changed.connect(panel.show_search)
+
+
 def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
     """Connect the replay bar with the replay."""
     bar.toggled.connect(session.replay.toggle)
@@ -98,7 +113,7 @@ def connect_banner(banner: Banner, session: WindowSession) -> None:
     """Connect the banner with errors, warnings and offers of the session."""
     session.warned.connect(banner.show_message)
     session.failed.connect(banner.show_error)
-    for part in (session.fitting, session.causes, session.scans, session.saver):
+    for part in (session.fitting, session.causes, session.scans, session.finding, session.saver):
         part.failed.connect(banner.show_error)
     session.scanners.failed.connect(banner.show_connection_error)
     session.connected.connect(banner.end_connection_errors)

@@ -1,6 +1,6 @@
 """A scan that is drawn over the one shown."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sonarhw_compare.pictures.points import points_at
@@ -30,12 +30,20 @@ class OverlaidScan:
     series: HeadingSeries
     points: FloatArray  # (n, 2), m, in the plan; NaN without an echo
     style: int  # number of its colour and symbol
+    readings: tuple[Reading, ...]
+    scene: Scene  # in which it was made; without room and place if they are unknown
     visible: bool = True
 
 
-def overlaid(name: str, readings: tuple[Reading, ...], scene: Scene, style: int) -> OverlaidScan:
-    """Return readings that were made in a scene as a scan to draw over another one."""
-    place = scene.pose
-    series = heading_series(readings, scene.board, scene.place.heading if scene.place else 0.0)
-    sensors = standpoints(scene.board, place, series.headings) if len(readings) else np.empty((0, 2))
-    return OverlaidScan(name, series, points_at(sensors, series.headings, series.ranges), style)
+def overlaid(
+    name: str, readings: tuple[Reading, ...], scene: Scene, style: int, drawn_in: Scene | None = None
+) -> OverlaidScan:
+    """Return readings that were made in a scene as a scan to draw over another one.
+
+    `drawn_in`: the scene at whose place it is drawn if its own place is unknown.
+    """
+    at = replace(drawn_in, board=scene.board) if drawn_in is not None and scene.place is None else scene
+    series = heading_series(readings, at.board, at.place.heading if at.place else 0.0)
+    sensors = standpoints(at.board, at.pose, series.headings) if len(readings) else np.empty((0, 2))
+    points = points_at(sensors, series.headings, series.ranges)
+    return OverlaidScan(name, series, points, style, readings, scene)

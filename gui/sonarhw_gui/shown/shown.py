@@ -18,6 +18,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Class, ViewLayer
 from sonarhw_gui.scene.note_texts import NO_NOTES, NoteTexts
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.found_drawing import FoundDrawing
 from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
@@ -74,6 +75,7 @@ class Shown:
     overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings
     pair: ScanPair | None = None  # of these and the readings, whose differences are shown
     proposal: Proposal | None = None  # a change of the room that may be tried
+    found: FoundDrawing | None = None  # of a search for the room
     notes: NoteTexts = NO_NOTES  # on readings, also on those after the position of a replay
     cursor: Cursor | None = None
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws

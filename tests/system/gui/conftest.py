@@ -92,6 +92,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "ask ports",
         "fit",
         "causes",
+        "find the room",
         "add scans",
         "save files",
         "list recordings",

@@ -9,6 +9,7 @@ from PySide6.QtGui import QAction, QContextMenuEvent, QWheelEvent
 from PySide6.QtWidgets import QAbstractItemView, QApplication, QComboBox, QDialog, QLineEdit, QSlider, QTabBar, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
+from sonarhw_gui.finding.find_request import ACCURACIES
 from sonarhw_gui.shell.main_window import MainWindow
 
 _KEYS = (
@@ -187,6 +188,9 @@ class Monkey:
                 ("compare scans", lambda: session.scans.compare(0, -1) if session.scans.scans else None),
                 ("search causes", session.find_causes),
                 ("end the search", session.causes.forget),
+                ("find the room", lambda: session.finding.start(ACCURACIES[0])),
+                ("reject a wall", lambda: session.finding.reject(0)),
+                ("end the search for the room", session.finding.cancel),
                 ("add a log", lambda: session.add_scan(str(self._random.choice(self._files)))),
                 ("ask a heading", lambda: session.showing.ask(self._random.uniform(0.0, 6.3))),
                 ("play sound", session.play_sound),

@@ -137,6 +137,7 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
     session.sound.close()
     session.fitting.forget()
     session.causes.forget()
+    session.finding.cancel()
     until(qtbot, lambda: not session.live.running and not session.saver.busy and not session.documents.busy)
     while session.scans.scans:
         session.scans.remove(0)
@@ -156,6 +157,16 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
 
 def test_every_command_is_within_reach_of_the_monkey(qtbot: QtBot, window: MainWindow, files: list[Path]) -> None:
     texts = {action.text().strip("…") for action in Monkey(qtbot, window, files, SEED).every_command()}
-    assert {"Causes", "Scans", "Differences", "Import scan", "Add note", "Ask", "Play sound", "Find pose"} <= texts
+    assert {
+        "Causes",
+        "Scans",
+        "Find the room",
+        "Differences",
+        "Import scan",
+        "Add note",
+        "Ask",
+        "Play sound",
+        "Find pose",
+    } <= texts
     assert len(texts) > 90
     assert "Close" not in texts

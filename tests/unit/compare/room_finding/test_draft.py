@@ -41,6 +41,16 @@ def test_ends_meet_the_twin_of_a_wall_that_goes() -> None:
     assert twins.without_wall(1).walls[0].ends[1].meets == 2
 
 
+def test_other_walls_keep_their_length_without_one() -> None:
+    # another wall crosses the line 1 cm from the middle of a short one, so that its end could meet it there
+    short = DraftWall((2.0, 0.0), 0.0, (DraftEnd(-0.04, 1), DraftEnd(0.0)))
+    first = DraftWall((1.96, 0.5), math.pi / 2, (DraftEnd(-0.5), DraftEnd(0.5)))
+    draft = RoomDraft((), {0: short, 1: first, 2: first.moved(-0.03, 0.0)})
+    assert draft.is_sound
+    assert not draft.without_wall(1).is_sound
+    assert np.allclose(draft.without_only(1).segments, draft.segments[[0, 2]])
+
+
 def test_an_end_at_a_wall_that_does_not_reach_it_is_free() -> None:
     short = CORNER.with_wall(1, UPRIGHT.with_end(0, DraftEnd(-0.5)))
     assert short.is_free(0, 1)

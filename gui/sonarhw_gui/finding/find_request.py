@@ -1,0 +1,212 @@
+"""The search for the room, and for the next place to scan, as requests to a thread."""
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.errors import Cancelled, InputError
+from sonarhw.readings import Reading
+from sonarhw_gui.work.fit_request import FitProgress
+
+if TYPE_CHECKING:
+    from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
+    from sonarhw_compare.fit.values.fit_result import PlacedScan
+    from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
+    from sonarhw_compare.room_finding.evidence import PoseSpread, Support
+    from sonarhw_compare.room_finding.next_place import NextPlace
+    from sonarhw_compare.room_finding.room_search import FoundRoom
+
+_MOST_NEXT = 3  # places
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How well the places of scans are known; None: not at all, but for the first."""
+
+    text: str
+    xy: float | None  # m, standard deviation
+    heading: float = 0.0  # rad
+
+
+ACCURACIES = (
+    Accuracy("exact", 0.0),
+    Accuracy("within 3 cm and 2°", 0.03, np.radians(2.0)),
+    Accuracy("unknown but for the first", None),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedScan:
+    """A scan of the window, with a name that no other one has."""
+
+    name: str
+    readings: tuple[Reading, ...]
+    place: Place
+    board: Board
+    known: bool  # whether its log states the place
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    """Walls and posts found so far, each with the readings that speak for and against it."""
+
+    draft: "RoomDraft"
+    scans: tuple[LoadedScan, ...]  # those at the places of the draft
+    board: Board
+    supports: "tuple[Support, ...]"  # of its walls, then of its posts
+
+    @property
+    def shapes(self) -> "tuple[DraftWall | DraftPost, ...]":
+        """The walls and posts, in the order of `supports`."""
+        return (*self.draft.walls.values(), *self.draft.posts)
+
+    def without(self, row: int) -> "Hypotheses":
+        """Return all but one wall or post."""
+        walls = list(self.draft.walls)
+        if row < len(walls):
+            draft = self.draft.without_only(walls[row])
+        else:
+            posts = self.draft.posts
+            number = row - len(walls)
+            draft = replace(self.draft, posts=posts[:number] + posts[number + 1 :])
+        return replace(self, draft=draft, supports=self.supports[:row] + self.supports[row + 1 :])
+
+
+class FindProgress(FitProgress):
+    """Progress of a search, its newest hypotheses, and its cancellation; shared by the thread and its caller."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tried = 0  # rooms
+        self.newest: Hypotheses | None = None
+
+    def check(self) -> None:
+        """Count a tried room. Raises Cancelled."""
+        self.tried += 1
+        self.raise_if_cancelled()
+
+    def tick(self, share: float) -> None:
+        """Store the share that is done. Raises Cancelled."""
+        self.report(share, "")
+        self.raise_if_cancelled()
+
+    def raise_if_cancelled(self) -> None:
+        """Raise Cancelled if the search should end."""
+        if self.cancelled:
+            raise Cancelled("the search was cancelled")
+
+
+@dataclass(frozen=True, eq=False)
+class RoomAnswer:
+    """The room that a search has found."""
+
+    request: "FindRequest"
+    hypotheses: Hypotheses
+    found: "FoundRoom"
+    room: Room  # with the places of the scans
+    deviations: dict[tuple[str, int, int], float]  # m or rad, by `what`, `which`, `part` of a `Move`
+    left_out: tuple[str, ...]  # scans that could not be located
+
+
+@dataclass(frozen=True)
+class FindRequest:
+    """Find the room that scans show."""
+
+    scans: tuple[LoadedScan, ...]  # the place of the first one is known
+    air: Air
+    accuracy: Accuracy
+    start: "RoomDraft | None"  # walls and posts that stay
+    refused: "tuple[DraftWall | DraftPost, ...]"  # not found again
+    progress: FindProgress = field(compare=False)
+
+    def answer(self) -> RoomAnswer:
+        """Run the search, which takes up to minutes. Raises InputError, Cancelled."""
+        from sonarhw_compare.room_finding.evidence import FINE, Course
+        from sonarhw_compare.room_finding.found_room_file import found_room
+        from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+
+        board = _one_board(self.scans)
+        if self.start is not None and not self.start.is_sound:
+            raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
+        course = Course(self.start, self.refused, self._accept, self.progress.check)
+        placed = find_room_and_poses(
+            [self._placed(scan) for scan in self.scans], board, self.air, self._spreads(), self.progress.tick, course
+        )
+        found = placed.found
+        return RoomAnswer(
+            self,
+            self._supported(found.draft, FINE),
+            found,
+            found_room(found, placed.scans, board),
+            {(move.what, move.which, move.part): deviation for move, deviation in found.deviations.items()},
+            placed.left_out,
+        )
+
+    def _accept(self, draft: "RoomDraft") -> None:
+        """Show a draft with one more wall or post."""
+        from sonarhw_compare.room_finding.evidence import ROUGH
+
+        self.progress.newest = self._supported(draft, ROUGH)
+
+    def _supported(self, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
+        from sonarhw_compare.room_finding.evidence import Course, PoseSpread, evidence_of, support_of
+
+        by_name = {scan.name: scan for scan in self.scans}
+        scans = tuple(by_name[place.name] for place in draft.places)
+        placed = [replace(self._placed(scan), place=at) for scan, at in zip(scans, draft.places, strict=True)]
+        course = Course(check=self.progress.check)
+        board = scans[0].board
+        evidence = evidence_of(placed, [PoseSpread()] * len(placed), board, self.air, course)
+        return Hypotheses(draft, scans, board, support_of(evidence, draft, noise))
+
+    def _placed(self, scan: LoadedScan) -> "PlacedScan":
+        from sonarhw_compare.fit.values.fit_result import PlacedScan
+
+        return PlacedScan(scan.readings, replace(scan.place, name=scan.name), scan.name)
+
+    def _spreads(self) -> "list[PoseSpread | None]":
+        from sonarhw_compare.room_finding.evidence import PoseSpread
+
+        accuracy = self.accuracy
+        if accuracy.xy is None:
+            return [PoseSpread(), *[None] * (len(self.scans) - 1)]
+        spread = PoseSpread(accuracy.xy, accuracy.heading)
+        return [spread if scan.known or scan is self.scans[0] else None for scan in self.scans]
+
+
+@dataclass(frozen=True, eq=False)
+class NextAnswer:
+    """The best places for another scan, best first."""
+
+    request: "NextRequest"
+    places: "tuple[NextPlace, ...]"
+
+
+@dataclass(frozen=True)
+class NextRequest:
+    """Find where another scan tells most about a found room."""
+
+    answered: RoomAnswer
+    progress: FindProgress = field(compare=False)
+
+    def answer(self) -> NextAnswer:
+        """Try places in the room. Raises InputError, Cancelled."""
+        from sonarhw_compare.room_finding.next_place import next_places
+
+        found, board = self.answered.found, self.answered.hypotheses.board
+        return NextAnswer(self, next_places(found, self.answered.room, board, _MOST_NEXT, self.progress.tick))
+
+
+def _one_board(scans: tuple[LoadedScan, ...]) -> Board:
+    """Return the board of scans. Raises InputError if they have several."""
+    for scan in scans[1:]:
+        if scan.board.name != scans[0].board.name:
+            raise InputError(
+                f"{scans[0].name} is of board {scans[0].board.name!r}, {scan.name} of {scan.board.name!r}; hide the "
+                "scans of one of them in the panel Scans"
+            )
+    return scans[0].board

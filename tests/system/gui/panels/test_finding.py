@@ -1,0 +1,238 @@
+"""The dock "Find the room" with mouse and keys: walls appear, are explained, rejected, accepted, undone and edited."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_cli.app import run
+from sonarhw_gui.finding.find_control import FindState
+from sonarhw_gui.look.palette import DARK
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import with_board
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.board.profile import load_board
+
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import predicted, until
+
+LEFT = Qt.MouseButton.LeftButton
+CONTROL = Qt.KeyboardModifier.ControlModifier
+CORNER = """name = "Corner"
+[materials.board]
+reflectance = 0.9
+[[walls]]
+name = "east"
+points = [[2.0, 0.0], [2.0, 1.6]]
+material = "board"
+[[walls]]
+name = "north"
+points = [[2.0, 1.6], [0.2, 1.6]]
+material = "board"
+[places.a]
+position = [0.8, 0.7]
+[places.b]
+position = [1.3, 0.5]
+"""
+EAST, NORTH = ((2.0, 0.0), (0.0, 1.0)), ((0.2, 1.6), (1.0, 0.0))  # a point of each wall, and its direction
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("corner")
+    room = folder / "corner.toml"
+    room.write_text(CORNER)
+    for place in "ab":
+        out = str(folder / f"{place}.mcap")
+        assert run(["simulate", str(room), "--place", place, "--step", "10", "--out", out]) == 0
+    return folder
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith, folder: Path) -> MainWindow:
+    """Return a window with scan a shown in its room, scan b added, and the panel open."""
+    window = open_with()
+    window.session.open_file(str(folder / "a.mcap"))
+    until(qtbot, lambda: window.session.status.log_name == "a.mcap" and predicted(window))
+    add_scans(qtbot, window, folder / "b.mcap")
+    return window
+
+
+def add_scans(qtbot: QtBot, window: MainWindow, *logs: Path) -> None:
+    """Add logs, and open the panel with its key."""
+    for count, log in enumerate(logs, len(window.session.scans.scans) + 1):
+        window.session.add_scan(str(log))
+        until(qtbot, lambda count=count: len(window.session.scans.scans) == count)
+    qtbot.keyClick(window, Qt.Key.Key_M, CONTROL)
+    until(qtbot, window.finding.isVisible)
+
+
+def find(qtbot: QtBot, window: MainWindow) -> list[FindState]:
+    """Find the room with the button; return the states on the way."""
+    states: list[FindState] = []
+    window.session.finding.changed.connect(states.append)
+    qtbot.mouseClick(window.finding.begin, LEFT)
+    until(qtbot, lambda: not window.session.finding.state.running)
+    window.session.finding.changed.disconnect(states.append)
+    return states
+
+
+def click_row(qtbot: QtBot, window: MainWindow, row: int) -> None:
+    found = window.finding.list
+    qtbot.mouseClick(found.viewport(), LEFT, pos=found.visualItemRect(found.item(row)).center() + QPoint(0, 1))
+
+
+def away(points: np.ndarray, wall: tuple[tuple[float, float], tuple[float, float]]) -> np.ndarray:
+    """Return how far points (n, 2) are from the line of a wall, m."""
+    (x, y), (along_x, along_y) = wall
+    return np.abs((points[:, 0] - x) * along_y - (points[:, 1] - y) * along_x)
+
+
+def drawn_walls(window: MainWindow) -> list[np.ndarray]:
+    """Return both ends of each wall drawn in the plan, (2, 2) m."""
+    points = np.column_stack(window.views.plan.drawing.found.surfaces.getData())
+    lines = np.split(points, np.flatnonzero(np.isnan(points[:, 0])) + 1)
+    return [line[:2] for line in lines if len(line) == 3]  # longer ones are posts
+
+
+def is_highlighted(window: MainWindow, ends: np.ndarray) -> bool:
+    """Return whether the wall with these ends, (2, 2) m, is the highlighted one."""
+    points = np.column_stack(window.views.plan.drawing.found.chosen.getData())
+    return len(points) == 3 and np.allclose(points[:2], ends)
+
+
+def rings(window: MainWindow) -> np.ndarray:
+    """Return the points with rings in the plan, (n, 2) m."""
+    return np.column_stack(window.views.plan.drawing.found.speaking_for.getData())
+
+
+def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWindow) -> None:
+    panel, plan = window.finding, window.views.plan.drawing.found
+    qtbot.mouseClick(panel.begin, LEFT)
+    assert panel.progress.isVisible()
+    assert not panel.begin.isEnabled()
+    qtbot.mouseClick(panel.cancel, LEFT)
+    states = find(qtbot, window)
+    on_the_way = [len(one.hypotheses.supports) for one in states if one.running and one.hypotheses is not None]
+    assert {1, 2} <= set(on_the_way)
+    assert on_the_way == sorted(on_the_way)
+
+    # against the walls of the room in which the scans were simulated
+    assert panel.list.count() == 2
+    until(qtbot, lambda: len(drawn_walls(window)) == 2)
+    true = {0: EAST, 1: NORTH}
+    for row, ends in enumerate(drawn_walls(window)):
+        (wall,) = (wall for wall in true.values() if away(ends, wall).max() < 0.03)
+        click_row(qtbot, window, row)
+        until(qtbot, lambda ends=ends: is_highlighted(window, ends))
+        said = int(panel.list.item(row).text().split("\n")[1].split(" readings for")[0])
+        assert 0 < len(rings(window)) <= said
+        assert np.median(away(rings(window), wall)) < 0.05  # the others are in the margins of the beam, and ghosts
+    keep_pictures(qtbot, window, "found")
+
+    panel.list.setFocus()
+    qtbot.keyClick(panel.list, Qt.Key.Key_Up)
+    until(qtbot, lambda: is_highlighted(window, drawn_walls(window)[0]))
+
+    qtbot.mouseClick(panel.plan, LEFT)
+    assert panel.progress.isVisible()
+    until(qtbot, lambda: plan.next_scan.isVisible())
+    best = window.session.finding.state.places[0]
+    assert f"x {best.position[0]:.3f} m, y {best.position[1]:.3f} m: gain {best.gain:.1f} nats" in panel.next.text()
+    assert np.column_stack(plan.next_scan.getData()) == pytest.approx(np.array([best.position]))
+    keep_pictures(qtbot, window, "next_scan")
+
+    # the drawing is in the plan while the panel is open
+    qtbot.keyClick(window, Qt.Key.Key_M, CONTROL)
+    until(qtbot, lambda: not plan.surfaces.isVisible() and not plan.next_scan.isVisible())
+
+
+def test_a_rejected_wall_is_not_found_again(qtbot: QtBot, window: MainWindow) -> None:
+    panel = window.finding
+    find(qtbot, window)
+    until(qtbot, lambda: len(drawn_walls(window)) == 2)
+    row = next(row for row, ends in enumerate(drawn_walls(window)) if away(ends, EAST).max() < 0.03)
+    click_row(qtbot, window, row)
+    qtbot.mouseClick(panel.reject, LEFT)
+    until(qtbot, lambda: len(drawn_walls(window)) == 1)
+    assert panel.list.count() == 1
+    assert not panel.plan.isEnabled()  # the result is not whole
+    qtbot.mouseClick(panel.go_on, LEFT)
+    until(qtbot, lambda: not window.session.finding.state.running)
+    until(qtbot, lambda: window.session.shown.found is not None and len(drawn_walls(window)) >= 1)
+    assert any(away(ends, NORTH).max() < 0.05 for ends in drawn_walls(window))
+    assert not any(away(ends, EAST).max() < 0.05 for ends in drawn_walls(window))
+
+
+def test_the_room_is_accepted_undone_edited_and_searched_further(
+    qtbot: QtBot, open_with: OpenWith, folder: Path
+) -> None:
+    window = open_with(scene=Scene(None, None, load_board("polaroid-6500")))
+    panel, session, controller = window.finding, window.session, window.views.plan.drawing.controller
+    add_scans(qtbot, window, folder / "a.mcap", folder / "b.mcap")
+    assert "Scans: 2" in panel.scans.text()
+    find(qtbot, window)
+    qtbot.mouseClick(panel.accept, LEFT)
+    room = session.shown.scene.room
+    assert room.name == "Found room"
+    assert session.shown.scene.place.position == pytest.approx((0.8, 0.7))  # of scan a, whose place is exact
+    assert window.commands.undo.text() == "Undo accepting the found room"
+    until(qtbot, lambda: not panel.accept.isEnabled() and session.shown.outline is not None)
+    keep_pictures(qtbot, window, "found_accepted")
+    qtbot.keyClick(window, Qt.Key.Key_Z, CONTROL)
+    assert session.shown.scene.room is None
+    until(qtbot, panel.accept.isEnabled)
+    qtbot.keyClick(window, Qt.Key.Key_Z, CONTROL | Qt.KeyboardModifier.ShiftModifier)
+    assert session.shown.scene.room is room
+
+    east = next(k for k, wall in enumerate(room.walls) if away(wall.reshape(2, 2), EAST).max() < 0.03)
+    controller.choose_surface(room.names[east])
+    controller.remove_chosen()
+    assert len(session.shown.scene.room.walls) == 1
+    qtbot.mouseClick(panel.go_on, LEFT)
+    until(qtbot, lambda: not session.finding.state.running)
+    until(qtbot, lambda: not any(away(ends, EAST).max() < 0.05 for ends in drawn_walls(window)))
+    assert any(away(ends, NORTH).max() < 0.05 for ends in drawn_walls(window))
+
+
+def test_a_cancelled_search_keeps_its_walls(qtbot: QtBot, window: MainWindow) -> None:
+    panel = window.finding
+    qtbot.mouseClick(panel.begin, LEFT)
+    until(qtbot, lambda: panel.list.count() > 0)
+    assert panel.cancel.isVisible()
+    qtbot.mouseClick(panel.cancel, LEFT)
+    assert not window.session.finding.state.running
+    assert panel.list.count() > 0
+    assert panel.begin.isEnabled()
+    assert panel.go_on.isEnabled()
+    assert not panel.accept.isEnabled()  # walls are not refined, and have no standard deviations
+    assert not panel.progress.isVisible()
+
+
+def test_what_cannot_be_searched_is_reported(qtbot: QtBot, window: MainWindow, folder: Path) -> None:
+    window.session.add_scan(str(folder / "a.mcap"))
+    until(qtbot, lambda: len(window.session.scans.scans) == 2)
+    qtbot.mouseClick(window.finding.begin, LEFT)
+    until(qtbot, lambda: "contain the same readings" in window.banner.message)
+    assert not window.session.finding.state.running
+    window.session.showing.edit(*with_board(window.session.shown.scene, load_board("hc-sr04")))
+    qtbot.mouseClick(window.finding.begin, LEFT)
+    until(qtbot, lambda: "is of board 'hc-sr04'" in window.banner.message)
+
+
+def keep_pictures(qtbot: QtBot, window: MainWindow, name: str) -> None:
+    """Save pictures of the window, if their folder is given."""
+    folder = os.environ.get("SONARHW_SCREENSHOTS")
+    if folder is None:
+        return
+    light = window.session.shown.look
+    for look in (light, replace(light, palette=DARK)):
+        window.session.showing.set_look(look)
+        for width, height in ((1024, 600), (1280, 800)):
+            window.resize(width, height)
+            qtbot.wait(300)  # only for pictures, which are looked at
+            window.grab().save(str(Path(folder) / f"{name}_{look.palette.name}_{width}.png"))
+    window.session.showing.set_look(light)
