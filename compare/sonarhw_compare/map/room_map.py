@@ -1,10 +1,11 @@
 """The map from several scans: grid and features of all readings, and of those without several reflections."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
+from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Room
 
@@ -72,13 +73,14 @@ def map_scans(
     room: Room | None = None,
     tick: Callable[[float], None] = lambda _share: None,
 ) -> RoomMap:
-    """Return the map from scans at known places.
+    """Return the map from scans at known places. Readings of the carrier's own body are left out.
 
     Sound is followed in `room` if given, or else in a room of the walls that three places agree on. `tick` receives the
     completed share, 0..1. Raises InputError if no reading has an echo, a scan is given twice or the board is a ring.
     """
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
+    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
     check_given_once(scans)

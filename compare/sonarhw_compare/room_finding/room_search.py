@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.air import Air
+from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 
 from sonarhw.errors import InputError
@@ -43,12 +44,13 @@ def find_room(
     tick: Callable[[float], None] = lambda _share: None,
     course: Course | None = None,
 ) -> FoundRoom:
-    """Return the walls and posts that explain scans.
+    """Return the walls and posts that explain scans. Readings of the carrier's own body are left out.
 
     `spreads` are the standard deviations of the places, by default exact. `tick` receives the completed share, 0..1.
     `course` continues a search. Raises InputError if no reading has an echo, no wall is found, a scan is given twice,
     or the board is a ring.
     """
+    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     echoes = sum(reading.range is not None for scan in scans for reading in scan.readings)
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")

@@ -6,11 +6,12 @@ both (`map.features` explains this). Candidates are ranked by the unexplained re
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
+from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.by_heading import standpoints
 
@@ -50,10 +51,11 @@ class ArcTable:
 
 
 def arcs_of_scans(scans: Sequence[PlacedScan], board: Board) -> tuple[Arc, ...]:
-    """Return the arcs of all readings."""
+    """Return the arcs of all readings of the room. `rows` count without those of the carrier's own body."""
     found = []
     for number, scan in enumerate(scans):
-        headings, ranges = headings_and_ranges(scan, board)
+        of_room = replace(scan, readings=without_own_body(board.own_body, scan.readings))
+        headings, ranges = headings_and_ranges(of_room, board)
         for region in regions_of(headings, ranges, _ONE_DEPTH, _LEAST_WIDTH):
             (centre,) = standpoints(board, scan.place, np.array([region.bearing])).tolist()
             found.append(

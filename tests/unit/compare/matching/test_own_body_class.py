@@ -11,9 +11,11 @@ from sonarhw_compare.fit.likelihood.objective import make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.map.certainty import headings_and_ranges
+from sonarhw_compare.map.room_map import map_scans
 from sonarhw_compare.matching.assign import echo_statistics
 from sonarhw_compare.matching.match import Kind, compare_readings
 from sonarhw_compare.matching.region_match import compare_regions
+from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_sim.board.mount import OwnBodyPart
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
@@ -74,3 +76,18 @@ def test_regions_fits_and_maps_leave_the_own_body_out() -> None:
     assert len(problem.scans[0].angles) == 72 - 9
     assert np.isnan(headings_and_ranges(placed, BOARD)[1][8:17]).all()
     assert headings_and_ranges(placed, NXT)[1][8:17] == pytest.approx(0.07)
+
+
+def test_arcs_for_new_surfaces_count_rows_as_the_likelihood_does() -> None:
+    """The search of surfaces ended with a traceback: the likelihood has no rows for the own body, the arcs had."""
+    readings = scan()
+    of_room = [one for k, one in enumerate(readings) if not 8 <= k < 17]
+    arcs = arcs_of_scans([PlacedScan(readings, PLACE)], BOARD)
+    assert arcs == arcs_of_scans([PlacedScan(of_room, PLACE)], NXT)
+    assert max(max(arc.rows) for arc in arcs) < len(of_room)
+
+
+def test_a_map_leaves_out_the_own_body() -> None:
+    found = map_scans([PlacedScan(scan(), PLACE)], BOARD, ROOM)
+    heard = sum(one.range is not None for one in scan()) - 9
+    assert (found.echoes, found.undetermined) == (heard, 0)
