@@ -4,7 +4,8 @@ Prints, for each scene, the level of all its sound at the carrier by the paths (
 wave that is independent of rays, in dB relative to an endless perfect wall. Each table names its wave. Held are cases
 with reflectance 1, and those with less that are straight ahead, wherever the wave is over -40 dB: the paths are at most
 1.5 dB fainter and 0.5 dB louder. Other cases are printed only: also those with reflectance 0, which is silent by
-definition. Takes about 15 s of processor time.
+definition. The peaks of traces are compared too, with the same limits: the wave at every frequency of the burst. Takes
+about a minute and a half of processor time.
 
 `--grid` also compares every arrival of other scenes with a wave equation solved on a grid, for `paper`, `keller` and
 `uniform` (half a minute), and prints the levels of sound that is bent by two edges of different walls.
@@ -12,19 +13,28 @@ definition. Takes about 15 s of processor time.
 
 import math
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from sonarhw_sim.choices import EdgeStrength
 
-from tests.oracles.exact_levels import (
+from tests.oracles.exact.exact_levels import (
     WAVELENGTH,
     Point,
     by_cylinder_series,
     by_integral_equation,
     by_paths,
     by_wedge_integral,
+)
+from tests.oracles.exact.exact_traces import (
+    Wave,
+    outer_corner_at,
+    peak_by_paths,
+    peak_by_wave,
+    post_at,
+    strip_at,
+    wall_end_at,
 )
 from tests.oracles.wave_equation import Scene
 from tests.oracles.wave_scenes import DIFFRACTED, REFLECTED, TWICE_BENT, Difference, differences, unexplained
@@ -127,12 +137,17 @@ def corners(distance: float) -> Tables:
 
 
 def _corner(label: str, air_deg: float, at_deg: float, distance: float, longer_than: float) -> Case:
+    walls, source = _walls_and_place(air_deg, at_deg, distance)
+    paths = by_paths(walls, 2 * distance, source, longer_than=longer_than)
+    return Case(label, by_wedge_integral(air_deg, at_deg, distance, longer_than), paths, True)
+
+
+def _walls_and_place(air_deg: float, at_deg: float, distance: float) -> tuple[list[tuple[float, ...]], Point]:
+    """Return the walls of a corner, and a place seen from its vertex in `at_deg` from the first wall."""
     air, at = math.radians(air_deg), math.radians(at_deg)
     end = ENDLESS * math.cos(air), ENDLESS * math.sin(air)
     walls = [(0.0, 0.0, ENDLESS, 0.0), (*end, 0.0, 0.0)]
-    source = distance * np.array([math.cos(at), math.sin(at)])
-    paths = by_paths(walls, 2 * distance, source, longer_than=longer_than)
-    return Case(label, by_wedge_integral(air_deg, at_deg, distance, longer_than), paths, True)
+    return walls, distance * np.array([math.cos(at), math.sin(at)])
 
 
 def posts(distance: float) -> Tables:
@@ -147,6 +162,41 @@ def posts(distance: float) -> Tables:
         yield f"post, diameter in mm, reflectance {share:g}", "series of a cylinder", cases
 
 
+def traces(distance: float) -> Tables:
+    """Yield the peaks of the traces of wall ends, strips, outer corners and posts, straight ahead, reflectance 1."""
+    here, endless = _at(distance), -ENDLESS
+
+    def case(label: str, wave: Wave, walls: Sequence[Sequence[float]], source: Point = here) -> Case:
+        return Case(label, peak_by_wave(distance, wave), peak_by_paths(walls, distance, source), True)
+
+    yield (
+        "peak of the trace, wall that ends beyond the foot of the perpendicular, mm",
+        "half-plane, by the integral of a wedge",
+        [case(f"{end:+d}", wall_end_at(end / 1000, distance), [(endless, 0.0, end / 1000, 0.0)]) for end in ENDS],
+    )
+    yield (
+        "peak of the trace, strip, width in mm",
+        "integral equation",
+        [case(f"{w}", strip_at(w / 1000, distance), [(-w / 2000, 0.0, w / 2000, 0.0)]) for w in STRIPS],
+    )
+    outer = [(360 - solid, (360 - solid) * share) for solid in OUTER for share in SHARES]
+    corners_seen = [
+        case(f"{360 - air} from {at:g}°", outer_corner_at(air, at, distance), *_walls_and_place(air, at, distance))
+        for air, at in outer
+    ]
+    yield (
+        "peak of the trace, outer corner, degrees of the solid",
+        "integral of a wedge, and image sources",
+        corners_seen,
+    )
+    cases = []
+    for diameter in POSTS:
+        radius = diameter / 2000
+        paths = peak_by_paths([], distance, np.zeros(2), [(distance + radius, 0.0, radius)])
+        cases.append(Case(f"{diameter}", peak_by_wave(distance, post_at(radius, distance)), paths, True))
+    yield "peak of the trace, post, diameter in mm", "series of a cylinder", cases
+
+
 def show(title: str, wave: str, distance: float, cases: Sequence[Case]) -> None:
     """Print a table."""
     print(f"\n{title}, at {distance:g} m; wave: {wave}\n{'':>16}{'wave':>9}{'paths':>9}{'paths - wave':>14}, dB")
@@ -158,11 +208,11 @@ def show(title: str, wave: str, distance: float, cases: Sequence[Case]) -> None:
         print(f"{case.label:>16}{levels}{difference:>14}  {mark}")
 
 
-def show_exact() -> list[Case]:
-    """Print all tables against exact waves; return all cases."""
+def show_exact(kinds: Sequence[Callable[[float], Tables]] = (plates, corners, posts)) -> list[Case]:
+    """Print all tables of these kinds against exact waves; return all cases."""
     found = []
     for distance in DISTANCES:
-        for tables in (plates, corners, posts):
+        for tables in kinds:
             for title, wave, cases in tables(distance):
                 show(title, wave, distance, cases)
                 found += cases
@@ -217,7 +267,7 @@ def main() -> None:
         print("\nsound bent by two edges of different walls, which has no path; relative to a flat wall, dB")
         for scene in TWICE_BENT:
             print(f"{scene.name:70}{decibels(unexplained(scene)):8.1f}", flush=True)
-    cases = show_exact()
+    cases = show_exact() + show_exact([traces])
     held = [case for case in cases if case.held]
     worst = [max(held, key=lambda case: sign * (case.paths - case.wave)) for sign in (1, -1)]
     print(f"\n{len(cases)} cases, {len(held)} held; largest differences of these:", end=" ")

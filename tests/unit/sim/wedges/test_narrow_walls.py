@@ -9,7 +9,7 @@ from sonarhw_sim.rays.paths import PathSearch, find_paths
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
-from tests.oracles.thin_strip import ThinStrip
+from tests.oracles.exact.thin_strip import ThinStrip
 
 WAVELENGTH = 343.99 / 49_400
 WAVENUMBER = math.tau / WAVELENGTH

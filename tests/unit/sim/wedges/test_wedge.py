@@ -11,7 +11,7 @@ from sonarhw_sim.wedges.wedge import by_wedge, most_by_wedge, transition
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of
-from tests.oracles.exact_wedge import diffracted_by_wedge
+from tests.oracles.exact.exact_wedge import diffracted_by_wedge
 
 WAVELENGTH = 343.99 / 49_400
 DISTANCE = 1.0  # m, of walls

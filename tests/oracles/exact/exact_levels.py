@@ -13,8 +13,8 @@ from scipy.special import h2vp, hankel2, jv, jvp
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 
 from tests.fixtures.rooms_for_tests import room_of
-from tests.oracles.exact_wedge import diffracted_by_wedge
-from tests.oracles.thin_strip import ThinStrip
+from tests.oracles.exact.exact_wedge import diffracted_by_wedge
+from tests.oracles.exact.thin_strip import ThinStrip
 
 Point = NDArray[np.float64]  # (2,), m
 WAVELENGTH = 343.99 / 49_400
@@ -65,13 +65,13 @@ def by_wedge_integral(air_deg: float, at_deg: float, distance: float, longer_tha
     air, at = math.radians(air_deg), math.radians(at_deg)
     wall = hankel2(0, WAVENUMBER * 2 * distance)
     total = diffracted_by_wedge((at, at), air, (distance, distance), WAVENUMBER) * wall
-    for turn in _visible_images(air, at):
+    for turn in visible_images(air, at):
         length = 2 * distance * abs(math.sin(turn / 2))
         total += hankel2(0, WAVENUMBER * length) if length > longer_than else 0.0
     return decibels(complex(total / wall))
 
 
-def _visible_images(air: float, at: float) -> list[float]:
+def visible_images(air: float, at: float) -> list[float]:
     """Return the angles between the source and its images that are visible from it: less than half a turn.
 
     In a wedge that divides half a turn, the image opposite the source is one, and is visible.

@@ -1,0 +1,1 @@
+"""Exact waves of small scenes, independent of rays."""
