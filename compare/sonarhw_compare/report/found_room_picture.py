@@ -21,7 +21,7 @@ from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _WIDTH, _BESIDE = 5.6, 1.4  # inches: of a plan, and of title, axis and legend
-_MARGIN = 0.12  # around the room, of its longer side
+_MARGIN = 0.16  # around the room, of its longer side
 _NAME_AWAY, _NAME_SIZE = np.array([0.35, 0.17]), np.array([0.55, 0.17])  # inches
 # colour and marker of echoes by how the found room explains them
 _DIRECT, _GHOST, _NO_PATH = (MEASURED, "o"), (LONG, "^"), (EXTRA, "x")

@@ -9,12 +9,13 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, scored
-from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
-from sonarhw_compare.room_finding.wall_ends import joined, with_better_ends
+from sonarhw_compare.room_finding.surface_candidates import RADII, post_candidates, wall_candidates
+from sonarhw_compare.room_finding.wall_ends import cornered, joined, with_better_ends
 
 PRICE = 10.0  # log-likelihood that a wall or post must add
 _TRIED = 8  # candidates at a time
 _COMPLETED = 2  # of them, whose ends are tried at other walls
+_CORNERS = 4  # points at which a corner is tried
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
 
 
@@ -74,6 +75,8 @@ def with_wall(
     found = [one for one, _ in tried[:1]]
     for _, wall in tried[:_COMPLETED]:
         found += [scored(evidence, draft, noise) for draft in joined(best.draft, wall)]
+    points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, RADII[:1])]
+    found += [scored(evidence, draft, noise) for draft in cornered(best.draft, points)]
     return max(found, key=lambda one: one.score, default=best)
 
 

@@ -30,7 +30,7 @@ _OTHER_PLACE = 0.05  # m
 _BEYOND = 0.1  # m, by which a wall is longer than its outermost touches
 _SAME_LINE, _SAME_TURN = 0.03, math.radians(4)  # m, rad, between candidates that count as one
 _SAME_POINT = 0.05  # m
-_RADII = (0.02, 0.06, 0.12)  # m, of posts that are tried
+RADII = (0.02, 0.06, 0.12)  # m, of posts that are tried
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,14 @@ def wall_candidates(arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most
     return found
 
 
-def post_candidates(arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most: int) -> list[DraftPost]:
-    """Return the `most` best supported posts, each of several radii."""
+def post_candidates(
+    arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most: int, radii: Sequence[float] = RADII
+) -> list[DraftPost]:
+    """Return the `most` best supported posts, each of several radii (m)."""
     table = table_of(arcs)
     weights = _weights(table, unexplained)
     found: list[tuple[float, DraftPost]] = []
-    for radius in _RADII:
+    for radius in radii:
         for point in _points(tuple(arcs), radius):
             dx, dy = (np.array(point) - table.centres).T
             misfits = table.misfits(np.hypot(dx, dy) - radius, np.arctan2(dy, dx))

@@ -1,6 +1,7 @@
 """Ends of the walls of a draft: where they meet other walls, and where the scans say nothing of them."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
 
 import numpy as np
@@ -12,6 +13,8 @@ from sonarhw_compare.room_finding.evidence import Evidence, Scored, scored
 _FARTHEST = 3.0  # m, by which a wall is extended at most to meet another one
 _JUNCTION = 0.3  # m: an end that meets another wall farther than this from its ends does not make a corner
 _WIDEST_CLOSED = 0.4  # m without a touch; wider, a wall may have a gap
+_BESIDE, _AT_END = 0.1, 0.3  # m: from a corner to the line of its wall, and from the end of this wall inwards
+_BEGUN = 0.3  # m, length of a wall of which only the corner shows
 _CLOSED = 1.0  # log-likelihood by which an end at another wall may be worse than one beyond or before it
 
 
@@ -25,6 +28,29 @@ def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[RoomDraft]:
             made = made if other is None else met(made, key, which, other)
         if made is not longer:
             yield made
+
+
+def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterator[RoomDraft]:
+    """Yield the draft with a new wall at right angles to another one, where they make a corner near one of `points`, m.
+
+    A corner returns sound to every place, but a wall beside it may face none of them. The points of equal range then
+    look like a post at the end of the other wall.
+    """
+    sensors = np.mean([place.position for place in draft.places], axis=0)
+    for point in points:
+        for key, wall in draft.walls.items():
+            away, (first, last) = np.subtract(point, wall.middle), draft.extent(key)
+            at, beside = float(away @ wall.along), abs(float(away @ wall.normal))
+            inside = first + _AT_END < at < last - _AT_END
+            if beside > _BESIDE or inside or not first - _FARTHEST < at < last + _FARTHEST:
+                continue
+            x, y = (np.array(wall.middle) + at * wall.along).tolist()
+            side = 1 if float((sensors - wall.middle) @ wall.normal) > 0 else -1
+            corner = DraftWall((x, y), wall.angle + side * math.pi / 2, (DraftEnd(0.0), DraftEnd(_BEGUN)))
+            longer, new = draft.with_new_wall(corner)
+            longer = met(longer, new, 0, key)
+            yield longer
+            yield from (met(longer, new, 1, other) for other in _neighbours(longer, new, 1)[:1])
 
 
 def with_better_ends(evidence: Evidence, best: Scored) -> Scored:
