@@ -6,6 +6,7 @@ Inference in Nonlinear Structural Models, 1974). The inverse of their matrix is 
 
 import math
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 from sonarhw_sim.room.model import Place
@@ -83,22 +84,33 @@ class Refined:
     deviations: dict[Move, float]  # standard deviation by each move, m or rad
 
 
-def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int) -> Refined:
-    """Return the draft after at most `steps` steps."""
+def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int, by_parts: bool = False) -> Refined:
+    """Return the draft after at most `steps` steps; with `by_parts`, single walls, posts and places move, too.
+
+    The likelihood is rough, so a step of all values at once can fail where one of a single wall or place climbs.
+    """
     moves = moves_of(evidence, draft)
     sizes = np.array([move.step for move in moves])
     score, information = evidence.log_likelihood(draft, noise), np.eye(len(moves)) * _DAMPING
     for _ in range(steps):
         information, slopes = _normal_equations(evidence, draft, moves, noise)
-        ascent = np.clip(np.linalg.solve(information, slopes), -_MOST, _MOST) * sizes
-        better = _climbed(evidence, draft, moves, ascent, score, noise)
-        if better is None:
-            break
-        gain, (draft, score) = better[1] - score, better
-        if gain < _ENOUGH:
+        before = score
+        for part in [moves, *(_parts(moves) if by_parts else [])]:
+            rows = [moves.index(move) for move in part]
+            ascent = np.linalg.solve(information[np.ix_(rows, rows)], slopes[rows])
+            ascent = np.clip(ascent, -_MOST, _MOST) * sizes[rows]
+            draft, score = _climbed(evidence, draft, part, ascent, score, noise)
+            if part is moves and score - before >= _ENOUGH:
+                break
+        if score - before < _ENOUGH:
             break
     deviations = np.sqrt(np.diag(np.linalg.inv(information))) * sizes
     return Refined(draft, score, dict(zip(moves, deviations.tolist(), strict=True)))
+
+
+def _parts(moves: list[Move]) -> list[list[Move]]:
+    """Return the moves of each wall, post and place."""
+    return [list(part) for _, part in groupby(moves, lambda move: (move.what, move.which))]
 
 
 def _normal_equations(
@@ -130,8 +142,8 @@ def _changes(evidence: Evidence, draft: RoomDraft, move: Move, noise: ReadingNoi
 
 def _climbed(
     evidence: Evidence, draft: RoomDraft, moves: list[Move], ascent: FloatArray, score: float, noise: ReadingNoise
-) -> tuple[RoomDraft, float] | None:
-    """Return the draft after a step that increases the log-posterior; None without one."""
+) -> tuple[RoomDraft, float]:
+    """Return the draft after a step that increases the log-posterior, or as it is, and its log-posterior."""
     for halving in range(_HALVINGS):
         moved = draft
         for move, by in zip(moves, (ascent / 2**halving).tolist(), strict=True):
@@ -139,4 +151,4 @@ def _climbed(
         found = evidence.log_likelihood(moved, noise) if moved.is_sound else -np.inf
         if found > score:
             return moved, found
-    return None
+    return draft, score

@@ -72,7 +72,7 @@ def find_room(
     if not draft.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
     # with less noise, the likelihood is steep and rough, and climbs only near its maximum
-    end = refined(evidence, refined(evidence, draft, ROUGH, 5).draft, FINE, 8)
+    end = refined(evidence, refined(evidence, draft, ROUGH, 5, by_parts=True).draft, FINE, 8, by_parts=True)
     found = FoundRoom(end.draft, end.deviations, touches_of(scans, end.draft, board, air), echoes)
     tick(1.0)
     return found
