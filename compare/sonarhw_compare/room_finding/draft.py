@@ -131,6 +131,11 @@ class RoomDraft:
             found.append(end.at if at is None else at)
         return found[0], found[1]
 
+    def alone(self, key: int) -> DraftWall:
+        """Return a wall with free ends, where it ends now."""
+        first, last = self.extent(key)
+        return replace(self.walls[key], ends=(DraftEnd(first), DraftEnd(last)))
+
     def is_free(self, key: int, which: int) -> bool:
         """Return whether an end of a wall is free: it meets no wall, or one that does not reach as far."""
         wall = self.walls[key]

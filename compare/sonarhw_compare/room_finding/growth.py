@@ -76,7 +76,11 @@ def with_wall(
     for _, wall in tried[:_COMPLETED]:
         found += [scored(evidence, draft, noise) for draft in joined(best.draft, wall)]
     points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, RADII[:1])]
-    found += [scored(evidence, draft, noise) for draft in cornered(best.draft, points)]
+    found += [
+        scored(evidence, draft, noise)
+        for draft in cornered(best.draft, points)
+        if not evidence.refuses(draft.walls[max(draft.walls)])
+    ]
     return max(found, key=lambda one: one.score, default=best)
 
 

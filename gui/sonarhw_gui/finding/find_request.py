@@ -61,8 +61,8 @@ class Hypotheses:
 
     @property
     def shapes(self) -> "tuple[DraftWall | DraftPost, ...]":
-        """The walls and posts, in the order of `supports`."""
-        return (*self.draft.walls.values(), *self.draft.posts)
+        """The walls, with free ends, and posts, in the order of `supports`."""
+        return (*map(self.draft.alone, self.draft.walls), *self.draft.posts)
 
     def without(self, row: int) -> "Hypotheses":
         """Return all but one wall or post."""
