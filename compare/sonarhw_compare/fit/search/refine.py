@@ -112,10 +112,13 @@ def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
     """Return the covariance (size, size) from the curvature at the maximum.
 
     It is measured twice: the second time along the principal directions, because the curvature along a ridge is lost in
-    the roughness of the likelihood across it.
+    the roughness of the likelihood across it. Roughness can also hide a curvature altogether, so a direction is
+    shortened if the log-likelihood is lower by 0.5 before half of it.
     """
     directions = directions_of(objective, top)
     directions = _principal(objective, top, directions * widths_of(objective, top, directions)[:, None])
+    widths = widths_of(objective, top, directions)
+    directions *= np.where(widths < 0.5, widths, 1.0)[:, None]
     return np.asarray(directions.T @ directions)
 
 
