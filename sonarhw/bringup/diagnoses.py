@@ -59,10 +59,13 @@ def skipped(check: str, text: str, advice: str = "") -> Diagnosis:
     return Diagnosis(check, Verdict.SKIPPED, text, advice)
 
 
-def line(counted: LinkStatistics, device: Statistics, baud: int | None) -> Diagnosis:
-    """Judge the counters of an exchange of commands over the line at `baud`; None: the line has no baud rate."""
+def line(counted: LinkStatistics, rejected: int, baud: int | None) -> Diagnosis:
+    """Judge the counters of an exchange of commands, of which the scanner has `rejected` some frames.
+
+    `baud` is the rate of the line; None: it has none.
+    """
     at = f"{baud} baud, " if baud else ""
-    damaged = counted.rejected_blocks + counted.missing_frames + device.rejected
+    damaged = counted.rejected_blocks + counted.missing_frames + rejected
     if damaged or counted.repeated_commands:
         text = f"{at}{damaged} damaged or lost frames, {counted.repeated_commands} repeated commands"
         return failed("line", text, "use a short USB cable, no hub, and keep it away from the wires of the motor")

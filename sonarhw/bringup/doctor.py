@@ -51,9 +51,11 @@ def _statistics(scanner: Scanner) -> Statistics | None:
 
 def _checks(scanner: Scanner, turns: bool, plate: Plate | None) -> Iterator[Diagnosis]:
     info = scanner.info
+    # the scanner counts since its start, also what others have sent
+    before = scanner.device_statistics().rejected
     for _ in range(EXCHANGES):
-        device = scanner.device_statistics()
-    yield diagnoses.line(scanner.statistics, device, scanner.baud)
+        rejected = scanner.device_statistics().rejected - before
+    yield diagnoses.line(scanner.statistics, rejected, scanner.baud)
     yield diagnoses.firmware(info)
     yield diagnoses.temperature(info.temperature_c)
     yield diagnoses.echo_idle(scanner.inputs())

@@ -175,6 +175,15 @@ def test_a_bad_cable_fails_the_line() -> None:
     assert "short USB cable" in first.advice
 
 
+def test_what_the_scanner_rejected_before_is_no_failure() -> None:
+    board = FakeBoard(HallEchoes(), seed=2)
+    board.receive(3 * b"no frame\0", 0.0)
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+        first = next(examine(scanner, False, None))
+        assert scanner.device_statistics().rejected == 3
+    assert (first.check, first.verdict) == ("line", Verdict.PASS)
+
+
 def test_a_slipping_table_fails_the_steps() -> None:
     board = FakeBoard(HallEchoes(), seed=2)
     made = []
