@@ -51,7 +51,7 @@ def test_figures_are_drawn_in_the_requested_format(tmp_path: Path, monkeypatch: 
     ("command", "option", "suffixes"),
     [
         ("compare", "--plot", ".png, .pdf or .svg"),
-        ("map", "--out", ".png, .pdf, .svg or .toml"),
+        ("map", "--out", ".png, .pdf, .svg, .toml or .html"),
         ("locate", "--out", ".png, .pdf or .svg"),
     ],
 )
