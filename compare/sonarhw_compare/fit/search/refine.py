@@ -23,6 +23,7 @@ _ENOUGH = 1e-4  # tolerance of the log-likelihood
 _NARROW = 0.05  # tolerance of a parameter, in widths
 _WORST = -1e12  # replaces -inf
 _FLATTEST = 0.01  # smallest curvature over a width; a normal distribution has 1
+_HIDDEN = 0.2  # of a direction; a normal distribution is lower by 0.5 at 1
 _WIDEST = 30.0  # steps, largest width, for a flat likelihood
 
 BoolArray = NDArray[np.bool_]
@@ -113,12 +114,12 @@ def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
 
     It is measured twice: the second time along the principal directions, because the curvature along a ridge is lost in
     the roughness of the likelihood across it. Roughness can also hide a curvature altogether, so a direction is
-    shortened if the log-likelihood is lower by 0.5 before half of it.
+    shortened if the log-likelihood is lower by 0.5 before a fifth of it.
     """
     directions = directions_of(objective, top)
     directions = _principal(objective, top, directions * widths_of(objective, top, directions)[:, None])
     widths = widths_of(objective, top, directions)
-    directions *= np.where(widths < 0.5, widths, 1.0)[:, None]
+    directions *= np.where(widths < _HIDDEN, widths, 1.0)[:, None]
     return np.asarray(directions.T @ directions)
 
 
