@@ -254,8 +254,8 @@ def direction(readings: Sequence[Reading], plate: float, mirrored: Sequence[str]
     if abs(nearest.angle - plate) <= HEADING_ERROR:
         return passed("direction", text)
     if abs(nearest.angle + plate) <= HEADING_ERROR:
-        inverts = " ".join(f"--invert {part}" for part in mirrored)
-        return failed("direction", text, f"the table turns the other way: `sonarhw wiring URL {inverts}`")
+        inverts = " and ".join(f"`sonarhw wiring URL --invert {part}`" for part in mirrored)
+        return failed("direction", text, f"the table turns the other way: {inverts}")
     return failed("direction", text, "take away what is nearer than the plate, and check zero and gear")
 
 

@@ -133,7 +133,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "other random numbers, and more attempts",
     ),
     (
-        "sim/sonarhw_sim/rays/kernel.py",
+        "sim/sonarhw_sim/rays/candidate_table.py",
         "mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF",
         ("2654435761 → (3981653641)",),
         "another hash of the same value",
@@ -201,7 +201,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/rays/kernel.py",
-        "if leg.amplitude * math.sqrt(leg.length / leg.width) <= faintest:",
+        "going = leg.amplitude * math.sqrt(leg.length / leg.width) > faintest",
         ("leg.amplitude * math.sqrt(leg.length / leg.width) → (leg.amplitude / math.sqrt(leg.length / leg.width))",),
         "a tube is at least as wide as it is long, so fewer rays are stopped early",
     ),

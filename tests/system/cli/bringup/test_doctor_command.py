@@ -109,7 +109,11 @@ ONE_SWITCH_FAULTS = [
     (WiringFault.MARK_OPEN, ["zero"], "check the wire of the mark"),
     (WiringFault.MARK_INVERTED, ["zero"], "--invert mark"),
     (WiringFault.MOTOR_REVERSED, ["zero"], "--invert motor"),
-    (WiringFault.MARK_INVERTED | WiringFault.MOTOR_REVERSED, ["direction", "plate"], "--invert mark --invert motor`"),
+    (
+        WiringFault.MARK_INVERTED | WiringFault.MOTOR_REVERSED,
+        ["direction", "plate"],
+        "--invert mark` and `sonarhw wiring URL --invert motor`",
+    ),
 ]
 ONE_SWITCH_BOARD_FAULTS = [*ONE_SWITCH_FAULTS, (WiringFault.STEPS_DOUBLED, ["steps"], "check the microstep jumpers")]
 

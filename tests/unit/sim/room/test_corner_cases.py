@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.rays.kernel import _hash, fan
+from sonarhw_sim.rays.candidate_table import _hash
+from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, parse_room
 
