@@ -188,8 +188,8 @@ static void seek(enum leg leg, uint16_t speed)
         give_up(TROUBLE_LIMIT);
 }
 
-/* The switch has not changed. With one switch that has never worked, its change on the other side tells an inverted wire
- * from an open one. */
+/* The switch has not changed. With one switch that has never worked, look on the other side: if it changes there, a wire
+ * is inverted, and not open. */
 static void look_elsewhere(void)
 {
     int32_t most = STEPS_OF_DEGREES(ONE_SWITCH_UNPROVEN_DEGREES);

@@ -188,7 +188,7 @@ class NextAnswer:
 
 @dataclass(frozen=True)
 class NextRequest:
-    """Find where another scan tells most about a found room."""
+    """Find from where another scan makes a found room most certain."""
 
     answered: RoomAnswer
     progress: FindProgress = field(compare=False)

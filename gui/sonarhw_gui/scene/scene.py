@@ -55,7 +55,7 @@ def position_name(position: tuple[float, float]) -> str:
 
 
 def dragged_places(room: Room) -> list[str]:
-    """Return the names of the places that nobody has named: a sensor was dragged there before the room was saved."""
+    """Return the places named only by their position: the sensor was dragged there before the room was saved."""
     return [name for name, place in room.places.items() if name == position_name(place.position)]
 
 

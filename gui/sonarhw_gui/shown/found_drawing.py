@@ -14,7 +14,7 @@ class NextScan:
     """A place for another scan."""
 
     position: tuple[float, float]  # m
-    sectors: tuple[tuple[float, float], ...]  # rad: begin and end of the headings that tell most
+    sectors: tuple[tuple[float, float], ...]  # rad: begin and end of the headings with most of the gain
 
 
 @dataclass(frozen=True, eq=False)

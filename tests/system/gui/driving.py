@@ -1,10 +1,14 @@
 """Mouse actions and waiting for the tests of the window."""
 
+import os
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPoint, QPointF, Qt
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.plots.marks import ReadingMarks
 from sonarhw_gui.shell.main_window import MainWindow
 
@@ -67,3 +71,18 @@ def begin_drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple
             between = pixels[0] + (pixel - pixels[0]) * part
             qtbot.mouseMove(view.viewport(), between)
     return pixels[-1]
+
+
+def keep_pictures(qtbot: QtBot, window: MainWindow, name: str) -> None:
+    """Save pictures of the window, dark and light in two sizes, if SONARHW_SCREENSHOTS names a folder."""
+    folder = os.environ.get("SONARHW_SCREENSHOTS")
+    if folder is None:
+        return
+    light = window.session.shown.look
+    for look in (light, replace(light, palette=DARK)):
+        window.session.showing.set_look(look)
+        for width, height in ((1024, 600), (1280, 800)):
+            window.resize(width, height)
+            qtbot.wait(300)  # only for pictures, which are looked at
+            window.grab().save(str(Path(folder) / f"{name}_{look.palette.name}_{width}.png"))
+    window.session.showing.set_look(light)

@@ -1,7 +1,5 @@
 """The dock "Find the room" with mouse and keys: walls appear, are explained, rejected, accepted, undone and edited."""
 
-import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +8,13 @@ from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_gui.finding.find_control import FindState
-from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_board
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
 
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import keep_pictures, predicted, until
 
 LEFT = Qt.MouseButton.LeftButton
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -221,18 +218,3 @@ def test_what_cannot_be_searched_is_reported(qtbot: QtBot, window: MainWindow, f
     window.session.showing.edit(*with_board(window.session.shown.scene, load_board("hc-sr04")))
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, lambda: "is of board 'hc-sr04'" in window.banner.message)
-
-
-def keep_pictures(qtbot: QtBot, window: MainWindow, name: str) -> None:
-    """Save pictures of the window, if their folder is given."""
-    folder = os.environ.get("SONARHW_SCREENSHOTS")
-    if folder is None:
-        return
-    light = window.session.shown.look
-    for look in (light, replace(light, palette=DARK)):
-        window.session.showing.set_look(look)
-        for width, height in ((1024, 600), (1280, 800)):
-            window.resize(width, height)
-            qtbot.wait(300)  # only for pictures, which are looked at
-            window.grab().save(str(Path(folder) / f"{name}_{look.palette.name}_{width}.png"))
-    window.session.showing.set_look(light)

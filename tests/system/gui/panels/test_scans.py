@@ -1,6 +1,5 @@
 """Several scans at once, with mouse and keys: before and after a post was put up, and two sweeps of one log."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +10,12 @@ from PySide6.QtWidgets import QFileDialog, QStyle, QStyleOptionViewItem
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_compare.two_scans.scan_difference import ScanChange
-from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.overlaid_scan import SHOWN, ScanPair
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import keep_pictures, predicted, until
 
 LEFT = Qt.MouseButton.LeftButton
 POST = '[[posts]]\nname = "chair"\ncenter = [0.3, 0.4]\nradius = 0.03\nmaterial = "shelving"\n'
@@ -83,7 +81,7 @@ def test_before_and_after_a_post_was_put_up(qtbot: QtBot, window: MainWindow, fo
     assert changes[ScanChange.NEARER] > 20
     assert changes[ScanChange.FARTHER] == 0
     assert f"{changes[ScanChange.NEARER]} nearer" in view.summary.text()
-    keep_pictures(qtbot, window)
+    keep_pictures(qtbot, window, "scans")
 
     toggle_eye(qtbot, window, 0)
     until(qtbot, lambda: not plan.scatters[style].isVisible() and not ranges.scatters[style].isVisible())
@@ -123,18 +121,3 @@ def test_two_sweeps_of_one_log(qtbot: QtBot, open_with: OpenWith, folder: Path, 
 
 def replace_sweeps(readings: tuple) -> tuple:
     return (*readings, *(replace(reading, sweep=1) for reading in readings))
-
-
-def keep_pictures(qtbot: QtBot, window: MainWindow) -> None:
-    """Save pictures of the window, if their folder is given."""
-    folder = os.environ.get("SONARHW_SCREENSHOTS")
-    if folder is None:
-        return
-    light = window.session.shown.look
-    for look in (light, replace(light, palette=DARK)):
-        window.session.showing.set_look(look)
-        for width, height in ((1024, 600), (1280, 800)):
-            window.resize(width, height)
-            qtbot.wait(300)  # only for pictures, which are looked at
-            window.grab().save(str(Path(folder) / f"scans_{look.palette.name}_{width}.png"))
-    window.session.showing.set_look(light)
