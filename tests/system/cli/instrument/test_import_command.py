@@ -415,6 +415,28 @@ def test_profiles_of_a_ping360_are_traces_with_the_first_loud_sample_as_echo(tmp
     assert (trace.samples * 255).round().astype(np.uint8).tobytes() == ringing(500)
 
 
+# messages 2300, 2301 and 4 packed by bluerobotics-ping 0.2.5, in the file of Ping Viewer's encode_sensor_binary_log.py
+BY_BLUE_ROBOTICS = """\
+0000001a50696e675669657765722073656e736f72206c6f672066696c650000000100000007303235383365310000000a32
+3032342d30312d30310000000676322e342e30000000065562756e74750000000532322e303400000002000000020000000c
+31323a30303a30302e3235300000002042521600fc0800000101640064006400ee0208000800ff050505dc090505d9050000
+000c31323a30303a30312e3235300000002642521c00fd08000001018f0164006400ee0200008f01010008000800ff050505
+dc0905059d060000000c31323a30303a30392e3030300000001042520600040000000000000000009e00"""
+
+
+def test_messages_of_blue_robotics_own_library_are_read(tmp_path: Path) -> None:
+    options = ["--threshold", "0.5", "--blanking", "0.000006", "--speed-of-sound", "1500"]
+    assert ping360(tmp_path, bytes.fromhex(BY_BLUE_ROBOTICS.replace("\n", "")), *options) == 0
+    readings = read_log(tmp_path / "out.mcap").readings
+    assert degrees(readings) == pytest.approx([90.0, 359.1], abs=1e-4)
+    # the fifth sample, 220, is the first loud one after blanking: 4 periods of 100 · 25 ns
+    assert [one.range for one in readings] == [pytest.approx(4 * 100 * 25e-9 * 750, abs=1e-6)] * 2
+    assert readings[1].time - readings[0].time == pytest.approx(1.0, abs=1e-5)
+    for reading in readings:
+        assert reading.trace is not None
+        assert (reading.trace.samples * 255).round().tolist() == [255, 5, 5, 5, 220, 9, 5, 5]
+
+
 def test_without_a_threshold_profiles_have_no_echo_and_a_torn_log_gives_those_before(tmp_path: Path) -> None:
     assert ping360(tmp_path, LOG_360[:-100]) == 0
     (reading,) = read_log(tmp_path / "out.mcap").readings
