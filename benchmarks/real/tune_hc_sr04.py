@@ -110,7 +110,7 @@ def profile(board: Board, threshold: float, plateau: tuple[float, float], right:
 # ({cells} cells with pings; SHA-256 of the file begins {fingerprint}).
 # Detected or not is right in {right} of {cells} cells, for every threshold from {low:.0f} to {high:.0f} dB.
 # This is the middle: the plate is silent from {silent:.0f} degrees on.
-# Not explained: ranges up to 9 cm too short at 10 to 20 degrees and 1.5 m.
+# Not explained: ranges up to 9 cm shorter than the way to the plate, at 10 to 20 degrees, 1.3 and 1.5 m.
 name = "hc-sr04"
 aperture_radius = 0.0065     # m; not tuned, because only the angle at which the plate falls silent was measured
 frequency = 40000.0
