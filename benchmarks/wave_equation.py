@@ -208,10 +208,12 @@ def show(title: str, wave: str, distance: float, cases: Sequence[Case]) -> None:
         print(f"{case.label:>16}{levels}{difference:>14}  {mark}")
 
 
-def show_exact(kinds: Sequence[Callable[[float], Tables]] = (plates, corners, posts)) -> list[Case]:
-    """Print all tables of these kinds against exact waves; return all cases."""
+def show_exact(
+    kinds: Sequence[Callable[[float], Tables]] = (plates, corners, posts), distances: Sequence[float] = DISTANCES
+) -> list[Case]:
+    """Print all tables of these kinds against exact waves at distances in m; return all cases."""
     found = []
-    for distance in DISTANCES:
+    for distance in distances:
         for tables in kinds:
             for title, wave, cases in tables(distance):
                 show(title, wave, distance, cases)

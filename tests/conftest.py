@@ -10,7 +10,7 @@ from hypothesis import settings
 pytest_plugins = ["tests.fixtures.window_scene"]
 
 Count = Callable[[int, int], int]
-# These tests repeat what others cover, and Python code runs at two thirds of its speed while coverage is measured.
+# These tests repeat what others cover, and Python code runs at half of its speed while coverage is measured.
 NOT_MEASURED = (
     "contract",
     "soak",
@@ -41,6 +41,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--soak` and `--url`."""
     parser.addoption("--soak", action="store_true", help="run the long tests completely: hours instead of minutes")
     parser.addoption("--url", help="run the contract tests with the scanner at this URL only")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect the tests with the mark `soak`, unless --soak is given."""
+    if not config.getoption("--soak"):
+        long = [item for item in items if item.get_closest_marker("soak")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in long]
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <simavr/avr_eeprom.h>
+#include <simavr/avr_extint.h>
 #include <simavr/avr_timer.h>
 #include <simavr/sim_elf.h>
 #include <simavr/sim_time.h>
@@ -74,9 +75,18 @@ struct ping current_ping(const avr_t *avr)
     return ping;
 }
 
+// The firmware uses no external interrupts. After a reset, simavr checks each of their pins that is low in every cycle,
+// which makes an Uno, where such pins are in use, four times slower.
+static void ignore_levels(avr_t *avr)
+{
+    for (uint8_t number = 0; number < EXTINT_COUNT; number++)
+        avr_extint_set_strict_lvl_trig(avr, number, 0);
+}
+
 // After a reset of the chip, restore what simavr has cleared: timers and the levels of input pins.
 static void after_reset(avr_t *avr)
 {
+    ignore_levels(avr);
     restore_pins(avr);
     ranging_reset(avr);
     turntable_reset(avr);
@@ -175,6 +185,7 @@ static avr_t *make_chip(void)
     // keep_pace controls the speed, not simavr
     avr_load_firmware(avr, &firmware);
     keep_timer_flags(avr);
+    ignore_levels(avr);
     return avr;
 }
 
@@ -190,12 +201,15 @@ static void never_sleep(avr_t *avr, avr_cycle_count_t cycles)
     (void)cycles;
 }
 
+#define AT_ONCE 1000 // cycles; less than SLICE
+
 static uint32_t longest[INTERRUPTS];
 
 const uint32_t *longest_interrupts(void) { return longest; }
 
-// Measure the duration of interrupt handlers, from the vector to RETI.
-static void time_interrupts(const avr_t *avr, avr_flashaddr_t before)
+// Measure the duration of interrupt handlers, from the vector to RETI. Only they need a return from simavr after each
+// instruction; elsewhere it may run until the next of its timers.
+static void time_interrupts(avr_t *avr, avr_flashaddr_t before)
 {
     static unsigned vector;
     static avr_cycle_count_t began;
@@ -207,6 +221,9 @@ static void time_interrupts(const avr_t *avr, avr_flashaddr_t before)
             longest[vector] = (uint32_t)(avr->cycle - began);
         vector = 0;
     }
+    avr->run_cycle_limit = vector ? 1 : AT_ONCE;
+    if (vector)
+        avr->run_cycle_count = 1;
 }
 
 static void run_for(avr_t *avr, avr_cycle_count_t cycles)
