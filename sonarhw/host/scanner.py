@@ -6,19 +6,18 @@
         for reading in scanner.scan(sector(0, 360, 5)):
             print(reading.angle, reading.range)
 
-A separate thread reads, writes, sends signs of life, and reconnects after a loss. Readings wait for the caller in a
-queue of MOST_WAITING. While the queue is full, the thread reads nothing. A TCP connection then makes the device wait. A
-serial line loses bytes, and the readings in them are requested or measured again. So a slow caller slows the scan but
-loses no reading.
+A separate thread, a `LinkThread`, reads, writes, sends signs of life, and reconnects after a loss. Readings wait for
+the caller in a queue of MOST_WAITING. While the queue is full, the thread reads nothing. A TCP connection then makes
+the device wait. A serial line loses bytes, and the readings in them are requested or measured again. So a slow caller
+slows the scan but loses no reading.
 """
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, suppress
 from typing import Any, TypeVar
 
-from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
+from sonarhw.errors import DeviceError, LinkLost, NoAnswer, SonarError
 from sonarhw.host.actions import (
     configuring,
     configuring_turntable,
@@ -33,11 +32,11 @@ from sonarhw.host.actions import (
 from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
 from sonarhw.host.exclusive_use import ExclusiveUse
 from sonarhw.host.job import Job
+from sonarhw.host.link_thread import TICK, LinkThread
 from sonarhw.host.recorder import Recorder
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Session
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.link.ports import PortFinder
-from sonarhw.link.serial_link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.limits import MAX_ECHOES
@@ -62,11 +61,9 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import start_scan
 from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per_second_of
 
-MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 _STOP_WITHIN = 1.5  # s
 _HEARTBEAT_WITHIN = 3.0  # s
 T = TypeVar("T")
-_TICK = 0.05  # s; longest delay until `close` takes effect
 
 
 class Scanner:
@@ -84,19 +81,11 @@ class Scanner:
         """Start to connect. Programs call `open` instead."""
         self.url = url
         self._on_close = on_close
-        self._find = find or PortFinder(url)
         self._session = session
-        # times are s since the epoch on a clock that never runs backwards
-        self._epoch = time.time() - time.monotonic()
-        self._changed = threading.Condition()  # guards the session; notified when the session changes
-        self._closing = threading.Event()
-        self._defect: BaseException | None = None  # the error that ended the thread
         self._scan: Job | None = None
-        self._link: Link | None = None
         self._use = ExclusiveUse(url)
-        session.connect(self._now())
-        self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
-        self._thread.start()
+        self._thread = LinkThread(url, session, find or PortFinder(url), self._use)
+        self._changed = self._thread.changed
 
     @classmethod
     def open(
@@ -119,7 +108,7 @@ class Scanner:
         try:
             with scanner._changed:
                 while scanner.state is not Connection.READY:
-                    scanner._wait()
+                    scanner._thread.wait()
                     if scanner._session.failed:
                         raise scanner._session.failed
             if recorder:
@@ -281,7 +270,7 @@ class Scanner:
             while (beat := self._session.heartbeat) is None or beat is known:
                 if time.monotonic() > until:
                     raise NoAnswer(f"{self.url}: no heartbeat for {_HEARTBEAT_WITHIN:g} s; check the cable")
-                self._wait()
+                self._thread.wait()
         return Input(beat.inputs)
 
     def device_statistics(self) -> Statistics:
@@ -347,16 +336,13 @@ class Scanner:
 
         Raises only what `on_close` raises.
         """
-        if self._closing.is_set():
+        if self._thread.closed:
             return
         with suppress(SonarError), self._changed:
             job = self._session.job
             if job is not None:
                 self._abandon(job)
-        self._closing.set()
-        with self._changed:
-            self._changed.notify_all()
-        self._thread.join()
+        self._thread.close()
         self._on_close()
 
     # jobs
@@ -377,7 +363,7 @@ class Scanner:
         try:
             with self._changed:
                 while not job.done:
-                    self._wait()
+                    self._thread.wait()
         finally:
             self._abandon(job)
         _raise_error(job)
@@ -385,19 +371,19 @@ class Scanner:
 
     def _begin(self, job: Job) -> Job:
         with self._changed:
-            self._check_thread()
+            self._thread.check()
             job.stop_wanted = self._use.stop_wanted  # between two actions of a sequence
-            self._session.start(job, self._now())
+            self._session.start(job, self._thread.now())
             if job.stop_wanted:
-                self._session.stop(job, self._now())  # ends the job at once if the device is lost
-            self._wake()
+                self._session.stop(job, self._thread.now())  # ends the job at once if the device is lost
+            self._thread.wake()
             return job
 
     def _next_readings(self, job: Job) -> list[Reading]:
         """Wait for readings and return them. Empty when the scan has ended."""
         with self._changed:
             while not job.readings and not job.done:
-                self._wait()
+                self._thread.wait()
             ready = [*job.readings]
             job.readings.clear()
             self._changed.notify_all()
@@ -408,113 +394,10 @@ class Scanner:
         until = time.monotonic() + _STOP_WITHIN
         with self._changed:
             if not job.done:
-                self._session.stop(job, self._now())
-                self._wake()
-            while not job.done and time.monotonic() < until and self._thread.is_alive():
-                self._changed.wait(_TICK)
-
-    def _wait(self) -> None:
-        """Wait until the session changes, at most _TICK."""
-        self._check_thread()
-        self._changed.wait(_TICK)
-
-    def _check_thread(self) -> None:
-        if self._closing.is_set():
-            raise LinkLost(f"{self.url}: the scanner was closed")
-        if self._defect:
-            raise self._defect
-
-    def _now(self) -> float:
-        return self._epoch + time.monotonic()
-
-    def _wake(self) -> None:
-        if self._link:
-            self._link.wake()
-
-    # the thread
-
-    def _converse(self) -> None:
-        try:
-            while not self._closing.is_set():
-                self._link = self._exchange(self._link) if self._link else self._open_link()
-        except BaseException as defect:  # noqa: BLE001 - raised again in the thread that uses the scanner
-            self._defect = defect
-        finally:
-            link, self._link = self._link, None
-            if link:
-                link.close()
-            with self._changed:
-                self._changed.notify_all()
-
-    def _open_link(self) -> Link | None:
-        """Return the opened link. None if the session does not need it now, or if it cannot be opened."""
-        with self._changed:
-            self._session.advance(self._now())
-            if not self._session.wants_open(self._now()):
-                self._forward_stop()
-                self._changed.notify_all()
-                self._changed.wait(_TICK)
-                return None
-        try:
-            link = Link(self._find())
-        except (LinkError, InputError) as error:
-            with self._changed:
-                self._session.open_failed(error, self._now())
-                self._changed.notify_all()
-            return None
-        with self._changed:
-            self._session.opened(self._now(), link.quiet, link.bauds)
-        return link
-
-    def _exchange(self, link: Link) -> Link | None:
-        """Write and read once. Return the link, or None if it has been closed."""
-        behind = self._caller_is_behind()
-        try:
-            self._write(link)
-            if behind:
-                return link
-            data = link.read()
-        except LinkError as error:
-            link.close()
-            with self._changed:
-                self._session.broke(error, self._now())
-                self._changed.notify_all()
-            return None
-        with self._changed:
-            if data:
-                self._session.receive(data, self._now())
-            if len(data) < MOST:  # otherwise more bytes are waiting
-                self._session.advance(self._now())
-            self._forward_stop()
-            self._changed.notify_all()
-            if not self._session.wants_close:
-                return link
-            self._session.closed()
-        link.close()
-        return None
-
-    def _write(self, link: Link) -> None:
-        with self._changed:
-            baud, data = self._session.device.baud, self._session.outgoing()
-        link.set_baud(baud)
-        if data:
-            link.write(data)
-
-    def _caller_is_behind(self) -> bool:
-        """Return whether the queue of readings is full, so that nothing may be read. If so, send signs of life only."""
-        with self._changed:
-            job = self._session.job
-            if job is None or len(job.readings) < MOST_WAITING or job.stop_wanted:
-                return False
-            self._session.keep_alive(self._now())
-            self._forward_stop()
-            self._changed.wait(_TICK)
-            return True
-
-    def _forward_stop(self) -> None:
-        job = self._session.job
-        if self._use.stop_wanted and job is not None and not job.stop_wanted:
-            self._session.stop(job, self._now())
+                self._session.stop(job, self._thread.now())
+                self._thread.wake()
+            while not job.done and time.monotonic() < until and self._thread.alive:
+                self._changed.wait(TICK)
 
 
 def _raise_error(job: Job) -> None:

@@ -52,7 +52,13 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "sonarhw/host/scanner.py",
         "self._changed.notify_all()",
         ("self._changed.notify_all() → pass",),
-        "every wait ends after _TICK, 0.05 s, and checks its condition again",
+        "every wait ends after TICK, 0.05 s, and checks its condition again",
+    ),
+    (
+        "sonarhw/host/link_thread.py",
+        "self.changed.notify_all()",
+        ("self.changed.notify_all() → pass",),
+        "every wait ends after TICK, 0.05 s, and checks its condition again",
     ),
     (
         "sonarhw/host/job.py",

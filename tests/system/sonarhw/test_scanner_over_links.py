@@ -321,7 +321,7 @@ def test_every_frame_is_recorded_and_decodes_to_the_same_readings(served: Serve)
 
 
 def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarhw.host.scanner.MOST_WAITING", 4)
+    monkeypatch.setattr("sonarhw.host.link_thread.MOST_WAITING", 4)
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.configure(trace=True)
         scanner.home()
