@@ -1,4 +1,4 @@
-"""Generate the C files that follow from other sources: messages from `sonarhw/wire/messages.py`, tables from formulas.
+"""Generate the C files that follow from other sources: messages from `sonarhw/wire`, tables from formulas.
 
     python firmware/generate.py            write the files in GENERATED to core/
     python firmware/generate.py --check    list the files that differ; exit status 1 if there are any
@@ -15,7 +15,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any
 
-from sonarhw.wire import limits, messages, units
+from sonarhw.wire import codes, limits, units
 from sonarhw.wire.fields import Numbers, Samples, Scalar, Text
 from sonarhw.wire.messages import FROM_DEVICE, FROM_HOST, Message
 
@@ -36,7 +36,7 @@ def snake(name: str) -> str:
 
 def enumerations() -> list[type[IntEnum] | type[IntFlag]]:
     """Return the enumerations of the codes in messages, in the order of their definition."""
-    found = [item for item in vars(messages).values() if isinstance(item, type) and issubclass(item, IntEnum | IntFlag)]
+    found = [item for item in vars(codes).values() if isinstance(item, type) and issubclass(item, IntEnum | IntFlag)]
     return [item for item in found if item not in (IntEnum, IntFlag)]
 
 
@@ -54,10 +54,10 @@ def messages_header() -> str:
     lines = [f"#define {name} {value}{'u' * (value > 0x7FFFFFFF)}" for name, value in constants().items()] + [""]
     lines.append("enum message_type {")
     lines += [f"    {snake(kind.__name__).upper()} = 0x{kind.TYPE:02x}," for kind in FROM_HOST + FROM_DEVICE] + ["};\n"]
-    for codes in enumerations():
-        name = snake(codes.__name__)
+    for enumeration in enumerations():
+        name = snake(enumeration.__name__)
         lines.append(f"enum {name} {{")
-        lines += [f"    {name.upper()}_{code.name} = {code.value}," for code in codes] + ["};\n"]
+        lines += [f"    {name.upper()}_{code.name} = {code.value}," for code in enumeration] + ["};\n"]
     for kind in FROM_HOST + FROM_DEVICE:
         lines += structure(kind)
     return header("messages", '#include "fields.h" // struct text', lines)

@@ -10,8 +10,9 @@ import numpy as np
 from sonarhw.host.device_info import DeviceInfo
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.readings import Reading
+from sonarhw.wire.codes import Input, ResetCause
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import Input, ResetCause, Statistics
+from sonarhw.wire.messages import Statistics
 
 COLDEST, HOTTEST = -20.0, 60.0  # °C; outside, a wire is wrong rather than the air
 SAME_TIME = 3e-6  # s; half a millimetre of range

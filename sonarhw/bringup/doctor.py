@@ -10,7 +10,8 @@ from sonarhw.errors import CommandRefused, DeviceError, LinkLost
 from sonarhw.host.device_info import DeviceCapabilities
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
-from sonarhw.wire.messages import Feature, Statistics
+from sonarhw.wire.codes import Feature
+from sonarhw.wire.messages import Statistics
 
 EXCHANGES = 50  # commands
 PINGS = 20

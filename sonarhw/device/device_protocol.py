@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from sonarhw.device.paced_line import Line
+from sonarhw.wire.codes import Approach, Input, Outcome, Refusal, ResetCause, State, TraceKind, Wiring, Zero
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected
 from sonarhw.wire.limits import (
     BAUD_TIMEOUT,
@@ -26,7 +27,6 @@ from sonarhw.wire.limits import (
 from sonarhw.wire.messages import (
     BY_TYPE,
     Accepted,
-    Approach,
     AskCapabilities,
     AskStatistics,
     Capabilities,
@@ -39,33 +39,25 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Info,
-    Input,
     LinkTested,
     Message,
     MessageError,
-    Outcome,
     ReadingMessage,
-    Refusal,
     Refused,
     Resend,
-    ResetCause,
     SetBaud,
     Settings,
     SetZero,
     Started,
     StartScan,
-    State,
     Statistics,
     Stop,
     TestLink,
     TraceChunk,
-    TraceKind,
     Turn,
     TurntableSettings,
     WhenBusy,
-    Wiring,
     WiringSettings,
-    Zero,
 )
 
 BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dropped

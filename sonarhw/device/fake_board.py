@@ -15,26 +15,19 @@ from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.device.wiring_faults import NOISE_ECHO, Wires, WiringFault
 from sonarhw.echo_source import EchoSource, Ping
 from sonarhw.readings import ScanOrder, Trace
+from sonarhw.wire.codes import Feature, Input, Outcome, Refusal, State, TraceKind, Wiring, Zero
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
     Capabilities,
     Configure,
     ConfigureTurntable,
-    Feature,
     Info,
-    Input,
-    Outcome,
     ReadingMessage,
-    Refusal,
     Settings,
     StartScan,
-    State,
     Statistics,
-    TraceKind,
     Turn,
     TurntableSettings,
-    Wiring,
-    Zero,
 )
 from sonarhw.wire.origin import FAKE_FIRMWARE
 from sonarhw.wire.reading_messages import scan_order, trace_chunks

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Protocol
 
 from sonarhw.errors import InputError, LinkError
+from sonarhw.wire.codes import Refusal
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import Refusal, Refused
+from sonarhw.wire.messages import Refused
 
 _MOST = 4096  # most bytes of one read
 _CLIENTS_WAITING = 4

@@ -6,7 +6,7 @@ homes directly, in the direction that unwinds the cable. It homes at twice the s
 
 import math
 
-from sonarhw.wire.messages import Zero
+from sonarhw.wire.codes import Zero
 
 SPEED = math.pi  # rad/s
 HOMING_SPEED = 2 * SPEED

@@ -5,7 +5,7 @@ from enum import IntFlag
 
 from sonarhw.device.turntable import Turntable, marked
 from sonarhw.errors import InputError
-from sonarhw.wire.messages import Input, Wiring
+from sonarhw.wire.codes import Input, Wiring
 
 CAM_ANGLE = math.radians(-20.0)  # edge of the cam
 ONE_SWITCH_MOST = math.radians(185)  # limit of one Home by the mark alone

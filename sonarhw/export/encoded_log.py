@@ -12,9 +12,10 @@ from sonarhw.atomic_file import atomic_file
 from sonarhw.log.contents import LogMetadata
 from sonarhw.log.writer import LogWriter
 from sonarhw.readings import Reading
+from sonarhw.wire.codes import Outcome
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import Finished, Info, Message, Outcome, Settings, Started
+from sonarhw.wire.messages import Finished, Info, Message, Settings, Started
 from sonarhw.wire.reading_messages import reading_message, trace_chunks
 from sonarhw.wire.units import centidegrees_of, microseconds_of, millimetres_per_second_of, seconds_of
 

@@ -8,6 +8,7 @@ from sonarhw.host.job import Job, Script
 from sonarhw.lost_steps import MARK_APPROACH, MARK_OVERRUN, lost_steps_clause, nearest_mark, unverified_clause
 from sonarhw.readings import FloatArray
 from sonarhw.sound_speed import ScanAir
+from sonarhw.wire.codes import Feature, Outcome, Zero
 from sonarhw.wire.messages import (
     AnswerMessage,
     AskCapabilities,
@@ -15,17 +16,14 @@ from sonarhw.wire.messages import (
     Configure,
     ConfigureTurntable,
     ConfigureWiring,
-    Feature,
     Home,
     Info,
     Message,
-    Outcome,
     Settings,
     SetZero,
     StartScan,
     Turn,
     WiringSettings,
-    Zero,
 )
 from sonarhw.wire.reading_messages import scan_order
 from sonarhw.wire.reading_rules import broken_settings_rule

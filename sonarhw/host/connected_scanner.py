@@ -11,7 +11,7 @@ from sonarhw.host.recorder import Recorder
 from sonarhw.host.session import Connection
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.readings import Reading, ScanOrder
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.codes import Outcome
 
 
 class ConnectedScanner(Protocol):

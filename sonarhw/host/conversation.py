@@ -11,6 +11,7 @@ from typing import TypeVar
 from sonarhw.errors import DeviceError, InputError, LostSteps, NoAnswer
 from sonarhw.host.driver import TRIES, Command, Driver, raise_if_refused
 from sonarhw.host.job import Job, Script, Wait
+from sonarhw.wire.codes import Outcome, Zero
 from sonarhw.wire.limits import FIRST_BAUD
 from sonarhw.wire.messages import (
     AnswerMessage,
@@ -20,11 +21,9 @@ from sonarhw.wire.messages import (
     Info,
     Message,
     MessageError,
-    Outcome,
     Settings,
     Started,
     Stop,
-    Zero,
 )
 
 MOVE_WITHIN = 120.0  # s; limit for a Home or a Turn

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from sonarhw.wire.messages import Approach, Capabilities, Feature, Info, Settings, TraceKind, TurntableSettings
+from sonarhw.wire.codes import Approach, Feature, TraceKind
+from sonarhw.wire.messages import Capabilities, Info, Settings, TurntableSettings
 from sonarhw.wire.units import degrees_c, radians_of, seconds_of, sound_speed_of
 
 

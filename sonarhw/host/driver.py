@@ -13,6 +13,7 @@ from sonarhw.link.link_statistics import LinkStatistics, smoothed
 from sonarhw.readings import Reading
 from sonarhw.wire.arrivals import ReadingArrivals
 from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.codes import Refusal, State
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
 from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR
@@ -27,12 +28,10 @@ from sonarhw.wire.messages import (
     Message,
     MessageError,
     ReadingMessage,
-    Refusal,
     Refused,
     Resend,
     Started,
     StartScan,
-    State,
     Statistics,
     TraceChunk,
     unpack_message,

@@ -7,6 +7,7 @@ from sonarhw.errors import DeviceError, Incompatible, LinkBusy, NoAnswer, WrongD
 from sonarhw.host.actions import home
 from sonarhw.host.conversation import Conversation, settled
 from sonarhw.host.job import Job, Script, Wait
+from sonarhw.wire.codes import Zero
 from sonarhw.wire.limits import BAUD_TIMEOUT, FIRST_BAUD, MAX_TEST, MAX_TESTED, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
     Accepted,
@@ -19,7 +20,6 @@ from sonarhw.wire.messages import (
     SetBaud,
     Settings,
     TestLink,
-    Zero,
 )
 
 # a device uses the first after a reset, the second with protocol 1.0, and any of them after an earlier conversation

@@ -39,23 +39,18 @@ from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.link.ports import PortFinder
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.sound_speed import ScanAir
+from sonarhw.wire.codes import Approach, Feature, Input, Outcome, TraceKind, Wiring
 from sonarhw.wire.limits import MAX_ECHOES
 from sonarhw.wire.messages import (
-    Approach,
     AskStatistics,
     Configure,
     ConfigureTurntable,
     ConfigureWiring,
-    Feature,
-    Input,
-    Outcome,
     Settings,
     Statistics,
     Stop,
-    TraceKind,
     Turn,
     TurntableSettings,
-    Wiring,
     WiringSettings,
 )
 from sonarhw.wire.reading_messages import start_scan

@@ -33,8 +33,9 @@ from sonarhw.host.greeting import greet, prepare
 from sonarhw.host.job import Job, Script, Wait
 from sonarhw.host.recorder import JobRecording
 from sonarhw.link.link_statistics import LinkStatistics
+from sonarhw.wire.codes import Outcome
 from sonarhw.wire.device_clock import DeviceClock
-from sonarhw.wire.messages import Heartbeat, Outcome
+from sonarhw.wire.messages import Heartbeat
 
 PATIENCE = 10.0  # s for the first greeting; enough for three attempts at each baud rate
 GREET_AGAIN = 3.0  # s for a greeting on a port that is still open

@@ -7,7 +7,8 @@ from typing import Protocol
 
 from sonarhw.lost_steps import lost_steps_clause, split_at_homings, unverified_clause
 from sonarhw.readings import Origin, Reading
-from sonarhw.wire.messages import Finished, Info, Outcome, Settings
+from sonarhw.wire.codes import Outcome
+from sonarhw.wire.messages import Finished, Info, Settings
 from sonarhw.wire.origin import origin_of
 
 FORMAT_VERSION = 1

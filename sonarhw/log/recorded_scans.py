@@ -10,6 +10,7 @@ from sonarhw.log.contents import RecordedFrame
 from sonarhw.log.reading_columns import ReadingColumns, Span
 from sonarhw.readings import Reading
 from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.codes import Outcome
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import Frame, decode_block, frame_payload, frame_type
 from sonarhw.wire.messages import (
@@ -21,7 +22,6 @@ from sonarhw.wire.messages import (
     Info,
     Message,
     MessageError,
-    Outcome,
     ReadingMessage,
     Refused,
     Settings,

@@ -11,10 +11,11 @@ from sonarhw.plugins.sweep_tracker import Placed
 from sonarhw.readings import Reading
 from sonarhw.sound_speed import speed_of_sound
 from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.codes import Outcome
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.limits import MAX_ECHOES, MAX_TEXT, PROTOCOL_MAJOR, PROTOCOL_MINOR
-from sonarhw.wire.messages import Finished, Info, Message, Outcome, ReadingMessage, Settings, Started
+from sonarhw.wire.messages import Finished, Info, Message, ReadingMessage, Settings, Started
 from sonarhw.wire.units import (
     centidegrees_of,
     microdegrees_of,

@@ -21,7 +21,7 @@ from sonarhw.plugins.plugin_reader import PluginReader
 from sonarhw.plugins.sweep_tracker import Placed, SweepTracker
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.codes import Outcome
 
 MOST_LEAD = 20_000  # readings before the first whole sweep
 _ONE_SWEEP = ScanOrder(0.0, 1.0, 1)

@@ -18,7 +18,7 @@ from sonarhw.host.connected_scanner import ConnectedScanner
 from sonarhw.log import LogWriter
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.codes import Outcome
 
 
 @dataclass(frozen=True)

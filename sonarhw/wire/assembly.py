@@ -6,18 +6,9 @@ from collections import deque
 import numpy as np
 
 from sonarhw.readings import FloatArray, Origin, Reading, Trace
+from sonarhw.wire.codes import TraceKind
 from sonarhw.wire.device_clock import DeviceClock
-from sonarhw.wire.messages import (
-    Finished,
-    Heartbeat,
-    Info,
-    Message,
-    ReadingMessage,
-    Settings,
-    Started,
-    TraceChunk,
-    TraceKind,
-)
+from sonarhw.wire.messages import Finished, Heartbeat, Info, Message, ReadingMessage, Settings, Started, TraceChunk
 from sonarhw.wire.origin import origin_of
 from sonarhw.wire.units import FULL_SCALE, degrees_c, radians_of, seconds_of_nanoseconds, sound_speed_of
 

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonarhw.readings import Reading, ScanOrder, Trace
+from sonarhw.wire.codes import TraceKind
 from sonarhw.wire.limits import CHUNK, MAX_ECHOES
-from sonarhw.wire.messages import ReadingMessage, StartScan, TraceChunk, TraceKind
+from sonarhw.wire.messages import ReadingMessage, StartScan, TraceChunk
 from sonarhw.wire.units import FULL_SCALE, centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of
 
 

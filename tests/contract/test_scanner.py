@@ -11,7 +11,8 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.log import LogWriter, read_log
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
-from sonarhw.wire.messages import Outcome, StartScan
+from sonarhw.wire.codes import Outcome
+from sonarhw.wire.messages import StartScan
 from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
 

@@ -12,7 +12,7 @@ from sonarhw_cli.console.lines import print_line
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sonarhw.wire.messages import Wiring
+    from sonarhw.wire.codes import Wiring
 
 
 class WiredPart(StrEnum):
@@ -44,7 +44,7 @@ def wiring(
 
     After a change, the next home searches the zero again.
     """
-    from sonarhw.wire.messages import Input, Wiring
+    from sonarhw.wire.codes import Input, Wiring
 
     wanted, plain = _wiring(invert or ()), _wiring(normal or ())
     if wanted & plain:
@@ -65,6 +65,6 @@ def wiring(
 
 
 def _wiring(parts: "Iterable[WiredPart]") -> "Wiring":
-    from sonarhw.wire.messages import Wiring
+    from sonarhw.wire.codes import Wiring
 
     return Wiring(sum(Wiring[part.name] for part in {*parts}))

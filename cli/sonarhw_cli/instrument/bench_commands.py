@@ -16,8 +16,8 @@ from sonarhw_cli.console.options import MOST_DEGREES, ZeroHere
 if TYPE_CHECKING:
     from sonarhw.link.serial_link import Link
     from sonarhw.plugins.device_plugin import DevicePlugin
+    from sonarhw.wire.codes import Outcome
     from sonarhw.wire.frames import Frame, Rejected
-    from sonarhw.wire.messages import Outcome
 
 _MOST_JOG = 10.0  # degrees
 _SHOWN = 24  # bytes of a rejected block

@@ -114,7 +114,7 @@ def _protocol(device: "DeviceInfo") -> str | None:
 
 
 def _features(can: "DeviceCapabilities") -> list[str]:
-    from sonarhw.wire.messages import Feature
+    from sonarhw.wire.codes import Feature
 
     return [(feature.name or "").lower().replace("_", " ") for feature in Feature if feature in can.features]
 

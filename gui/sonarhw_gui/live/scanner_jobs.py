@@ -13,7 +13,7 @@ from sonarhw.host.connected_scanner import ConnectedScanner
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.scanning.scan_recording import ScanPlan, record_scan
 from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.codes import Outcome
 from sonarhw_gui.live.scanner_state import JobState, Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.store.new_recording import start_recording

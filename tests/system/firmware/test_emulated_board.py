@@ -27,6 +27,7 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import Origin, Reading, Trace
+from sonarhw.wire.codes import Outcome, ResetCause
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -36,9 +37,7 @@ from sonarhw.wire.messages import (
     Heartbeat,
     Hello,
     Info,
-    Outcome,
     ReadingMessage,
-    ResetCause,
     SetBaud,
     Settings,
     Started,

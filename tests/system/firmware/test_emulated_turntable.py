@@ -12,7 +12,7 @@ from sonarhw.device.wiring_faults import WiringFault
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.readings import Reading, pings_in_place
-from sonarhw.wire.messages import Input, Outcome, Wiring
+from sonarhw.wire.codes import Input, Outcome, Wiring
 from tests.system.firmware.conftest import Echoes, scanner_on
 
 

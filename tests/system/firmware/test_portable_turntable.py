@@ -4,8 +4,8 @@ import random
 
 import pytest
 
+from sonarhw.wire.codes import Approach, Input, Outcome, Refusal, Wiring
 from sonarhw.wire.messages import (
-    Approach,
     AskStatistics,
     ConfigureTurntable,
     ConfigureWiring,
@@ -13,16 +13,12 @@ from sonarhw.wire.messages import (
     Heartbeat,
     Hello,
     Home,
-    Input,
     Message,
-    Outcome,
-    Refusal,
     Refused,
     SetZero,
     StartScan,
     Statistics,
     Turn,
-    Wiring,
     WiringSettings,
 )
 from tests.system.firmware.portable import MICROSTEPS, RAMPED, SLIPPING, PortableBoard

@@ -21,7 +21,7 @@ from sonarhw.plugins import plugin_list
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.plugins.plugin_scanner import PluginScanner
 from sonarhw.readings import Reading
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.codes import Outcome
 from tests.checkout import CHECKOUT
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 

@@ -14,8 +14,9 @@ from sonarhw.device.server_ports import TcpServerPort
 from sonarhw.errors import InputError, LinkBusy, LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
+from sonarhw.wire.codes import Outcome
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import Hello, Outcome
+from sonarhw.wire.messages import Hello
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
 

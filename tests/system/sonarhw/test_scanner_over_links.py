@@ -23,17 +23,10 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import Connection
 from sonarhw.link.serial_link import MOST
 from sonarhw.readings import Reading, ScanOrder
+from sonarhw.wire.codes import Approach, Outcome, TraceKind
 from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.limits import HOST_SILENCE, MAX_ECHOES
-from sonarhw.wire.messages import (
-    Approach,
-    Configure,
-    ConfigureTurntable,
-    Outcome,
-    Settings,
-    TraceKind,
-    TurntableSettings,
-)
+from sonarhw.wire.messages import Configure, ConfigureTurntable, Settings, TurntableSettings
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
 from tests.hang_guard import HANG, wait_until

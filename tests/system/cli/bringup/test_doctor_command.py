@@ -20,7 +20,8 @@ from sonarhw.device.faulty_board import FaultyDevice
 from sonarhw.device.wiring_faults import Wires, WiringFault
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace
-from sonarhw.wire.messages import ResetCause, Statistics, Wiring
+from sonarhw.wire.codes import ResetCause, Wiring
+from sonarhw.wire.messages import Statistics
 from tests.fixtures.example_logs import example_reading
 from tests.fixtures.plain_echoes import DISTANCE, PLATE_DEG, HallEchoes
 from tests.system.cli.instrument.test_scan_command import sonarhw

@@ -13,7 +13,7 @@ from sonarhw import sector
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError
 from sonarhw.host.device_info import DeviceInfo
-from sonarhw.wire.messages import Feature, ResetCause
+from sonarhw.wire.codes import Feature, ResetCause
 from tests.system.firmware.combinations.images import FREE_STACK, MEGA, budgets, combinations, vector
 from tests.system.firmware.conftest import Echoes, scanner_on
 

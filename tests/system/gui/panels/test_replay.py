@@ -17,7 +17,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import Log, read_log
 from sonarhw.replay.playback import Playback
-from sonarhw.wire.messages import Outcome
+from sonarhw.wire.codes import Outcome
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import PATIENCE, predicted, until
 

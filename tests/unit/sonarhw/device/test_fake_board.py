@@ -8,6 +8,7 @@ from sonarhw.device.device_protocol import BACKLOG
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.paced_line import Line
 from sonarhw.host.driver import Driver
+from sonarhw.wire.codes import Outcome, Refusal
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -18,9 +19,7 @@ from sonarhw.wire.messages import (
     Home,
     Info,
     Message,
-    Outcome,
     ReadingMessage,
-    Refusal,
     Refused,
     Resend,
     Settings,

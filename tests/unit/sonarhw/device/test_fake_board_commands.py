@@ -3,6 +3,7 @@
 import pytest
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
+from sonarhw.wire.codes import Feature, Outcome, Refusal
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import BAUD_TIMEOUT, HOST_SILENCE, RECEIVE_ROOM
 from sonarhw.wire.messages import (
@@ -12,7 +13,6 @@ from sonarhw.wire.messages import (
     Capabilities,
     Configure,
     ConfigureTurntable,
-    Feature,
     Finished,
     Heartbeat,
     Hello,
@@ -20,9 +20,7 @@ from sonarhw.wire.messages import (
     Info,
     LinkTested,
     Message,
-    Outcome,
     ReadingMessage,
-    Refusal,
     Refused,
     SetBaud,
     Settings,

@@ -9,8 +9,9 @@ from sonarhw.device.fault_schedule import KNOWN, AfterPings, At, Event, FaultKin
 from sonarhw.device.line_noise import LineNoise
 from sonarhw.errors import InputError, SonarError
 from sonarhw.host.driver import Driver
+from sonarhw.wire.codes import Outcome, Refusal
 from sonarhw.wire.frames import Frame, FrameDecoder
-from sonarhw.wire.messages import AskStatistics, Hello, Home, Outcome, Refusal, Refused, StartScan, Statistics, Turn
+from sonarhw.wire.messages import AskStatistics, Hello, Home, Refused, StartScan, Statistics, Turn
 from tests.checkout import CHECKOUT
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.joined import Joined

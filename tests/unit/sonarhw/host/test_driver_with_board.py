@@ -10,6 +10,7 @@ import pytest
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import NoAnswer
 from sonarhw.host.driver import ASK_AGAIN, ASKS, NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
+from sonarhw.wire.codes import Outcome, State
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -20,13 +21,11 @@ from sonarhw.wire.messages import (
     Home,
     Info,
     Message,
-    Outcome,
     ReadingMessage,
     Resend,
     Settings,
     Started,
     StartScan,
-    State,
     Stop,
     Turn,
 )

@@ -14,17 +14,9 @@ from sonarhw.host.conversation import MOVE_WITHIN
 from sonarhw.host.session import Connection, Session
 from sonarhw.link.serial_link import BOOTLOADER
 from sonarhw.readings import Reading, pings_in_place
+from sonarhw.wire.codes import Outcome, Zero
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import (
-    Configure,
-    ConfigureTurntable,
-    Heartbeat,
-    Outcome,
-    ReadingMessage,
-    StartScan,
-    Turn,
-    Zero,
-)
+from sonarhw.wire.messages import Configure, ConfigureTurntable, Heartbeat, ReadingMessage, StartScan, Turn
 from sonarhw.wire.reading_messages import start_scan
 from tests.conftest import Count
 from tests.fixtures.joined import dropping, flipping, without

@@ -12,6 +12,7 @@ from sonarhw.log import Log, read_log
 from sonarhw.readings import Reading
 from sonarhw.replay.replayed_log import ReplayDevice
 from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.codes import Outcome, Refusal, State
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -22,15 +23,12 @@ from sonarhw.wire.messages import (
     Home,
     Info,
     Message,
-    Outcome,
     ReadingMessage,
-    Refusal,
     Refused,
     Resend,
     Settings,
     Started,
     StartScan,
-    State,
     Stop,
     TraceChunk,
     Turn,

@@ -12,6 +12,7 @@ from sonarhw.device.device_protocol import ProtocolDevice
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.log import Log, read_log
 from sonarhw.replay.replayed_log import ReplayDevice
+from sonarhw.wire.codes import Outcome
 from sonarhw.wire.fields import Samples, Scalar
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
@@ -23,7 +24,6 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Message,
-    Outcome,
     StartScan,
     Stop,
     unpack_message,

@@ -5,8 +5,9 @@ import pytest
 
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.codes import TraceKind
 from sonarhw.wire.limits import CHUNK
-from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk, TraceKind
+from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk
 from sonarhw.wire.reading_messages import trace_chunks
 
 
