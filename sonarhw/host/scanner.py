@@ -58,6 +58,7 @@ from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per
 
 _STOP_WITHIN = 1.5  # s
 _HEARTBEAT_WITHIN = 3.0  # s
+_PROBE_WITHIN = 2.5  # s; a board that was reset by the opening of its port needs time to start
 T = TypeVar("T")
 
 
@@ -398,3 +399,15 @@ class Scanner:
 def _raise_error(job: Job) -> None:
     if job.error is not None:
         raise job.error
+
+
+def probe_port(url: str, patience: float = _PROBE_WITHIN) -> tuple[bool, str]:
+    """Return whether a scanner answers at `url` within `patience` s, and its identity or the reason in one line.
+
+    Opening a port may reset the board behind it.
+    """
+    try:
+        with Scanner.open(url, patience=patience) as scanner:
+            return True, f"scanner {scanner.info.serial}, {scanner.info.firmware}"
+    except SonarError as error:
+        return False, f"no scanner: {str(error).removeprefix(f'{url}: ')}"

@@ -57,7 +57,7 @@ def _described(port: "Port") -> dict[str, Any]:
 
 def _asked(port: "Port", wanted: bool) -> dict[str, Any]:
     """Return whether a scanner answers at a port, and its answer; None if it was not checked."""
-    from sonarhw.host.port_probe import probe_port
+    from sonarhw.host.scanner import probe_port
 
     scanner, answer = probe_port(port.device) if wanted else (None, None)
     return {"scanner": scanner, "answer": answer}

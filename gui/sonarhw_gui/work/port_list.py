@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from sonarhw.errors import LinkError
-from sonarhw.host.port_probe import probe_port
+from sonarhw.host.scanner import probe_port
 from sonarhw.link.ports import Port, serial_ports
 from sonarhw.text.line_guess import LineGuess, guess_lines
 from sonarhw_gui.work.worker import Failure, Worker

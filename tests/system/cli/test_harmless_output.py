@@ -14,7 +14,7 @@ from sonarhw_cli.app import run
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.export.encoded_log import write_scan
-from sonarhw.host import port_probe
+from sonarhw.host import scanner
 from sonarhw.link import ports
 from tests.fixtures.example_logs import METADATA, example_reading
 
@@ -138,7 +138,7 @@ def test_a_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_port(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ports, "serial_ports", lambda: [ports.Port("/dev/ttyUSB0", EVIL)])
-    monkeypatch.setattr(port_probe, "probe_port", lambda _: (False, EVIL))
+    monkeypatch.setattr(scanner, "probe_port", lambda _: (False, EVIL))
     assert r"\x1b]0;owned" in printed(capsys, "ports", "--ask")
 
 

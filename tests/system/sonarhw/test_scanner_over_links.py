@@ -248,8 +248,7 @@ def test_a_scan_left_running_by_a_client_does_not_disturb_the_next_client(served
         scan = first.scan(LONG)
         next(scan)
         # ends without Stop, like a killed process
-        first._closing.set()
-        first._thread.join()
+        first._thread.close()
         with Scanner.open(endpoint.url) as second:
             check_scan(list(second.scan(ORDER)) if second.home() is Outcome.DONE else [])
         scan.close()

@@ -17,8 +17,7 @@ from sonarhw_gui.store.file_watch import WatchedFile
 from sonarhw_gui.work.port_list import PortList
 
 from sonarhw.errors import InputError
-from sonarhw.host.port_probe import probe_port
-from sonarhw.host.scanner import Scanner
+from sonarhw.host.scanner import Scanner, probe_port
 from sonarhw.link.ports import Port, Usb
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
