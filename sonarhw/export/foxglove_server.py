@@ -14,6 +14,7 @@ from sonarhw.log.viewer.channels import DECODED, reading_messages
 from sonarhw.log.viewer.laser_scan import laser_scan
 from sonarhw.readings import Reading
 
+_LAST_SENT_WITHIN = 1.0  # s; the SDK drops what it has not sent when it stops, and does not report when all is sent
 PREDICTION = "/prediction"  # a LaserScan for each one of /scan, at the same headings and with the same time
 
 
@@ -54,7 +55,11 @@ class FoxgloveServer:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._server.stop()
+        try:
+            if any(channel.has_sinks() for channel in self._channels.values()):
+                time.sleep(_LAST_SENT_WITHIN)
+        finally:
+            self._server.stop()
 
     def reading(self, reading: Reading) -> None:
         """Publish a reading and its trace."""

@@ -94,9 +94,12 @@ class PortFinder:
 
     def _check_same_terminal(self) -> None:
         """The system gives the number of a closed pseudo-terminal to the next program that opens one."""
-        if not self._url.startswith(_TERMINALS) or not os.path.exists(self._url):
+        if not self._url.startswith(_TERMINALS):
             return
-        created = os.stat(self._url).st_ctime_ns
+        try:
+            created = os.stat(self._url).st_ctime_ns
+        except FileNotFoundError:
+            return
         if self._created not in (None, created):
             raise LinkError(f"{self._url}: the pseudo-terminal is gone, and another program has its number now")
         self._created = created

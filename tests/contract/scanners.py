@@ -17,6 +17,7 @@ from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.free_port import free_port
 from tests.hang_guard import HANG, wait_until
 
 ROOM = CHECKOUT / "rooms" / "simple.toml"
@@ -64,7 +65,7 @@ def behind_ser2net() -> Iterator[str]:
 def ser2net(device: str) -> Iterator[str]:
     """Serve a serial port on the network with ser2net."""
     with TemporaryDirectory() as folder:
-        port = _free_port()
+        port = free_port()
         config = Path(folder) / "ser2net.yaml"
         config.write_text(_SER2NET.format(port=port, device=device))
         with _running("ser2net", "-n", "-u", "-c", str(config)):
@@ -129,11 +130,6 @@ def _running(*command: str) -> Iterator[subprocess.Popen[str]]:
                 process.wait(timeout=HANG)
             except subprocess.TimeoutExpired:
                 process.kill()
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return int(free.getsockname()[1])
 
 
 def _listens(port: int) -> bool:

@@ -13,7 +13,6 @@ import re
 import shlex
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -26,6 +25,7 @@ import pytest
 from sonarhw_cli.app import run
 
 from tests.checkout import CHECKOUT
+from tests.free_port import free_port
 from tests.hang_guard import HANG
 from tests.system.docs.page_blocks import PYTHON, SHELL, Block, Command, blocks_of
 
@@ -52,8 +52,7 @@ class Reader:
         self._servers: list[subprocess.Popen[str]] = []
         self._folder = folder
         self._environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self._port = f"127.0.0.1:{free.getsockname()[1]}"
+        self._port = f"127.0.0.1:{free_port()}"
 
     def read(self, block: Block) -> None:
         """Run a block, and check its output."""

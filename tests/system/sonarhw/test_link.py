@@ -1,5 +1,6 @@
 """The effects of a link on its port: DTR, speed, and the error when the port fails."""
 
+import itertools
 import os
 import termios
 from collections.abc import Iterator
@@ -12,6 +13,9 @@ from sonarhw.errors import LinkError, LinkLost
 from sonarhw.link.ports import PortFinder
 from sonarhw.link.serial_link import BOOTLOADER, Link
 from sonarhw.wire.limits import FIRST_BAUD
+from tests.hang_guard import wait_until
+
+Ends = tuple[int, int]  # of a pseudo-terminal
 
 
 class SpiedPort(serial.SerialBase):  # type: ignore[misc]
@@ -127,19 +131,35 @@ def test_a_terminal_that_another_program_has_now_is_not_opened_again() -> None:
     find = PortFinder(url)
     assert [find(), find()] == [url, url]
     created = os.stat(url).st_ctime_ns
-    for end in ends:
-        os.close(end)
-    opened: list[tuple[int, int]] = []
-    # the kernel's time of creation has steps of some ms
-    while not os.path.exists(url) or os.stat(url).st_ctime_ns == created:
-        if os.path.exists(url) and opened:
-            for end in opened.pop():
-                os.close(end)
-        opened.append(os.openpty())
+    close([ends])
+    opened: list[Ends] = []
+    wait_until(lambda: opened.extend(open_again(url, created)) or opened)
     try:
         with pytest.raises(LinkError, match="another program has its number now"):
             find()
         assert PortFinder(url)() == url
     finally:
-        for end in (end for pair in opened for end in pair):
-            os.close(end)
+        close(opened)
+
+
+def open_again(url: str, created: int) -> list[Ends]:
+    """Open terminals until one has this name; return them. None if that is another program's, or its time is the same.
+
+    The system gives the lowest free number, and counts times of creation in steps of some ms.
+    """
+    opened = [os.openpty()]
+    while number(os.ttyname(opened[-1][1])) < number(url):
+        opened.append(os.openpty())
+    if os.ttyname(opened[-1][1]) == url and os.stat(url).st_ctime_ns != created:
+        return opened
+    close(opened)
+    return []
+
+
+def number(terminal: str) -> int:
+    return int(terminal.rpartition("/")[2])
+
+
+def close(terminals: list[Ends]) -> None:
+    for end in itertools.chain.from_iterable(terminals):
+        os.close(end)

@@ -392,10 +392,10 @@ def test_an_unanswered_greeting_is_an_error() -> None:
 
 
 def test_a_closed_port_and_a_missing_file_are_named() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    with pytest.raises(LinkError, match="connection refused"):
-        Scanner.open(f"socket://127.0.0.1:{port}")
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))  # does not listen, and no other program can take it
+        with pytest.raises(LinkError, match="connection refused"):
+            Scanner.open(f"socket://127.0.0.1:{closed.getsockname()[1]}")
     with pytest.raises(LinkError, match="no such port"):
         Scanner.open("no/such/port")
     with pytest.raises(LinkError, match=r"did you mean socket://localhost:4000\?"):

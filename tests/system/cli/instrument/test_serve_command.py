@@ -9,9 +9,10 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from io import StringIO
 from pathlib import Path
 
@@ -28,9 +29,9 @@ from sonarhw.export.foxglove_server import FoxgloveServer
 from sonarhw.log import read_log
 from sonarhw.readings import Reading, Trace
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.hang_guard import HANG
 from tests.system.cli.instrument.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
 
-HANG = 60.0  # s
 DATA = struct.Struct("<BIQ")  # message data of Foxglove's protocol: 1, subscription, time in ns
 WHERE = ("--room", str(SIMPLE_ROOM), "--place", "figure9")
 
@@ -45,6 +46,12 @@ def viewer(url: str) -> Iterator[tuple[ClientConnection, dict[str, dict[str, str
         wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels.values()]
         socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         yield socket, channels
+
+
+def await_subscription(*viewers: ClientConnection) -> None:
+    """Wait until the server has handled what these viewers have sent. Nothing may be published meanwhile."""
+    for one in viewers:
+        assert one.ping().wait(HANG)
 
 
 def received(socket: ClientConnection, channels: dict[str, dict[str, str]]) -> dict[str, list[bytes]]:
@@ -76,11 +83,17 @@ def recorded(log: Path) -> tuple[dict[str, list[bytes]], dict[str, tuple[str, st
 def test_a_viewer_receives_what_the_log_holds_whatever_others_do(tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
     options = ("--foxglove", "--tcp", "127.0.0.1:0", "--traces", "--step", "20", "--sweeps", "4", "--out", log, *WHERE)
-    board = serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=2.0)
-    with board as endpoint, started("serve", endpoint.url, *options) as process:
+    watched = threading.Event()
+    board = FakeBoard(PlainEchoes(), seed=2, ready=watched.is_set)
+    with (
+        serve(board, tcp="127.0.0.1:0", pace=2.0) as endpoint,
+        started("serve", endpoint.url, *options) as process,
+    ):
         [url] = lines(process, 1)
         with viewer(url.strip()) as (watching, channels), viewer(url.strip()) as (stalled, _):
             with viewer(url.strip()) as (leaving, _):
+                await_subscription(watching, stalled, leaving)
+                watched.set()
                 leaving.recv(timeout=HANG)
                 leaving.socket.shutdown(socket.SHUT_RDWR)  # without a goodbye
             seen = received(watching, channels)
@@ -94,8 +107,7 @@ def test_a_viewer_receives_what_the_log_holds_whatever_others_do(tmp_path: Path)
         assert [channel["encoding"], channel["schemaName"], channel["schemaEncoding"]] == described
         # the schema is text in JSON, or base64
         assert channel["schema"].rstrip("=") in (schema.decode(errors="replace"), _base64(schema).rstrip("="))
-        assert 0 < len(seen[topic]) <= len(held[topic])  # the first ones may precede the viewer
-        assert seen[topic] == held[topic][-len(seen[topic]) :]
+        assert seen[topic] == held[topic]
     check_prediction(LaserScan.FromString(seen["/prediction"][-1]), LaserScan.FromString(seen["/scan"][-1]))
 
 
@@ -137,24 +149,26 @@ def test_a_stalled_viewer_neither_blocks_the_scan_nor_the_other_viewers() -> Non
     trace = Trace(np.ones(5000), 76923.0, 0.0)
     reading = Reading(0, 0, 0, 0.0, 1.0, (0.01,), 343.0, trace=trace)
     with FoxgloveServer("127.0.0.1:0") as server, viewer(server.url) as (stalled, _):
-        while not server._channels["/traces"].has_sinks():
-            pass
+        await_subscription(stalled)
         for _ in range(2000):  # 20 MB, more than the buffers of any socket
             server.reading(reading)
         with viewer(server.url) as (watching, channels):
-            while not heard(watching, channels["/readings"]["id"]):
-                server.reading(reading)  # once more: the subscription may not have been in force
+            await_subscription(watching)
+            server.reading(reading)
+            data = watching.recv(timeout=HANG)
+            assert isinstance(data, bytes)
+            assert DATA.unpack_from(data)[1] == channels["/readings"]["id"]
         stalled.socket.shutdown(socket.SHUT_RDWR)
 
 
-def heard(watching: ClientConnection, subscription: str) -> bool:
-    """Return whether the next message, if one comes soon, belongs to the subscription."""
-    try:
-        data = watching.recv(timeout=0.1)
-    except TimeoutError:
-        return False
-    assert isinstance(data, bytes)
-    return bool(DATA.unpack_from(data)[1] == subscription)
+def test_viewers_receive_what_was_published_last_before_the_end() -> None:
+    with ExitStack() as stack:
+        with FoxgloveServer("127.0.0.1:0") as server:
+            viewers = [stack.enter_context(viewer(server.url)) for _ in range(20)]
+            await_subscription(*(socket for socket, _ in viewers))
+            for number in range(5):
+                server.reading(Reading(number, 0, 0, 0.0, 1.0, (0.01,), 343.0))
+        assert [len(received(socket, channels)["/readings"]) for socket, channels in viewers] == [5] * 20
 
 
 @pytest.mark.parametrize(
