@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from sonarhw.readings import Reading
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
-from sonarhw_gui.work.fit_request import FitProgress
+from sonarhw_gui.work.run_control import RunProgress
 
 if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import FoundCauses
@@ -27,7 +27,7 @@ class CauseRequest:
     scene: Scene
     readings: tuple[Reading, ...]
     first: int  # number of the first of them among the readings shown
-    progress: FitProgress = field(compare=False)
+    progress: RunProgress = field(compare=False)
 
     def answer(self) -> CausesAnswer:
         """Run the search, which takes about ten seconds. Raises InputError."""

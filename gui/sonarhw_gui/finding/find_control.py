@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtCore import QObject, Slot
 from sonarhw_compare.room_edit import remove_surface
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.model import Room
@@ -21,7 +21,7 @@ from sonarhw_gui.finding.find_request import (
 )
 from sonarhw_gui.finding.loaded_scans import loaded_scans
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.worker import Failure, Worker
+from sonarhw_gui.work.run_control import RunControl
 
 if TYPE_CHECKING:
     from sonarhw_compare.room_finding.draft import DraftPost, DraftWall
@@ -58,20 +58,14 @@ class FindState:
         return room
 
 
-class FindControl(QObject):
+class FindControl(RunControl):
     """At most one search at a time."""
-
-    changed = Signal(object)  # FindState
-    failed = Signal(str)
 
     def __init__(self, shown: Callable[[], Shown], name: Callable[[], str], parent: QObject) -> None:
         """`shown` returns what the window shows, `name` the name of the scan in it."""
-        super().__init__(parent)
+        super().__init__("find the room", FindState(), parent)
         self._shown, self._name = shown, name
-        self.state = FindState()
-        self._progress: FindProgress | None = None
         self._newest: Hypotheses | None = None  # that `state` has
-        self._worker: Worker | None = None
         self._request: FindRequest | None = None  # the newest search
 
     @Slot(object)
@@ -116,35 +110,12 @@ class FindControl(QObject):
         """Find where to scan next."""
         if self.state.answer is not None and not self.state.running:
             request = NextRequest(self.state.answer, FindProgress())
-            self._run(request, replace(self.state, running="planning", places=()))
+            self._begin(request, replace(self.state, running="planning", places=()))
 
     @Slot()
     def note_accepted(self) -> None:
         """Note that the result was made the room of the window."""
         self._set_state(replace(self.state, accepted=True))
-
-    @Slot()
-    def cancel(self) -> None:
-        """End what runs; walls found so far stay in the list."""
-        if self._progress is not None:
-            self._progress.cancel()
-            self._progress = None
-            self._set_state(replace(self.state, running=""))
-
-    def tick(self) -> None:
-        """Emit progress and result."""
-        if self._worker is None:
-            return
-        for answer in self._worker.take():
-            self._accept(answer)
-        if self._progress is not None:
-            self._follow(self._progress)
-
-    def close(self) -> None:
-        """End the thread."""
-        self.cancel()
-        if self._worker is not None:
-            self._worker.close()
 
     @property
     def _scans(self) -> tuple[LoadedScan, ...]:
@@ -157,44 +128,28 @@ class FindControl(QObject):
 
     def _search(self, request: FindRequest, state: FindState) -> None:
         self._request = request
-        self._run(request, replace(state, running="searching", places=()))
+        self._begin(request, replace(state, running="searching", places=()))
 
-    def _run(self, request: FindRequest | NextRequest, state: FindState) -> None:
-        self.cancel()
-        if self._worker is None:
-            self._worker = Worker("find the room")
-        self._progress, self._newest = request.progress, None
-        self._worker.submit(request)
+    def _begin(self, request: FindRequest | NextRequest, state: FindState) -> None:
+        self._run(request)
+        self._newest = None
         self._set_state(replace(state, share=0.0, tried=0))
 
-    def _follow(self, progress: FindProgress) -> None:
-        state = replace(self.state, share=progress.share, tried=progress.tried)
-        newest = progress.newest
-        if newest is not self._newest:
-            self._newest = newest
-            state = replace(state, hypotheses=newest, answer=None, accepted=False)
-        if (state.share, state.tried, state.hypotheses) != self._followed:
-            self._set_state(state)
+    def _idle(self) -> FindState:
+        """Return the state with the walls found so far."""
+        return replace(self.state, running="") if self.state.running else self.state
 
-    @property
-    def _followed(self) -> tuple[float, int, Hypotheses | None]:
-        return self.state.share, self.state.tried, self.state.hypotheses
+    def _running(self, progress: FindProgress) -> FindState:
+        state = self.state
+        if progress.newest is not self._newest:
+            self._newest = progress.newest
+            state = replace(state, hypotheses=progress.newest, answer=None, accepted=False)
+        if (progress.share, progress.tried) != (state.share, state.tried):
+            state = replace(state, share=progress.share, tried=progress.tried)
+        return state
 
-    def _accept(self, answer: RoomAnswer | NextAnswer | Failure) -> None:
-        request = answer.request
-        if not isinstance(request, FindRequest | NextRequest) or request.progress is not self._progress:
-            return  # cancelled in the meantime
-        self._progress = None
-        match answer:
-            case RoomAnswer():
-                state = replace(self.state, hypotheses=answer.hypotheses, answer=answer, accepted=False)
-                self._set_state(replace(state, running="", share=1.0))
-            case NextAnswer():
-                self._set_state(replace(self.state, running="", places=answer.places))
-            case Failure():
-                self._set_state(replace(self.state, running=""))
-                self.failed.emit(answer.message)
-
-    def _set_state(self, state: FindState) -> None:
-        self.state = state
-        self.changed.emit(state)
+    def _finished(self, answer: RoomAnswer | NextAnswer) -> FindState:
+        if isinstance(answer, NextAnswer):
+            return replace(self.state, running="", places=answer.places)
+        found = replace(self.state, hypotheses=answer.hypotheses, answer=answer, accepted=False)
+        return replace(found, running="", share=1.0)

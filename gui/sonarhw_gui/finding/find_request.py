@@ -10,7 +10,7 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.work.fit_request import FitProgress
+from sonarhw_gui.work.run_control import RunProgress
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
@@ -76,7 +76,7 @@ class Hypotheses:
         return replace(self, draft=draft, supports=self.supports[:row] + self.supports[row + 1 :])
 
 
-class FindProgress(FitProgress):
+class FindProgress(RunProgress):
     """Progress of a search, its newest hypotheses, and its cancellation; shared by the thread and its caller."""
 
     def __init__(self) -> None:
@@ -91,7 +91,7 @@ class FindProgress(FitProgress):
 
     def tick(self, share: float) -> None:
         """Store the share that is done. Raises Cancelled."""
-        self.report(share, "")
+        self.report(share)
         self.raise_if_cancelled()
 
     def raise_if_cancelled(self) -> None:

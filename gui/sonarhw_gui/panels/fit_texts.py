@@ -3,9 +3,9 @@
 import math
 from typing import TYPE_CHECKING
 
+from sonarhw_gui.fitting.fit_request import FitFound
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.look.residual_unit import residual_unit
-from sonarhw_gui.work.fit_request import FitFound
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, Parameter  # importing it takes half a second

@@ -16,6 +16,8 @@ from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw_gui.causes.cause_control import CauseControl
 from sonarhw_gui.finding.find_control import FindControl
+from sonarhw_gui.fitting.fit_control import FitControl
+from sonarhw_gui.fitting.fit_request import FitSettings
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.scanner_place import ConnectScanner, ScannerPlace
 from sonarhw_gui.live.window_status import Status
@@ -24,7 +26,6 @@ from sonarhw_gui.scans.scan_list import ScanList
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.scene.scene_edit import with_board
 from sonarhw_gui.session.file_saver import FileSaver
-from sonarhw_gui.session.fit_control import FitControl
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerFinder, ScannerTarget
 from sonarhw_gui.session.shown_model import ShownModel
@@ -45,7 +46,6 @@ from sonarhw_gui.store.open_requests import (
     RoomOpened,
     is_csv,
 )
-from sonarhw_gui.work.fit_request import FitSettings
 
 TICK = 30  # ms
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
@@ -183,8 +183,8 @@ class WindowSession(QObject):
 
         `source`: the file of unsaved changes that the scene was restored from, if any.
         """
-        self.fitting.forget()
-        self.causes.forget()
+        self.fitting.cancel()
+        self.causes.cancel()
         self.showing.replace_scene(scene)
         self.unsaved.open(scene, source)
         self._update_status()
@@ -451,8 +451,8 @@ class WindowSession(QObject):
         self.files.watch(WatchedFile.LOG, None)
         self._torn = None
         self._source.begin()
-        self.fitting.forget()
-        self.causes.forget()
+        self.fitting.cancel()
+        self.causes.cancel()
         self.showing.begin()
 
     @Slot()

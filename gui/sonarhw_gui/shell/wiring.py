@@ -49,14 +49,14 @@ def connect_fit(panel: FitPanel, session: WindowSession) -> None:
     """Connect the fit panel with the fits of the session."""
     panel.edited.connect(session.showing.edit)
     panel.requested.connect(session.find_pose)
-    panel.cancelled.connect(session.fitting.forget)
+    panel.cancelled.connect(session.fitting.cancel)
     session.fitting.changed.connect(panel.show_fit)
 
 
 def connect_causes(panel: CausesPanel, session: WindowSession) -> None:
     """Connect the panel of causes with the search of the session."""
     panel.requested.connect(session.find_causes)
-    panel.cancelled.connect(session.causes.forget)
+    panel.cancelled.connect(session.causes.cancel)
     panel.edited.connect(session.showing.edit)
     panel.undone.connect(session.showing.undo)
     panel.proposed.connect(session.showing.propose)

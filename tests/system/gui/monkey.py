@@ -187,7 +187,7 @@ class Monkey:
                 ("remove a scan", lambda: session.scans.remove(0)),
                 ("compare scans", lambda: session.scans.compare(0, -1) if session.scans.scans else None),
                 ("search causes", session.find_causes),
-                ("end the search", session.causes.forget),
+                ("end the search", session.causes.cancel),
                 ("find the room", lambda: session.finding.start(ACCURACIES[0])),
                 ("reject a wall", lambda: session.finding.reject(0)),
                 ("end the search for the room", session.finding.cancel),

@@ -137,8 +137,8 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
         dialog.close()
     session.stop()
     session.sound.close()
-    session.fitting.forget()
-    session.causes.forget()
+    session.fitting.cancel()
+    session.causes.cancel()
     session.finding.cancel()
     until(qtbot, lambda: not session.live.running and not session.saver.busy and not session.documents.busy)
     while session.scans.scans:

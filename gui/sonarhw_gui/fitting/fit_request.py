@@ -1,6 +1,5 @@
-"""A request to fit the pose of the scanner to its readings, its progress, and its answer."""
+"""A request to fit the pose of the scanner to its readings, and its answer."""
 
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
+from sonarhw_gui.work.run_control import RunProgress
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult, Parameter
@@ -46,27 +46,6 @@ class FitFound:
     solutions: tuple[FitSolution, ...]  # the best first
 
 
-class FitProgress:
-    """Progress of a running fit, and its cancellation; shared by the thread of the fit and its caller."""
-
-    def __init__(self) -> None:
-        self.share, self.step = 0.0, "beginning"
-        self._stop = threading.Event()
-
-    def report(self, share: float, step: str) -> None:
-        """Store the share that is done and the current step."""
-        self.share, self.step = share, step
-
-    def cancel(self) -> None:
-        """Ask the fit to end."""
-        self._stop.set()
-
-    @property
-    def cancelled(self) -> bool:
-        """Whether the fit should end."""
-        return self._stop.is_set()
-
-
 @dataclass(frozen=True)
 class FitRequest:
     """Fit the pose of the scanner."""
@@ -74,7 +53,7 @@ class FitRequest:
     scene: Scene
     readings: tuple[Reading, ...]
     settings: FitSettings
-    progress: FitProgress = field(compare=False)
+    progress: RunProgress = field(compare=False)
 
     def answer(self) -> FitFound:
         """Run the fit, which takes about ten seconds. Raises InputError, Cancelled."""

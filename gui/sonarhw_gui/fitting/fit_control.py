@@ -1,0 +1,41 @@
+"""Starts, observes and cancels the fit, which runs in a thread; at most one at a time."""
+
+from dataclasses import dataclass
+
+from PySide6.QtCore import QObject
+
+from sonarhw.readings import Reading
+from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.run_control import RunControl, RunProgress
+
+_MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
+
+
+@dataclass(frozen=True)
+class FitState:
+    """State of the fit: none, running, or finished."""
+
+    running: bool = False
+    share: float = 0.0
+    step: str = ""
+    found: FitFound | None = None
+
+
+class FitControl(RunControl):
+    """At most one fit at a time."""
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__("fit", FitState(), parent)
+
+    def start(self, settings: FitSettings, scene: Scene, readings: tuple[Reading, ...]) -> None:
+        """Start a fit; a running one is cancelled."""
+        request = FitRequest(scene, readings[-_MOST_READINGS:], settings, RunProgress())
+        self._run(request)
+        self._set_state(self._running(request.progress))
+
+    def _running(self, progress: RunProgress) -> FitState:
+        return FitState(running=True, share=progress.share, step=progress.step)
+
+    def _finished(self, answer: FitFound) -> FitState:
+        return FitState(found=answer)
