@@ -33,6 +33,7 @@ class RankedEcho:
     blanked: bool
     lacking_db: float  # threshold minus level; 0 or less: loud enough
     behind: float | None  # m, its range minus that of the winner; None: it wins, is nearer, or there is no winner
+    half: float  # m, half of the path; the receiver of the board adds the rest of the winner's range
 
     @property
     def too_weak(self) -> bool:
@@ -86,9 +87,14 @@ def remedy(prediction: PredictedScan, index: int, candidate: RankedEcho) -> Reme
 
 
 def outcome_text(candidate: RankedEcho, text: LengthText = in_metres) -> str:
-    """Return what becomes of a candidate: `wins`, `blanked`, `0.7 dB too weak`, `0.030 m behind the winner`."""
+    """Return what becomes of a candidate: `wins`, `blanked`, `0.7 dB too weak`, `0.030 m behind the winner`.
+
+    For the winner, also what the receiver of the board adds to its range.
+    """
     if candidate.wins:
-        return "wins"
+        late = candidate.range - candidate.half
+        same = text(candidate.range) == text(candidate.half)
+        return "wins" if same else f"wins, receiver {'adds' if late > 0 else 'subtracts'} {text(abs(late))}"
     if candidate.blanked:
         return "blanked"
     parts = [f"{candidate.lacking_db:.1f} dB too weak"] if candidate.too_weak else []
@@ -153,7 +159,9 @@ def _candidate(prediction: PredictedScan, echo: Echo) -> RankedEcho:
         ideal = path_loss_db(np.array([echo.length]), board)
         level += float((stepped_gain_db(np.array([time]), board) - ideal)[0])
     lacking = board.threshold_db - level
-    return RankedEcho(echo.path, echo.range, level, time, False, time < board.blanking_end, lacking, None)
+    return RankedEcho(
+        echo.path, echo.range, level, time, False, time < board.blanking_end, lacking, None, echo.length / 2
+    )
 
 
 def _behind(candidate: RankedEcho, winner: RankedEcho) -> RankedEcho:

@@ -38,6 +38,8 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
         return f"{measured}: own body, an echo of the carrier of the sensor and not of the room"
     change = _slight_change(row, prediction)
     parts = [f"{measured}: {_account(row, prediction, text, nearly=change is not None)}"]
+    if row.kind is Kind.MATCH and row.path == prediction.winners[row.index]:
+        parts += receiver_part(prediction, row.index, text)
     parts += _within_blanking(prediction, row.index, row.path, text)
     if change is not None:
         direction = "higher" if change > 0 else "lower"
@@ -55,15 +57,16 @@ def explain_heading(prediction: PredictedScan, index: int, text: LengthText = in
         parts = [f"no echo is predicted at {at}"]
     else:
         by = describe_path(prediction, winner) if winner >= 0 else _NO_PATH
-        parts = [f"{text(range_)} predicted at {at}: {by}", *_added(prediction, winner, range_, text)]
+        parts = [f"{text(range_)} predicted at {at}: {by}", *receiver_part(prediction, index, text)]
     parts += _within_blanking(prediction, index, winner, text)
     if _is_exact(prediction):
         parts += _barely(index, prediction, text)
     return "; ".join(parts)
 
 
-def _added(prediction: PredictedScan, path: int, range_: float, text: LengthText) -> list[str]:
-    """Return what the board adds to half of the length of a path, if that changes the range: its receiver, rounding."""
+def receiver_part(prediction: PredictedScan, index: int, text: LengthText) -> list[str]:
+    """Return what the receiver adds to half of the path that is predicted at heading `index`; [] if that is nothing."""
+    range_, path = float(prediction.ranges[index]), int(prediction.winners[index])
     half = float(prediction.apparent_lengths[path]) / 2 if path >= 0 else range_
     if text(half) == text(range_):
         return []

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from scipy.special import j1
 from sonarhw_compare.explain.candidates import RankedEcho, candidates, outcome_text, remedy, remedy_text, runner_up
-from sonarhw_compare.explain.sentences import explain_heading
+from sonarhw_compare.explain.sentences import explain_heading, explain_reading
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
 from sonarhw_sim.room.model import Place, load_room
+
+from sonarhw.readings import Reading
 
 ROOM = load_room("rooms/simple.toml")
 PLACE = ROOM.place("figure9")  # 0.774 m from the left wall, 0.085 m from the bottom, 0.657 m from the top
@@ -153,3 +156,15 @@ def test_the_sentence_about_a_heading_states_what_the_receiver_adds_to_the_path(
     assert range_ > 0.828
     short = predict_scan(ROOM, PLACE, replace(BOARD, range_offset=-0.01), np.radians([270.0]))
     assert "half of the path is 0.827 m, and the receiver of the board subtracts 0.010 m" in explain_heading(short, 0)
+
+
+def test_the_sentence_about_a_reading_and_the_row_of_the_winner_state_what_the_receiver_adds() -> None:
+    board, speed = load_board("polaroid-6500"), ROOM.air.speed_of_sound
+    scan = predict_scan(ROOM, PLACE, board, np.radians([270.0]))
+    range_ = float(scan.ranges[0])
+    reading = Reading(0, 0, 0, math.radians(270.0), 0.0, (2 * range_ / speed,), speed)
+    said = explain_reading(compare_readings([reading], ROOM, PLACE, board, heading=0.0), 0)
+    added = f"{range_ - 0.827:.3f} m"
+    assert range_ > 0.828
+    assert f"; half of the path is 0.827 m, and the receiver of the board adds {added}; " in said
+    assert outcome_text(candidates(scan, 0)[0]) == f"wins, receiver adds {added}"

@@ -93,6 +93,6 @@ def test_another_echo_wins_exactly_after_the_returned_shift_of_a_wall(position: 
 def test_a_sentence_mentions_a_small_shift_of_a_wall() -> None:
     reading = Reading(0, 0, 0, math.radians(320.0), 0.0, (2 * 0.3 / 340.0,), 340.0)
     sentence = explain_reading(compare_readings([reading], ROOM, Place("", (1.805, 0.3)), BOARD), 0)
-    assert sentence.startswith("0.300 m at 320.0°: one reflection, east; with ")
+    assert sentence.startswith("0.300 m at 320.0°: one reflection, east; half of the path is 0.295 m, ")
     assert sentence.endswith(" it would be one reflection, south")
     assert "with east 0.005 m farther" in sentence or "with south 0.005 m nearer" in sentence
