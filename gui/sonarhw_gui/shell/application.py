@@ -25,7 +25,7 @@ from sonarhw_gui.session.memory import Memory, read_memory
 from sonarhw_gui.session.scanner_choice import ScannerFinder
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.display import check_display
-from sonarhw_gui.shell.garbage import collected_between_events
+from sonarhw_gui.shell.garbage import collected_between_events, return_large_blocks
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shell.window_memory import MemoryWriter, restore_window
 from sonarhw_gui.store.file_watch import WatchedFile
@@ -71,6 +71,7 @@ def run_window(start: WindowStart) -> int:
 
 def open_application() -> QApplication:
     """Return the application of this process, with the same style on every system."""
+    return_large_blocks()
     running = QApplication.instance()
     application = running if isinstance(running, QApplication) else QApplication(["sonarhw"])
     application.setApplicationName("sonarhw")

@@ -1,6 +1,11 @@
-"""Garbage of the window is freed in its own thread, even if another thread reaches the collector's threshold."""
+"""Garbage of the window is freed in its own thread, even if another thread reaches the collector's threshold.
+
+Large blocks of freed memory go back to the system.
+"""
 
 import gc
+import subprocess
+import sys
 import threading
 import weakref
 
@@ -9,6 +14,24 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.shell.garbage import collected_between_events
 
 from tests.system.gui.driving import until
+
+# the resident memory, MiB, that 100 arrays of 1 MiB leave when they are freed; small arrays between them stay
+_FREED = """
+import numpy as np
+from pathlib import Path
+from sonarhw_gui.shell.garbage import return_large_blocks
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
+
+{setting}
+np.ones(3 * 2**20)  # 24 MiB, freed at once: glibc raises its limit for blocks that it returns
+before = resident()
+pairs = [(np.ones(2**17), np.ones(1000)) for _ in range(100)]
+kept = [small for _, small in pairs]
+del pairs
+print(resident() - before)
+"""
 
 
 class _Ring:
@@ -49,3 +72,13 @@ def test_automatic_collection_is_enabled_afterwards() -> None:
     with collected_between_events():
         assert not gc.isenabled()
     assert gc.isenabled()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
+def test_freed_arrays_between_small_objects_go_back_to_the_system() -> None:
+    def left(setting: str) -> float:
+        command = [sys.executable, "-c", _FREED.format(setting=setting)]
+        return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+    assert left("return_large_blocks()") < 10
+    assert left("") > 50  # otherwise the setting is not needed
