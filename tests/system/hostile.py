@@ -60,7 +60,7 @@ COMMANDS = (
     "log recover scanned/scan.mcap --out again.mcap",
     "compare scanned/scan.mcap --json --plot overlay.png",
     "compare imported.mcap --room room.toml --place figure9",
-    "fit scanned/scan.mcap --free heading --samples 0 --json",
+    "fit imported.mcap --room room.toml --place figure9 --free heading --samples 0 --json",
     "report scanned/scan.mcap --out report.html",
 )
 

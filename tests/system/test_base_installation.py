@@ -77,7 +77,7 @@ def sonarhw(program: str, tmp_path: Path) -> Sonarhw:
 def test_commands_need_no_extra(program: str, tmp_path: Path) -> None:
     in_room = ("--room", str(ROOM), "--place", "bench")
     commands = [
-        ["scan", f"fake:{ROOM}?place=bench&seed=1&pace=max", "--out", "scan.mcap", "--step", "6", "--traces"],
+        ["scan", f"fake:{ROOM}?place=bench&seed=1&pace=max", "--out", "scan.mcap", "--step", "15", "--traces"],
         ["simulate", str(ROOM), "--place", "bench", "--step", "30", "--out", "predicted.png"],
         ["report", "scan.mcap", "--out", "scan.html", *in_room],
         ["fit", "scan.mcap", "--free", "heading", "--samples", "0", *in_room],

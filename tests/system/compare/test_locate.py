@@ -116,7 +116,7 @@ def test_the_command_writes_poses_as_json_and_a_picture(tmp_path: Path, capsys: 
 
 def test_a_scan_of_another_room_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "scan.mcap"
-    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--step", "6", "--out", str(log)]) == 0
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--step", "12", "--out", str(log)]) == 0
     capsys.readouterr()
     assert run(["locate", str(log), "--room", "rooms/simple.toml", "--json"]) == 0
     printed = capsys.readouterr()

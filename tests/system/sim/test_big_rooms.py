@@ -1,7 +1,7 @@
 """Rooms with very many walls: memory of a whole process that loads the room and predicts a scan.
 
-With `--soak`, the rooms have twice as many walls, or five times as many if they are apart. Memory that grows with the
-square of the number of walls is above the limits at both sizes.
+With `--soak`, the rooms have four times as many walls, or five times as many if they are apart. Memory that grows with
+the square of the number of walls is above the limits at both sizes.
 """
 
 import subprocess
@@ -57,9 +57,9 @@ def compiled() -> None:
     ("walls", "normal", "full"),
     [
         ("apart", (20_000, 500), (100_000, 1000)),
-        ("star", (10_000, 400), (20_000, 500)),
-        ("nearly one point", (10_000, 400), (20_000, 500)),
-        ("same", (10_000, 400), (20_000, 500)),
+        ("star", (5_000, 270), (20_000, 500)),
+        ("nearly one point", (5_000, 270), (20_000, 500)),
+        ("same", (5_000, 270), (20_000, 500)),
     ],
 )
 def test_memory_of_a_room_with_very_many_walls(
