@@ -13,7 +13,7 @@ LEAST = 0.9  # of intervals that state 95 %
 
 
 @pytest.mark.timeout(36_000)
-@pytest.mark.parametrize("traces", [True, False])
+@pytest.mark.parametrize("traces", [pytest.param(True, marks=pytest.mark.soak), False])
 def test_intervals_contain_the_constants(count: Count, traces: bool) -> None:
     random, start, held = np.random.default_rng(11), start_board(), []
     for seed in range(count(1, 60)):
