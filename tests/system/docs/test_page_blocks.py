@@ -38,7 +38,9 @@ PAGES = [
 LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md"}  # minutes; complete with --soak
 PLAIN = re.compile(r"sonarhw [\w ./:,=@+-]+")  # without quotes, patterns, pipes and redirections
 NOT_CODE = ("text", "toml", "c")
-SEARCHES = ("sonarhw fit ", "sonarhw locate ")  # the last digits of a maximum differ between processors
+# Units by which the last digit of a maximum differs between processors. The likelihood of a pose is rough: on another
+# processor, the search ends at another step of it, up to 0.3 of the stated standard deviation away.
+SEARCHES = {"sonarhw fit ": 5, "sonarhw locate ": 30}
 DECIMAL = re.compile(r"-?\d+\.\d+")
 SERVERS = ("sonarhw fake ", "sonarhw replay ")
 PORT = "127.0.0.1:4000"  # of the pages; another test may use it, so each page gets a free one
@@ -70,8 +72,8 @@ class Reader:
         assert status == 0, f"{block.where}: {command.text}\n{printed}"
         if command.printed:
             expected = self._own(command.printed)
-            same = alike if text.startswith(SEARCHES) else str.__eq__
-            assert same(printed, expected), f"{block.where}: {command.text}\n{printed}expected:\n{expected}"
+            units = next((most for search, most in SEARCHES.items() if text.startswith(search)), 0)
+            assert alike(printed, expected, units), f"{block.where}: {command.text}\n{printed}expected:\n{expected}"
 
     def _in_a_shell(self, text: str) -> tuple[int, str]:
         done = subprocess.run(
@@ -113,21 +115,24 @@ class Reader:
                 server.wait(timeout=HANG)
 
 
-def alike(one: str, other: str) -> bool:
-    """Return whether two texts are equal but for up to five units in the last digit of decimal numbers."""
+def alike(one: str, other: str, units: int) -> bool:
+    """Return whether two texts are equal but for up to some units in the last digit of decimal numbers."""
+    if not units:
+        return one == other
     numbers, others = DECIMAL.findall(one), DECIMAL.findall(other)
     if DECIMAL.sub("0.0", one) != DECIMAL.sub("0.0", other):
         return False
     return all(
-        abs(float(a) - float(b)) <= 5.01 * 10.0 ** -len(b.partition(".")[2])
+        abs(float(a) - float(b)) <= (units + 0.01) * 10.0 ** -len(b.partition(".")[2])
         for a, b in zip(numbers, others, strict=True)
     )
 
 
 def test_only_the_last_digit_of_a_search_may_differ() -> None:
-    assert alike("at 2.8997 m, 85% of 72\n", "at 2.8994 m, 85% of 72\n")
-    assert not alike("at 2.8997 m\n", "at 2.8987 m\n")
-    assert not alike("85%\n", "86%\n")
+    assert alike("at 2.8997 m, 85% of 72\n", "at 2.8994 m, 85% of 72\n", 5)
+    assert not alike("at 2.8997 m\n", "at 2.8987 m\n", 5)
+    assert not alike("at 2.8997 m\n", "at 2.8996 m\n", 0)
+    assert not alike("85%\n", "86%\n", 5)
 
 
 def _in_this_process(text: str) -> tuple[int, str]:

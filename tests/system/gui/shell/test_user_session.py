@@ -22,8 +22,13 @@ def closed(path: Path) -> Log | None:
 
 def shown_heading(program: Outside) -> float:
     """Return the heading of the sentence; not a number while a draft is shown."""
+    return shown_reading(program)[0]
+
+
+def shown_reading(program: Outside) -> tuple[float, str]:
+    """Return heading and range of the sentence; not a number and nothing while a draft is shown."""
     found = SENTENCE.match(program.sentence())
-    return float(found["heading"]) if found else math.nan
+    return (float(found["heading"]), found["range"]) if found else (math.nan, "")
 
 
 def range_texts(log: Log) -> dict[float, str]:
@@ -53,7 +58,7 @@ def test_a_csv_scan_is_shown_in_the_given_room(tmp_path: Path) -> None:
             "room, place and origin",
         )
         awaited(lambda: program.badge(LIGHT.replay), "the badge of a replay")
-        awaited(lambda: SENTENCE.match(program.sentence())["range"] == "0.657 m", "its last reading")
+        awaited(lambda: shown_reading(program)[1] == "0.657 m", "its last reading")
         program.key("ctrl+q")
         assert program.ended() == (0, "")
     assert [path.name for path in program.recordings] == ["turret.mcap"]
@@ -69,8 +74,8 @@ def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -
         ranges = range_texts(awaited(lambda: closed(recording), "the end of the recording"))
 
         awaited(lambda: click_selects_the_reading(program), "the sentence of the clicked reading")
-        sentence = SENTENCE.match(program.sentence())
-        assert ranges[float(sentence["heading"])] == sentence["range"]
+        heading, distance = shown_reading(program)
+        assert ranges[heading] == distance
 
         x, y = program.sensor()
         program.drag((x, y), (x + 40, y + 20))
