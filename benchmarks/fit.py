@@ -16,6 +16,7 @@ from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
+from scipy.stats import binomtest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, X, Y
@@ -144,10 +145,16 @@ def print_mismatches(draws: int) -> None:
             for key in drawn[0].errors:
                 unit, scale = {"heading": ("°", math.degrees(1)), "threshold": ("dB", 1.0)}.get(key, ("mm", 1e3))
                 stated = np.median([one.deviations[key] for one in drawn]) * scale
-                cells.append(f"{key} {np.mean([one.covered[key] for one in drawn]):4.0%} ± {stated:.2f} {unit}")
+                cells.append(f"{key} {_of_all([one.covered[key] for one in drawn])} ± {stated:.2f} {unit}")
             named = [one.named for one in drawn if one.named is not None]
-            shown = f"named {np.mean(named):.0%}" if named else f"warned {np.mean([one.warned for one in drawn]):.0%}"
+            shown = f"named {_of_all(named)}" if named else f"warned {_of_all([one.warned for one in drawn])}"
             print(f"{mismatch:12} {'  '.join(cells)}  {shown}", flush=True)
+
+
+def _of_all(held: Sequence[bool]) -> str:
+    """Return count and share with its 95 % interval (Clopper and Pearson): `16 of 17 (71 to 100 %)`."""
+    share = binomtest(sum(held), len(held)).proportion_ci()
+    return f"{sum(held)} of {len(held)} ({share.low * 100:.0f} to {share.high:.0%})".replace("%)", " %)")
 
 
 def _near(parameter: Parameter, truth: dict[str, float], random: np.random.Generator) -> Parameter:

@@ -23,6 +23,18 @@ def test_every_command_is_listed_and_has_help() -> None:
     assert [name for name, command in commands.items() if not command.help] == []
 
 
+def test_single_sensors_are_examples_of_the_population() -> None:
+    population = load_board("lego-nxt")
+    assert population.threshold_sd_db > 0
+    assert population.range_sd > 0
+    files = sorted(Path("examples").glob("lego_nxt_*.toml"))
+    sensors = [load_board(file) for file in files]
+    assert [sensor.name for sensor in sensors] == [f"lego-nxt-{name}" for name in "abgikm"]
+    deviations = [abs(sensor.threshold_db - population.threshold_db) for sensor in sensors]
+    assert 0 < max(deviations) <= 1.96 * population.threshold_sd_db
+    assert len({sensor.range_offset for sensor in sensors}) == 6
+
+
 def test_the_example_board_is_valid() -> None:
     board = load_board("examples/my_board.toml")
     assert (board.name, len(board.gain_steps), len(board.chirp)) == ("my board", 3, 2)

@@ -4,8 +4,8 @@ The rule: of a grid of apertures and thresholds, take the pair with the largest 
 within 5 cm of the prediction, counted three times, and the balanced accuracy of silence, counted once. A plain
 likelihood gives up many echoes for a little more silence. Shares of a few hundred readings are noisy, so each pair is
 averaged with its neighbours on the grid, and the given profile changes no more than the scans demand: of the pairs that
-are as good as the best to half a standard error, the nearest to the given one is taken. The one-standard-error rule of
-Breiman, Friedman, Olshen and Stone (Classification and Regression Trees, 1984) does the same with a whole one.
+are not worse than the best at 95 % confidence, the nearest to the given one is taken. The one-standard-error rule of
+Breiman, Friedman, Olshen and Stone (Classification and Regression Trees, 1984) does the same with one standard error.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ THRESHOLDS = np.arange(-8.0, 11.0)  # dB, likewise
 _DRAWS = 400  # of the bootstrap
 _OF_DRAWS = (2.5, 97.5)  # percentiles
 _NEAREST_FIRST = 1e-5  # per step of the grid: of equal pairs, that of the given profile
-_AS_GOOD = 0.5  # standard errors of the difference from the best score
+_AS_GOOD = 1.96  # standard errors of the difference from the best score
 
 _STEPS_AWAY = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)  # (a, t), from the given profile
 

@@ -273,9 +273,13 @@ def _find_spreads(
 ) -> None:
     of_range, of_threshold = spreads(scans, room, result.board, places, tick)
     for key, found, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
-        low = max(found.value - Z95 * found.deviation, 0.0)
-        between = Between(found.value, low, found.value + Z95 * found.deviation)
-        result.add(key, between, float(getattr(start, key)), unit)
+        low, high = max(found.value - Z95 * found.deviation, 0.0), found.value + Z95 * found.deviation
+        before = float(getattr(start, key))
+        # the spread of a population holds until the scans contradict it; 0 states none
+        if before and low <= before <= high:
+            result.kept[key] = f"the 95 % interval of the scans, {low:.2g} to {high:.2g} {unit}, contains it"
+        else:
+            result.add(key, Between(found.value, low, high), before, unit)
 
 
 def _doubts(scans: Sequence[PlacedScan]) -> tuple[str, ...]:

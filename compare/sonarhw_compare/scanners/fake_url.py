@@ -90,7 +90,8 @@ def fake_device(room: Room, place: Place, board: Board, seed: int, faults: Fault
     """Return a fake board at a place of a room, and its echo source. Call `prepare` of the echo source."""
     from sonarhw_sim.predict.room_echoes import RoomEchoes  # loads the kernels, which takes a second
 
-    echoes = RoomEchoes(room, place, board, seed)
+    # a fake is one sensor: the spreads of a population, or of errors of the room, are no noise of its pings
+    echoes = RoomEchoes(room, place, board.certain, seed)
     wires = Wires(faults.miswire)
     identity = faulty_identity(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=board.name), faults)
 

@@ -69,9 +69,11 @@ class BoardFile(TomlModel):
         0.0
     )
     threshold_sd_db: Annotated[
-        float, Field(ge=0, le=30), about("standard deviation of the threshold, from ping to ping", "dB")
+        float,
+        Field(ge=0, le=30),
+        about("standard deviation of the threshold of a reading: from ping to ping, and between sensors", "dB"),
     ] = 0.0
-    range_sd: Annotated[float, Field(ge=0, le=1), about("standard deviation of the range of one ping", "m")] = 0.0
+    range_sd: Annotated[float, Field(ge=0, le=1), about("standard deviation of a range, likewise", "m")] = 0.0
     absorption: Annotated[bool, about("false: no absorption by the air")] = True
     receiver: Annotated[Receiver, Field(strict=False), about("receiver of predictions, if none is given")] = (
         Receiver.FIRST_ECHO
@@ -203,8 +205,8 @@ class Board:
     threshold_db: float  # of the weakest detected echo, relative to a perfect wall straight ahead
     text: str = field(default="", compare=False, repr=False)  # of the profile, so that a log can contain it
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: not rounded
-    threshold_sd_db: float = 0.0  # standard deviation of the threshold, from ping to ping
-    range_sd: float = 0.0  # standard deviation of the range of one ping
+    threshold_sd_db: float = 0.0  # standard deviation of the threshold of a reading
+    range_sd: float = 0.0  # standard deviation of a range
     absorption: bool = True  # whether air that differs from what the ideal gain expects has an effect
     receiver: Receiver = Receiver.FIRST_ECHO  # used unless a command selects another
     edge_strength: EdgeStrength = EdgeStrength.UNIFORM  # used unless a command selects another
@@ -241,6 +243,11 @@ class Board:
     def states_spread(self) -> bool:
         """Whether a prediction of this board has probabilities between 0 and 1. Those of a ring are not computed."""
         return self.ring is None and bool(self.threshold_sd_db or self.range_sd)
+
+    @property
+    def certain(self) -> "Board":
+        """The board without spreads: one sensor, whose threshold and range offset are those of the profile."""
+        return replace(self, threshold_sd_db=0.0, range_sd=0.0)
 
     @property
     def blanking_end(self) -> float:

@@ -159,7 +159,7 @@ def test_a_report_of_readings_and_one_of_their_log_show_the_same(
     sonarhw.write_report(log, from_log, fit="offset")
     sonarhw.write_report(readings, from_readings, ARENA, "p3", "lego-nxt", fit="offset")
     pages = [path.read_text(encoding="utf-8") for path in (from_log, from_readings)]
-    assert all("place p3</h1>" in page and page.count("data:image/svg") == 2 for page in pages)
+    assert all("place p3</h1>" in page and page.count("data:image/svg") == 3 for page in pages)
     summary = sonarhw.compare(log, fit="offset").summary()
     lead = f"{summary.within_5cm:.0%} of {summary.n_echo} echoes lie within 5 cm"
     assert all(lead in page for page in pages)

@@ -367,10 +367,12 @@ def test_place_with_a_height_detects_a_step_below_it(capsys: pytest.CaptureFixtu
 
 
 def spread_board(tmp_path: Path, name: str) -> str:
-    text = load_board(name).text
-    spreads = "threshold_sd_db = 3.0\nrange_sd = 0.003\nblanking"
-    assert "\nblanking" in text
-    (tmp_path / "mine.toml").write_text(text.replace("\nblanking", f"\n{spreads}", 1))
+    lines = [
+        line for line in load_board(name).text.splitlines() if not line.startswith(("threshold_sd_db", "range_sd"))
+    ]
+    row = next(k for k, line in enumerate(lines) if line.startswith("blanking"))
+    lines[row:row] = ["threshold_sd_db = 3.0", "range_sd = 0.003"]
+    (tmp_path / "mine.toml").write_text("\n".join(lines))
     return str(tmp_path / "mine.toml")
 
 

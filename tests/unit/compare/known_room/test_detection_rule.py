@@ -45,7 +45,7 @@ def test_scans_without_silence_do_not_determine_a_threshold() -> None:
     assert not chosen.is_determined
 
 
-@pytest.mark.parametrize(("error", "expected"), [(0.005, (8, 14)), (0.03, (5, 8))])
+@pytest.mark.parametrize(("error", "expected"), [(0.004, (8, 14)), (0.008, (5, 8)), (0.03, (5, 8))])
 def test_the_given_pair_stays_unless_another_is_better_by_more_than_chance(
     error: float, expected: tuple[int, int]
 ) -> None:

@@ -23,7 +23,7 @@ from sonarhw.readings import Reading
 ROOM = load_room("rooms/arena.toml")
 PLACE = Place("", (0.42, 0.42), math.radians(30.0))
 CROOKED = replace(
-    load_board("lego-nxt"),
+    load_board("lego-nxt").certain,
     rounding=0.0,
     home_angle_deg=-12.0,
     turntable_scale=1.05,

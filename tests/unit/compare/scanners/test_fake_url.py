@@ -1,11 +1,13 @@
 """The fake scanner of a `fake:` URL: what it reports about itself, with and without faults."""
 
+import numpy as np
 import pytest
 from sonarhw_compare.scanners.fake_url import fake_device
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.device.fault_schedule import read_faults
+from sonarhw.device.fault_schedule import NO_FAULTS, read_faults
+from sonarhw.echo_source import Ping
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import Hello, Info
 
@@ -20,3 +22,12 @@ def test_a_new_fake_scanner_reports_its_first_start_seed_and_profile(faults: str
     info = Info.unpack(frame.payload)
     assert (info.boot, info.serial, info.board) == (1, "FAKE-0042", "lego-nxt")
     assert (info.major, info.minor, info.homed) == (1, minor, 0)
+
+
+def test_a_fake_scanner_is_one_sensor_of_a_population() -> None:
+    room, population = load_room("arena"), load_board("lego-nxt")
+    _, echoes = fake_device(room, room.places["p3"], population, 1, NO_FAULTS)
+    pings = [echoes.receive(Ping(0.0, 0, number, 0.02, trace=False)).echo_times for number in range(40)]
+    ranges = [times[0] * room.air.speed_of_sound / 2 for times in pings if times]
+    assert len(ranges) > 30
+    assert np.std(ranges) < 0.3 * population.range_sd

@@ -110,7 +110,8 @@ def test_spread_of_a_median() -> None:
 def test_without_a_spread_the_prediction_is_certain() -> None:
     where = load_room("simple")
     for name in ("paper", "polaroid-6500", "lego-nxt"):
-        headings, which = np.radians(np.arange(0, 360, 15.0)), load_board(name)
+        headings = np.radians(np.arange(0, 360, 15.0))
+        which = replace(load_board(name), threshold_sd_db=0.0, range_sd=0.0)
         scan = scan_with_fainter_paths(where, where.place("figure9"), which, headings)
         for k, distance in enumerate(scan.distances):
             likely = [one for one in possible_readings(scan, k) if one.probability > 0]

@@ -1,0 +1,37 @@
+"""A spread that the profile states stays until the scans contradict it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pytest
+import sonarhw_compare.known_room.room_calibration as calibration
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.known_room.turntable_fit import SharedValue
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.room.model import Place, load_room
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected", "is_kept"),
+    [
+        (3.8, 3.8, True),  # in the interval of 2.6 ± 1.6 dB
+        (4.5, 2.6, False),
+        (0.0, 2.6, False),  # no spread is stated
+    ],
+)
+def test_a_stated_spread_stays_if_the_scans_do_not_contradict_it(
+    monkeypatch: pytest.MonkeyPatch, stated: float, expected: float, is_kept: bool
+) -> None:
+    def found(
+        _scans: Sequence[PlacedScan], _room: object, _board: Board, _places: Sequence[Place], _tick: Callable[[], None]
+    ) -> tuple[SharedValue, SharedValue]:
+        return SharedValue(0.014, 0.001), SharedValue(2.6, 0.8)
+
+    monkeypatch.setattr(calibration, "spreads", found)
+    start = replace(load_board("lego-nxt"), threshold_sd_db=stated, range_sd=0.0)
+    result = calibration._Result(start)
+    calibration._find_spreads(result, (), load_room("arena"), (), start, lambda: None)
+    assert result.board.threshold_sd_db == expected
+    assert result.board.range_sd == 0.014
+    assert ("threshold_sd_db" in result.kept) is is_kept
+    assert [one.key for one in result.findings] == ([] if is_kept else ["threshold_sd_db"]) + ["range_sd"]
