@@ -8,6 +8,7 @@ finds it with poses within 2 cm and 2°; it prints which of its walls are found.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from statistics import median
 
 import numpy as np
@@ -21,7 +22,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
 from benchmarks.real.judged_scans import RealScan, load_scans, program_options
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Reading
 
 ON_WALL, ON_FOUND = 0.05, 0.03  # m
 MARKS = PoseSpread(0.02, math.radians(2))  # of marks on the floor
@@ -85,7 +86,8 @@ def print_map(scans: Sequence[RealScan]) -> None:
     for scan in scans:
         poses = locate_real(scan).poses
         nearest = min(poses, key=lambda pose: math.dist(pose.position, (scan.x, scan.y)))
-        placed.append(PlacedScan(scan.readings, Place(scan.name, nearest.position, nearest.heading), scan.name))
+        place = Place(scan.name, nearest.position, nearest.heading)
+        placed.append(PlacedScan([farther(reading, nearest.offset) for reading in scan.readings], place, scan.name))
     found = map_scans(placed, load_board("lego-nxt"))
     print()
     for name, features in (("all readings", found.plain.features), ("direct readings", found.direct.features)):
@@ -102,6 +104,12 @@ def print_map(scans: Sequence[RealScan]) -> None:
         f"found room: {len(true)} of {len(room.walls)} walls within 3 cm ({', '.join(true)}), {names.count(None)} of "
         f"{len(names)} found walls not; {found_room.explained} of {found_room.echoes} echoes explained"
     )
+
+
+def farther(reading: Reading, offset: float) -> Reading:
+    """Return a reading with an offset (m) added to its range, as `sonarhw map --offset` does."""
+    later = 2 * offset / reading.speed_of_sound
+    return replace(reading, echo_times=tuple(time + later for time in reading.echo_times))
 
 
 def _true_wall(ends: FloatArray, room: Room, near: float = ON_WALL) -> str | None:

@@ -27,7 +27,7 @@ from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, PoseSpread, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import PRICE, unexplained_readings, with_post, with_wall
-from sonarhw_compare.room_finding.refinement import refined
+from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 
 _MOST = 6  # causes

@@ -1,5 +1,6 @@
 """Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from scipy.special import expit
@@ -12,6 +13,7 @@ from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, score
 from sonarhw_compare.room_finding.surface_candidates import RADII, post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import cornered, joined, with_better_ends
 
+_USUAL = 5  # walls and posts that a room usually has, for the progress
 PRICE = 10.0  # log-likelihood that a wall or post must add
 _TRIED = 8  # candidates at a time
 _COMPLETED = 2  # of them, whose ends are tried at other walls
@@ -19,8 +21,14 @@ _CORNERS = 4  # points at which a corner is tried
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
 
 
-def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
-    """Return the draft to which no wall and no post can be added that is worth its price."""
+def grown(
+    evidence: Evidence, arcs: tuple[Arc, ...], best: Scored, tick: Callable[[float], None] = lambda _share: None
+) -> Scored:
+    """Return the draft to which no wall and no post can be added that is worth its price.
+
+    `tick` receives a share below 1 that grows with each wall and post; how many there will be is unknown.
+    """
+    added = 0
     nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
     while True:
         unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
@@ -30,6 +38,8 @@ def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
             return best
         best = with_better_ends(evidence, longer)
         evidence.course.accepted(best.draft)
+        added += 1
+        tick(added / (added + _USUAL))
 
 
 def pruned(evidence: Evidence, best: Scored) -> Scored:

@@ -19,7 +19,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE
-from sonarhw_compare.room_finding.refinement import Move
+from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.room_search import FoundRoom
 
 _PLACES = 60  # that are tried, about

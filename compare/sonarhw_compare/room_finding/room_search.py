@@ -13,12 +13,14 @@ from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Course, Evidence, PoseSpread, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
-from sonarhw_compare.room_finding.refinement import Move, refined
+from sonarhw_compare.room_finding.refining.moves import Move
+from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
 
 _ROUNDS = 3  # of growth and refinement
+_STEPS, _LAST_STEPS = 4, 8  # of a refinement
 
 
 @dataclass(frozen=True)
@@ -62,20 +64,26 @@ def find_room(
     for turn in range(_ROUNDS):
         tick(turn / (_ROUNDS + 1))
         placed = [replace(scan, place=place) for scan, place in zip(scans, best.draft.places, strict=True)]
-        longer = pruned(evidence, grown(evidence, arcs_of_scans(placed, board), best))
+        arcs = arcs_of_scans(placed, board)
+        grow = grown(evidence, arcs, best, _part(tick, turn))
+        longer = pruned(evidence, grow)
         if longer.draft == best.draft:
             break
-        best = scored(evidence, refined(evidence, longer.draft, ROUGH, 2).draft)
+        best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
         best = _cut_back(evidence, with_better_ends(evidence, pruned(evidence, best)), scans, board)
     tick(_ROUNDS / (_ROUNDS + 1))
     draft = pruned(evidence, best).draft
     if not draft.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    # with less noise, the likelihood is steep and rough, and climbs only near its maximum
-    end = refined(evidence, refined(evidence, draft, ROUGH, 5, by_parts=True).draft, FINE, 8, by_parts=True)
+    end = refined(evidence, refined(evidence, draft, ROUGH, _STEPS).draft, FINE, _LAST_STEPS)
     found = FoundRoom(end.draft, end.deviations, touches_of(scans, end.draft, board, air), echoes)
     tick(1.0)
     return found
+
+
+def _part(tick: Callable[[float], None], turn: int) -> Callable[[float], None]:
+    """Return the progress of one round of growth."""
+    return lambda share: tick((turn + share) / (_ROUNDS + 1))
 
 
 def _cut_back(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:

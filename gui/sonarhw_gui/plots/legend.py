@@ -59,6 +59,10 @@ class Legend(QWidget):
         for name in SOUND:
             self.explained[name].setVisible(shown.sound is not None)
         self.explained[_WALL].setVisible(room)
+        found = shown.found
+        self.explained[FOUND].setVisible(found is not None)
+        for name, part in SPEAKING.items():
+            self.explained[name].setVisible(found is not None and len(getattr(found, part)) > 0)
         for layer, entry in self.entries.items():
             if layer is Kind.OWN_BODY:
                 entry.setVisible(room and bool(shown.scene.board.own_body))
@@ -177,6 +181,15 @@ def _counted_picture(colours: Palette, ratio: float) -> QPixmap:
     return picture
 
 
+def _speaking_picture(symbol: str, colour: str, colours: Palette, ratio: float) -> QPixmap:
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
+        drawSymbol(painter, symbol, 11, pg.mkPen(getattr(colours, colour), width=2), pg.mkBrush(None))
+    return picture
+
+
 def _note_picture(colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
@@ -215,6 +228,8 @@ class _Entry:
 _NOTE, _WALL = "note", "wall"
 _PREDICTIONS = ViewLayer.PREDICTED, ViewLayer.RAYS  # of a room
 SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
+# drawn only while the panel of the room search is open
+FOUND, SPEAKING = "wall found", {"for it": "speaking_for", "against it": "against"}
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     **{
@@ -272,6 +287,21 @@ _EXPLAINED = (
         _counted_picture,
         SOUND[2],
         "the range that the board would report for an echo at this moment; filled once it detects one",
+    ),
+    _Entry(
+        partial(_line_picture, "predicted", _DASHED),
+        FOUND,
+        "a wall or post that the search for the room has found; the selected one is thick",
+    ),
+    _Entry(
+        partial(_speaking_picture, "o", "predicted"),
+        "for it",
+        "an echo that speaks for the selected wall or post: without it, the room would not explain this reading",
+    ),
+    _Entry(
+        partial(_speaking_picture, "x", "long"),
+        "against it",
+        "an echo that speaks against the selected wall or post: without it, the room would explain this reading better",
     ),
     _Entry(partial(_symbol_picture, "o", False), "selected", "the selected reading, with a ring in every view"),
     _Entry(

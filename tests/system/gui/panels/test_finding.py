@@ -1,5 +1,6 @@
 """The dock "Find the room" with mouse and keys: walls appear, are explained, rejected, accepted, undone and edited."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -127,6 +128,8 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
         until(qtbot, lambda ends=ends: is_highlighted(window, ends))
         said = int(panel.list.item(row).text().split("\n")[1].split(" readings for")[0])
         assert 0 < len(rings(window)) <= said
+        assert window.legend.explained["wall found"].isVisible()
+        assert window.legend.explained["for it"].isVisible()
         assert np.median(away(rings(window), wall)) < 0.05  # the others are in the margins of the beam, and ghosts
     keep_pictures(qtbot, window, "found")
 
@@ -145,6 +148,7 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
     # the drawing is in the plan while the panel is open
     qtbot.keyClick(window, Qt.Key.Key_M, CONTROL)
     until(qtbot, lambda: not plan.surfaces.isVisible() and not plan.next_scan.isVisible())
+    assert not any(window.legend.explained[name].isVisible() for name in ("wall found", "for it", "against it"))
 
 
 def test_a_rejected_wall_is_not_found_again(qtbot: QtBot, window: MainWindow) -> None:
@@ -218,3 +222,34 @@ def test_what_cannot_be_searched_is_reported(qtbot: QtBot, window: MainWindow, f
     window.session.showing.edit(*with_board(window.session.shown.scene, load_board("hc-sr04")))
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, lambda: "is of board 'hc-sr04'" in window.banner.message)
+
+
+def test_a_place_that_is_off_is_found_with_the_room(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
+    window = open_with(scene=Scene(None, None, load_board("polaroid-6500")))
+    # in a room that is 25 mm off, so that the place of scan b is off in that of scan a
+    off = np.array([0.02, -0.015])
+    (folder / "off.toml").write_text(CORNER.replace("2.0", str(2.0 + off[0])).replace("1.6", str(1.6 + off[1])))
+    command = ["simulate", str(folder / "off.toml"), "--place", "b", "--step", "10"]
+    assert run([*command, "--out", str(folder / "off.mcap")]) == 0
+    add_scans(qtbot, window, folder / "a.mcap", folder / "off.mcap")
+    panel, true = window.finding, np.array([1.3 - off[0] - 0.8, 0.5 - off[1] - 0.7])  # from a to b
+    assert between(find(qtbot, window)) == pytest.approx(np.array([0.5, -0.2]))  # exact places stay
+    panel.places.setCurrentText("within 3 cm and 2°")
+    assert between(find(qtbot, window)) == pytest.approx(true, abs=0.012)
+
+
+def test_an_unknown_place_is_found_with_the_room(qtbot: QtBot, window: MainWindow) -> None:
+    window.finding.places.setCurrentText("unknown but for the first")
+    answer = find(qtbot, window)[-1].answer
+    assert answer is not None
+    assert answer.left_out == ()
+    # two walls leave several poses possible; the place in the log is not used
+    assert math.dist(answer.found.draft.places[0].position, (0.8, 0.7)) < 1e-9
+    assert answer.found.draft.places[1].position != (1.3, 0.5)
+
+
+def between(states: list[FindState]) -> np.ndarray:
+    """Return the way from the first place of a found room to the second, (2,) m."""
+    assert states[-1].answer is not None
+    first, second = (place.position for place in states[-1].answer.found.draft.places)
+    return np.subtract(second, first)

@@ -5,7 +5,7 @@ import math
 import pytest
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.next_place import next_places
-from sonarhw_compare.room_finding.refinement import Move
+from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.room_search import FoundRoom
 from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_sim.air import Air

@@ -1,0 +1,107 @@
+"""Refinement of a draft: walls, posts and uncertain places move to where they explain the ranges best.
+
+Each step is one of least squares with Cauchy weights (Holland and Welsch 1977), so that false echoes and wrong paths
+count little. The likelihood is too rough for its gradients: it decides between the drafts on the way.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
+from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
+from sonarhw_compare.room_finding.evidence import Evidence
+from sonarhw_compare.room_finding.refining.moves import Move, moves_of
+from sonarhw_compare.room_finding.refining.range_errors import range_errors
+
+UNKNOWN, UNKNOWN_TURN = 0.3, math.radians(5)  # m, rad: standard deviations of what no range determines
+_MOST, _MOST_TURN = 0.03, math.radians(3)  # m, rad: by which a value moves at once
+_TUNING = 2.385  # of Cauchy weights: 95 % efficient for normal errors
+_HALVINGS = 3  # of a step that makes a wall too short
+_SETTLED = 0.1  # standard deviations; smaller steps end the refinement
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A refined draft with its uncertainties."""
+
+    draft: RoomDraft
+    score: float
+    deviations: dict[Move, float]  # standard deviation by each move, m or rad
+
+
+def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int) -> Refined:
+    """Return the most likely draft of those after up to `steps` steps; walls turn about their middles."""
+    draft = centred(draft)
+    best = Refined(draft, evidence.log_likelihood(draft, noise), {})
+    moves = moves_of(evidence, draft)
+    for _ in range(steps):
+        information, slopes = _normal_equations(evidence, draft, moves)
+        step = np.linalg.solve(information, slopes)
+        if (np.abs(step) < _SETTLED / np.sqrt(np.diag(information))).all():
+            break
+        moved = _moved(draft, moves, np.asarray(step, dtype=np.float64))
+        if moved is None:
+            break
+        draft = moved
+        score = evidence.log_likelihood(draft, noise)
+        if score > best.score:
+            best = Refined(draft, score, {})
+    best = replace(best, draft=centred(best.draft))
+    return replace(best, deviations=deviations_of(evidence, best.draft))
+
+
+def deviations_of(evidence: Evidence, draft: RoomDraft) -> dict[Move, float]:
+    """Return the standard deviation of each value of a draft, m or rad; all other values are unknown, too."""
+    moves = moves_of(evidence, draft)
+    information, _ = _normal_equations(evidence, draft, moves)
+    return dict(zip(moves, np.sqrt(np.diag(np.linalg.inv(information))).tolist(), strict=True))
+
+
+def centred(draft: RoomDraft) -> RoomDraft:
+    """Return the same draft with the point about which each wall turns at its middle."""
+    walls = {}
+    for key, wall in draft.walls.items():
+        middle = sum(draft.extent(key)) / 2
+        x, y = (np.array(wall.middle) + middle * wall.along).tolist()
+        ends = [DraftEnd(end.at - middle, end.meets) for end in wall.ends]
+        walls[key] = replace(wall, middle=(x, y), ends=(ends[0], ends[1]))
+    return replace(draft, walls=walls)
+
+
+def _normal_equations(evidence: Evidence, draft: RoomDraft, moves: Sequence[Move]) -> tuple[FloatArray, FloatArray]:
+    """Return the information matrix (m, m) of the values, and the slope of the log-posterior, (m,)."""
+    found = range_errors(evidence, draft, moves)
+    ranges = found.errors[: found.of_range]
+    # larger than assumed if the errors are
+    scale = max(1.0, 1.4826 * float(np.median(np.abs(ranges)))) if len(ranges) else 1.0
+    errors, slopes = found.errors / scale, found.slopes / scale
+    weighted = slopes / (1 + (errors[:, None] / _TUNING) ** 2)
+    information = weighted.T @ slopes + np.diag([_known(move) for move in moves])
+    ascent = weighted.T @ errors
+    for row, move in enumerate(moves):
+        if move.what == "place":
+            away, spread = evidence.pose_errors(draft, move.which)[move.part]
+            information[row, row] += 1 / spread**2
+            ascent[row] -= away / spread**2
+    return information, ascent
+
+
+def _known(move: Move) -> float:
+    """Return the information about a value that no range determines."""
+    return 1 / (UNKNOWN_TURN if move.is_turn else UNKNOWN) ** 2
+
+
+def _moved(draft: RoomDraft, moves: Sequence[Move], step: FloatArray) -> RoomDraft | None:
+    """Return the draft after a step, or a part of it; None if a wall would be too short."""
+    most = np.array([_MOST_TURN if move.is_turn else _MOST for move in moves])
+    for halving in range(_HALVINGS):
+        moved = draft
+        for move, by in zip(moves, (np.clip(step, -most, most) / 2**halving).tolist(), strict=True):
+            moved = move.of(moved, by)
+        if moved.is_sound:
+            return moved
+    return None

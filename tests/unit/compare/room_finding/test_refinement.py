@@ -1,0 +1,151 @@
+"""Refinement of a found room by its ranges: derivatives, agreement with the true room, and stated uncertainties."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft, draft_of_room
+from sonarhw_compare.room_finding.evidence import FOLLOWED, ROUGH, Evidence, PoseSpread, evidence_of
+from sonarhw_compare.room_finding.refining.moves import Move, moves_of
+from sonarhw_compare.room_finding.refining.range_errors import RANGE, range_errors
+from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.choices import Receiver
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, parse_room
+
+from sonarhw.readings import Reading
+
+BOARD = load_board("polaroid-6500")
+ROOM = parse_room(
+    """name = "L"
+[materials.wall]
+reflectance = 0.9
+[[walls]]
+name = "w"
+points = [[0.0, 0.0], [3.0, 0.1], [3.0, 1.4], [1.8, 1.4], [1.8, 2.4], [0.0, 2.4]]
+closed = true
+material = "wall"
+[[posts]]
+name = "post"
+center = [0.9, 1.5]
+radius = 0.06
+material = "wall"
+""",
+    "L",
+)
+PLACES = tuple(Place(name, at) for name, at in (("a", (0.6, 0.7)), ("b", (1.3, 1.9)), ("c", (2.4, 0.6))))
+ANGLES = np.arange(0.0, math.tau, math.radians(4))
+
+
+def scans_of(room: Room, places: Sequence[Place], board: Board, noise: float, seed: int) -> list[PlacedScan]:
+    """Return scans with errors of range, m."""
+    random = np.random.default_rng(seed)
+    speed, scans = room.air.speed_of_sound, []
+    for place in places:
+        ranges = predict_scan(room, place, board, ANGLES + place.heading, FOLLOWED).ranges
+        ranges = ranges + random.normal(0, noise, len(ranges))
+        times = [() if math.isnan(one) else (2 * one / speed,) for one in ranges.tolist()]
+        readings = [
+            Reading(k, 0, 0, angle, 0.1 * k, time, speed)
+            for k, (angle, time) in enumerate(zip(ANGLES.tolist(), times, strict=True))
+        ]
+        scans.append(PlacedScan(readings, place, place.name))
+    return scans
+
+
+def case(
+    noise: float = 0.0,
+    seed: int = 0,
+    spread: PoseSpread | None = None,
+    places: Sequence[Place] = PLACES,
+    board: Board = BOARD,
+) -> tuple[Evidence, RoomDraft]:
+    """Return scans as evidence, and the true room as a draft."""
+    scans = scans_of(ROOM, PLACES, board, noise, seed)
+    given = [replace(scan, place=place) for scan, place in zip(scans, places, strict=True)]
+    evidence = evidence_of(given, [spread or PoseSpread()] * len(scans), board, ROOM.air)
+    return evidence, replace(draft_of_room(ROOM), places=tuple(places))
+
+
+def off(draft: RoomDraft, true: RoomDraft, key: int) -> tuple[float, float]:
+    """Return how far the middle of a wall is from the true line, m, and how far it is turned, rad."""
+    wall, segment = true.walls[key], draft.segment(key)
+    middle = (segment[:2] + segment[2:]) / 2
+    return float((middle - wall.middle) @ wall.normal), draft.walls[key].angle - wall.angle
+
+
+def test_derivatives_agree_with_a_new_search_of_paths() -> None:
+    # without late detection, by which a range depends on levels too
+    evidence, draft = case(spread=PoseSpread(0.1, 0.1), board=replace(BOARD, receiver=Receiver.FIRST_ECHO))
+    moves = moves_of(evidence, draft)
+    found = range_errors(evidence, draft, moves)
+    assert found.of_range > 200
+    checked = 0
+    for row, move in enumerate(moves):
+        by = 1e-4
+        other = range_errors(evidence, move.of(draft, by), moves)
+        if other.of_range != found.of_range:  # an echo has appeared or disappeared
+            continue
+        change = (found.errors[: found.of_range] - other.errors[: found.of_range]) * RANGE / by
+        expected = found.slopes[: found.of_range, row] * RANGE
+        # a few headings have another path now
+        assert (np.abs(change - expected) < 0.01).mean() > 0.98, move
+        checked += int((np.abs(expected) > 0.1).sum())
+    assert checked > 500
+
+
+def test_a_room_that_is_off_returns_to_the_true_one() -> None:
+    evidence, true = case(noise=0.01, seed=1)
+    start, random = true, np.random.default_rng(2)
+    for move in moves_of(evidence, true):
+        if move.what == "wall" and move.part < 2:
+            start = move.of(start, random.choice([-1, 1]) * (0.02 if move.part == 0 else math.radians(1.5)))
+    found = refined(evidence, start, ROUGH, 8)
+    assert found.score > evidence.log_likelihood(start, ROUGH) + 50
+    for key in true.walls:
+        offset, turn = off(found.draft, true, key)
+        assert abs(offset) < 0.006, key
+        assert abs(turn) < math.radians(1), key
+
+
+def test_stated_deviations_hold_the_truth() -> None:
+    held, widest = [], 0.0
+    for seed in range(8):
+        evidence, true = case(noise=0.01, seed=seed)
+        found = refined(evidence, true, ROUGH, 4)
+        for move, deviation in found.deviations.items():
+            if move.what == "wall" and move.part < 2:
+                held.append(abs(off(found.draft, true, move.which)[move.part]) <= 1.96 * deviation)
+                widest = max(widest, deviation if move.part == 0 else 0.0)
+    assert 0.88 < np.mean(held) <= 1.0  # of 96, of which 95 % are 91
+    assert widest < 0.01
+
+
+def test_what_the_ranges_do_not_determine_is_stated_as_unknown() -> None:
+    evidence, true = case()
+    hidden = replace(true, posts=(*true.posts, DraftPost((5.0, 5.0), 0.05)))  # outside the room
+    deviations = deviations_of(evidence, hidden)
+    assert deviations[next(move for move in deviations if (move.what, move.which) == ("post", 1))] > 0.2
+    assert deviations[next(move for move in deviations if (move.what, move.which, move.part) == ("wall", 0, 0))] < 0.01
+
+
+def test_uncertain_places_make_walls_uncertain() -> None:
+    exact, rough = (deviations_of(*case(spread=spread)) for spread in (PoseSpread(), PoseSpread(0.03, 0.03)))
+    first = [move for move in exact if move.what == "wall" and move.part == 0]
+    # three places share their error
+    assert min(rough[move] for move in first) > 0.03 / math.sqrt(3) * 0.9
+    assert max(exact[move] for move in first) < 0.01
+
+
+@pytest.mark.parametrize("part", [0, 1, 2])
+def test_a_place_that_is_off_returns(part: int) -> None:
+    wrong = Move("place", 1, part, 0.01).of(RoomDraft(PLACES), 0.02 if part < 2 else math.radians(2))
+    evidence, draft = case(spread=PoseSpread(0.03, math.radians(3)), places=wrong.places)
+    evidence = replace(evidence, spreads=(PoseSpread(), PoseSpread(0.03, math.radians(3)), PoseSpread()))
+    found = refined(evidence, draft, ROUGH, 8).draft.places[1]
+    assert math.dist(found.position, PLACES[1].position) < 0.006
+    assert abs(found.heading) < math.radians(1)
