@@ -61,6 +61,8 @@ class FindState:
 class FindControl(RunControl):
     """At most one search at a time."""
 
+    state: FindState
+
     def __init__(self, shown: Callable[[], Shown], name: Callable[[], str], parent: QObject) -> None:
         """`shown` returns what the window shows, `name` the name of the scan in it."""
         super().__init__("find the room", FindState(), parent)

@@ -32,7 +32,9 @@ class RunProgress:
 class RunRequest(Request, Protocol):
     """Work of a run. Its answer has the request as `request`."""
 
-    progress: RunProgress
+    @property
+    def progress(self) -> RunProgress:
+        """Progress of the run, and its cancellation."""
 
 
 class RunControl(QObject):
