@@ -38,8 +38,11 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
         return f"{measured}: own body, an echo of the carrier of the sensor and not of the room"
     change = _slight_change(row, prediction)
     parts = [f"{measured}: {_account(row, prediction, text, nearly=change is not None)}"]
-    if row.kind is Kind.MATCH and row.path == prediction.winners[row.index]:
-        parts += receiver_part(prediction, row.index, text)
+    measured_m, predicted_m = row.measured, row.predicted
+    if measured_m is not None and predicted_m is not None and row.path == prediction.winners[row.index]:
+        added = receiver_part(prediction, row.index, text)
+        other = text(predicted_m) != text(measured_m)
+        parts += [*added, f"{text(predicted_m)} is predicted"] if added and other else added
     parts += _within_blanking(prediction, row.index, row.path, text)
     if change is not None:
         direction = "higher" if change > 0 else "lower"
