@@ -17,6 +17,7 @@ class Banner(QFrame):
     """Shows one notice at a time, the newest of the most severe kind; hidden without notices."""
 
     answered = Signal(object)  # the value of the accepted or declined offer
+    opened = Signal(bool)  # before it is shown: True; after it is hidden: False
 
     def __init__(self) -> None:
         super().__init__()
@@ -123,4 +124,9 @@ class Banner(QFrame):
             button.setVisible(bool(text))
         self.more_button.setText(f"{more} more ▸")
         self.more_button.setVisible(more > 0)
-        self.setVisible(bool(notice.text))
+        if notice.text:
+            self.opened.emit(True)  # before it needs its place: Qt enlarges the window at once
+            self.show()
+        else:
+            self.hide()
+            self.opened.emit(False)

@@ -41,6 +41,7 @@ class Hint(QFrame):
         line.addWidget(self.close_button)
         self.timer = QTimer(self, singleShot=True, interval=_LASTS)
         self.timer.timeout.connect(self.end)
+        self._open = self._gives_way = False
         self.hide()
 
     def show_origin(self, origin: Origin) -> None:
@@ -55,13 +56,20 @@ class Hint(QFrame):
     @Slot()
     def begin(self) -> None:
         """Show the hint."""
-        self.show()
         self.timer.start()
+        self._open = True
+        self.setVisible(not self._gives_way)
 
     @Slot()
     def end(self) -> None:
         """Hide the hint."""
         self.timer.stop()
-        if not self.isHidden():
+        if self._open:
+            self._open = False
             self.hide()
             self.ended.emit()
+
+    def give_way(self, wanted: bool) -> None:
+        """Hide the hint for as long as a message needs its place."""
+        self._gives_way = wanted
+        self.setVisible(self._open and not wanted)

@@ -1,12 +1,11 @@
 """The replay bar: play, pause, step, previous and next scan, time slider, loop, skip gaps, speed, leave."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
-from PySide6.QtCore import QSize, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QIcon, QResizeEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QToolButton, QWidget
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QAction, QIcon
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QToolButton
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.look.appearance import Look
@@ -22,13 +21,12 @@ from sonarhw_gui.parts.media_icons import (
     Shape,
     media_icon,
 )
+from sonarhw_gui.parts.narrow_bar import GAP, NarrowBar
 from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.session.replay_control import SPEEDS, ReplayState
 
-_GAP = 6  # pixels
 
-
-class ReplayBar(QWidget):
+class ReplayBar(NarrowBar):
     """Controls the replay. Visible only while a log is shown."""
 
     toggled = Signal()
@@ -75,7 +73,7 @@ class ReplayBar(QWidget):
         self.time.setFont(text_font(look))
         self._reserve_time()
         self._show_playing()
-        self._hide_what_does_not_fit()
+        self.hide_what_does_not_fit()
 
     def show_state(self, state: ReplayState | None) -> None:
         """Show the state of the replay; None hides the bar."""
@@ -106,7 +104,7 @@ class ReplayBar(QWidget):
         commands = self._commands
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 2, 12, 6)
-        row.setSpacing(_GAP)
+        row.setSpacing(GAP)
         loop, gaps, leave = (
             _button(action, Qt.ToolButtonStyle.ToolButtonTextOnly)
             for action in (commands.loop, commands.skip_gaps, commands.leave_replay)
@@ -133,24 +131,6 @@ class ReplayBar(QWidget):
         ):
             row.addWidget(part, stretch=1 if part is self.slider else 0)
 
-    def minimumSizeHint(self) -> QSize:
-        """Return the size without the parts that a narrow bar hides."""
-        whole = super().minimumSizeHint()
-        shown = [part for group in self.dispensable for part in group if not part.isHidden()]
-        return QSize(whole.width() - _width_of(shown), whole.height())
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Hide what does not fit."""
-        super().resizeEvent(event)
-        self._hide_what_does_not_fit()
-
-    def _hide_what_does_not_fit(self) -> None:
-        needed = self.minimumSizeHint().width()
-        for group in reversed(self.dispensable):
-            needed += _width_of(group)
-            for part in group:
-                part.setVisible(self.width() >= needed)
-
     @Slot(int)
     def _choose_speed(self, index: int) -> None:
         self.speed_chosen.emit(SPEEDS[index])
@@ -163,10 +143,6 @@ class ReplayBar(QWidget):
 
     def _icon(self, shape: Shape) -> QIcon:
         return media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
-
-
-def _width_of(parts: Iterable[QWidget]) -> int:
-    return sum(part.sizeHint().width() + _GAP for part in parts)
 
 
 def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:

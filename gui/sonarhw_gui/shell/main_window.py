@@ -57,6 +57,7 @@ from sonarhw_gui.sound.sound_bar import SoundBar
 
 _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
+_LOW = 640  # pixels
 _TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
 
 
@@ -154,6 +155,7 @@ class MainWindow(QMainWindow):
         connect_sound(self.sound_bar, session)
         self.sound_bar.film_requested.connect(commands.save_film.trigger)
         connect_banner(self.banner, session)
+        self.banner.opened.connect(self._make_room)
         views.connect_gestures(session.showing)
         self.legend.switched.connect(session.showing.switch)
         views.uncovered.connect(self._show_again)
@@ -227,6 +229,11 @@ class MainWindow(QMainWindow):
     def _show_again(self) -> None:
         self._show(self.session.shown)
         self._names_timer.start()
+
+    @Slot(bool)
+    def _make_room(self, message: bool) -> None:
+        """Hide the hint for as long as a low window has a message: with both, it would be higher than the screen."""
+        self.hint.give_way(message and self.height() < _LOW)
 
     @Slot()
     def _name_tab_stops(self) -> None:

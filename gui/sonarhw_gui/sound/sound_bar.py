@@ -1,11 +1,12 @@
 """The bar that plays sound: play, time in milliseconds, slow motion, all echoes, loop, film, close."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
-from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QSlider, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QSlider, QToolButton, QVBoxLayout
 
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.media_icons import PAUSE, PLAY, media_icon
+from sonarhw_gui.parts.narrow_bar import GAP, NarrowBar
 from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.sound.sound_control import SLOWNESSES, SoundState
 
@@ -13,7 +14,7 @@ _PER_SECOND = 1_000_000  # steps of the slider, µs
 _STEP, _PAGE = 20, 200  # µs
 
 
-class SoundBar(QWidget):
+class SoundBar(NarrowBar):
     """Controls the playback of sound. Visible only while it is open."""
 
     toggled = Signal()
@@ -54,6 +55,7 @@ class SoundBar(QWidget):
     def show_look(self, look: Look) -> None:
         """Use the colours and the unit of `look`."""
         self._look, self._unit, self._playing = look, look.unit, None
+        self.hide_what_does_not_fit()
 
     @Slot(object)
     def show_state(self, state: SoundState | None) -> None:
@@ -86,7 +88,9 @@ class SoundBar(QWidget):
 
     def _arrange(self) -> None:
         row = QHBoxLayout()
-        row.setSpacing(6)
+        row.setSpacing(GAP)
+        # the menu has the film, and the caption the time
+        self.dispensable = ((self.film, self.time),)
         parts = (self.play, self.slider, self.time, self.slowness, self.every, self.loop, self.film, self.close_button)
         for part in parts:
             row.addWidget(part, stretch=1 if part is self.slider else 0)
