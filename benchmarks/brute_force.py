@@ -7,8 +7,7 @@ together and compares it with the threshold, without code of the product. Readin
 0.01 dB are counted as unsure; for these, the readings on both sides are accepted. Prints the count, and each wrong
 reading. Takes some seconds of processor time for each room.
 
-Posts have a radius of 20 mm or more; with `--thin` of 1 mm or more. Paths by two thin posts in turn, and by a thin post
-and an edge, may be missed by the product, so this count is not 0 (docs/explanation/model.md).
+Posts have a radius of 20 mm or more; with `--thin` of 1 mm or more.
 """
 
 import math

@@ -47,15 +47,18 @@ class TransducerAxes:
 
     def detectable(self, directions: FloatArray, onward: FloatArray) -> Detectable:
         """Return the limits for rays in these directions (n,) rad, and targets with a gain of at most `onward` (t,)."""
-        loudest = _loudest_aside(self.ka)
-        aside = np.abs(directions - self.leaving)
         return Detectable(
-            loudest[(aside / math.pi * (_ANGLES - 1)).astype(np.intp)],
+            self.departing(directions),
             self.faintest / _LOUDER / onward,
             math.cos(self.arriving),
             math.sin(self.arriving),
-            loudest,
+            _loudest_aside(self.ka),
         )
+
+    def departing(self, directions: FloatArray) -> FloatArray:
+        """Return an upper bound of the amplitude of rays that leave in these directions (n,) rad, (n,)."""
+        aside = np.abs((directions - self.leaving + math.pi) % math.tau - math.pi)
+        return np.asarray(_loudest_aside(self.ka)[(aside / math.pi * (_ANGLES - 1)).astype(np.intp)])
 
 
 def all_rays(rays: int, targets: int, faintest: float = 0.0) -> Detectable:

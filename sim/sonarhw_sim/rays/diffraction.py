@@ -92,6 +92,7 @@ def diffracted_paths(
     first, second, gains, phases = join_at_edges(out_edges, back_edges, room.edges, faces, edge_diffraction, max_length)
     few = np.flatnonzero(out.bends[first] + back.bends[second] <= max_bounces)
     first, second, gains, phases = first[few], second[few], gains[few], phases[few]
+    phases = phases + out.phases[first] + back.phases[second]
     before, after = out.bends[first], back.bends[second]
     most = int((before + after).max(initial=0))
     path_table.check_size(len(first), most + _FEWEST_POINTS)

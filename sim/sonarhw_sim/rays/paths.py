@@ -3,7 +3,7 @@
 Paths do not depend on the heading of the transducer, so one search serves a whole scan.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,19 +11,22 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.choices import EdgeStrength
-from sonarhw_sim.rays.cylinder import thin_post_factors
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, reversed_paths, shortest_first
 from sonarhw_sim.rays.passing import Passing, at_heights
 from sonarhw_sim.rays.path_table import PathTable
-from sonarhw_sim.rays.post_paths import PostWays, post_paths, post_paths_to_edges, ways_to_posts
+from sonarhw_sim.rays.posts.cylinder import with_thin_posts
+from sonarhw_sim.rays.posts.post_chains import Chains, chains_of
+from sonarhw_sim.rays.posts.post_paths import post_paths, post_paths_to_edges
+from sonarhw_sim.rays.posts.post_ways import PostWays, ways_from_posts, ways_to_posts
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 
 # 1/16° apart finds 99.3 % of all paths up to 21.4 m in the simple room, where 0.25° finds 94 %
 RAYS = 5760
+_RAYS_FROM_POSTS = 1440  # over two walls at most
 MAX_BOUNCES = 64
 SLACK = 1e-9  # m: a path longer than the limit by rounding only is kept
 
@@ -119,27 +122,32 @@ def find_paths(
     edges = _diffracting_edges(room, source, end, search)
     leaving, arriving = _fan(search, back=False), _fan(search, back=True)
     longest = search.max_length + SLACK
-    out_ways = ways_to_posts(room, source, end, leaving, longest, search.max_bounces, passing)
-    out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, longest, out_ways, passing)
+    bounces, faintest = search.max_bounces, search.faintest_diffraction
+    out_ways = ways_to_posts(room, source, end, leaving, longest, bounces, passing)
+    between, to_edges = ways_from_posts(room, source, end, edges, fan(_RAYS_FROM_POSTS), longest, bounces, passing)
+    chains = chains_of(room, out_ways, between, bounces, faintest)
+    by_posts = chains, to_edges
+    out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, longest, by_posts, passing)
     back, back_ways = out, out_ways
     if receiver is not None:
-        back_ways = ways_to_posts(room, end, source, arriving, longest, search.max_bounces, passing)
+        back_ways = ways_to_posts(room, end, source, arriving, longest, bounces, passing)
     # paths back are only used at edges
     if receiver is not None and len(edges):
         axes = None if search.axes is None else search.axes.reversed
-        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, back_ways, passing)
+        by_posts = chains_of(room, back_ways, between, bounces, faintest), to_edges
+        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, by_posts, passing)
     straight = out.select(np.flatnonzero(out.edges < 0))
-    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, search.max_bounces)
+    diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces)
     if passing is not None:
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
-    by_posts = post_paths(room, source, end, out_ways, back_ways, longest, search.max_bounces, passing)
-    found = [straight, diffracted, by_posts]
+    touching = post_paths(room, source, end, chains, back_ways, longest, bounces, faintest, passing)
+    found = [straight, diffracted, with_thin_posts(room, touching, search.wavelength)]
     if passing is not None and receiver is None:
         # rays with slopes leave gaps, which are seldom the same for a path and its reverse
         found += [reversed_paths(paths) for paths in found]
     paths = shortest_first(PartialPaths.join(found), by_points=passing is None)
-    return _paths_of(replace(paths, gains=paths.gains * thin_post_factors(room, paths, search.wavelength)))
+    return _paths_of(paths)
 
 
 def _fan(search: PathSearch, back: bool) -> FloatArray:
@@ -157,12 +165,12 @@ def _partial_paths_from(
     axes: TransducerAxes | None,
     directions: FloatArray,
     to_other: float,
-    to_posts: PostWays,
+    by_posts: tuple[Chains, PostWays],
     passing: Passing | None,
 ) -> PartialPaths:
     """Return the paths from `place` to these edges and, not longer than `to_other`, to the other end.
 
-    `directions` (n,) rad are those of the rays, `to_posts` the ways to posts.
+    `directions` (n,) rad are those of the rays, `by_posts` the chains to posts and the ways from posts to these edges.
     """
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_partial(room, other, search)[edges])
@@ -174,8 +182,23 @@ def _partial_paths_from(
     found = find_partial_paths(
         room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing
     )
-    by_posts = post_paths_to_edges(room, place, to_posts, edges, longest[1:], search.max_bounces, passing)
-    return PartialPaths.join([found, _new(by_posts, found)]) if len(by_posts) else found
+    chains, to_edges = by_posts
+    bounces, faintest = search.max_bounces, search.faintest_diffraction
+    touching = post_paths_to_edges(room, place, chains, to_edges, edges, longest[1:], bounces, faintest, passing)
+    if len(touching):
+        found = PartialPaths.join([found, _new(touching, found)])
+    found = with_thin_posts(room, found, search.wavelength)
+    return found if axes is None else found.select(_departing(found, axes, edges, detectable.least))
+
+
+def _departing(
+    paths: PartialPaths, axes: TransducerAxes, edges: NDArray[np.intp], least: FloatArray
+) -> NDArray[np.intp]:
+    """Return the rows of paths that leave loud enough for their target: row 0 of `least` or one of these edges."""
+    away = paths.points[:, 1] - paths.points[:, 0]
+    target = np.where(paths.edges < 0, 0, np.searchsorted(edges, paths.edges) + 1)
+    amplitudes = axes.departing(np.arctan2(away[:, 1], away[:, 0])) * paths.gains
+    return np.flatnonzero(amplitudes >= least[target])
 
 
 def _new(paths: PartialPaths, known: PartialPaths) -> PartialPaths:

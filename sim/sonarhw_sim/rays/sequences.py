@@ -21,7 +21,8 @@ BoolArray = NDArray[np.bool_]
 _ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
 _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
 _ON_TARGET = 1e-12  # of the length
-_NEAR_TARGET = 1e-7  # m
+_NEAR_TARGET = 1e-6  # m
+_ROUNDING = 1e-15  # rad, of a direction
 _MOST_SHOTS = 60
 # Close to the tangent of a post, at the angle e from it, the miss is a - b sqrt(e), so it changes at most by twice its
 # slope times e: a target for which the slope demands many times e is in the shadow of the post.
@@ -37,8 +38,11 @@ def solve_candidates(
     longest: FloatArray,
     surfaces: Surfaces,
     to_receiver: Climbs | None = None,
+    beyond_ends: float = _ON_WALL,
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Solve candidates (c, 3) of `follow_fan`; those to target 0 only if one of the climbs `to_receiver` is possible.
+
+    Without posts, a path may touch a wall up to `beyond_ends` m beyond its end.
 
     Returns whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool, and for each of the
     r valid ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
@@ -57,6 +61,7 @@ def solve_candidates(
         longest,
         surfaces,
         to_receiver or no_climbs(),
+        beyond_ends,
         real,
         points,
         lengths,
@@ -75,6 +80,7 @@ def _solve(
     longest: FloatArray,
     surfaces: Surfaces,
     to_receiver: Climbs,
+    beyond_ends: float,
     real: BoolArray,
     points: FloatArray,
     lengths: FloatArray,
@@ -93,7 +99,7 @@ def _solve(
         if _touches_post(sequence, walls.shape[0]):
             solved, divergence = _refine(path, directions[ray], sequence, walls, posts)
         else:
-            solved = _unfold(path, sequence, walls)
+            solved = _unfold(path, sequence, walls, beyond_ends)
         if not solved:
             continue
         length = 0.0
@@ -122,13 +128,16 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
 
 
 @compiled_part
-def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
-    """Fill in the points between path[0] and path[-1] with image sources; return whether each is on its wall."""
+def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends: float) -> bool:
+    """Fill in the points between path[0] and path[-1] with image sources; return whether each is on its wall.
+
+    Up to `beyond_ends` m beyond the end of a wall is on it.
+    """
     bounces = sequence.shape[0]
     images = np.empty((bounces + 1, 2))
     images[bounces, 0], images[bounces, 1] = path[bounces + 1, 0], path[bounces + 1, 1]
     for k in range(bounces - 1, -1, -1):
-        images[k, 0], images[k, 1] = _mirror(images[k + 1, 0], images[k + 1, 1], walls[sequence[k]])
+        images[k, 0], images[k, 1] = mirrored(images[k + 1, 0], images[k + 1, 1], walls[sequence[k]])
     for k in range(bounces):
         wall = walls[sequence[k]]
         ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -140,7 +149,7 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
         rx, ry = wall[0] - px, wall[1] - py
         ahead = (rx * ey - ry * ex) / across
         along = (rx * dy - ry * dx) / across
-        slack = _ON_WALL / math.hypot(ex, ey)
+        slack = beyond_ends / math.hypot(ex, ey)
         if ahead < -1e-9 or ahead > 1.0 + 1e-9 or along < -slack or along > 1.0 + slack:
             return False
         path[k + 1, 0], path[k + 1, 1] = px + ahead * dx, py + ahead * dy
@@ -148,7 +157,8 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
 
 
 @inlined
-def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
+def mirrored(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
+    """Return a point mirrored in the endless line of a wall."""
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
     return x - 2.0 * aside * ey, y + 2.0 * aside * ex
@@ -171,9 +181,10 @@ def _refine(
             step /= 2.0
             continue
         direction, step = direction + step, sign * miss / width
-        # where posts spread the tube so wide that rounding gives the same direction again, this is the best result
-        if abs(miss) <= _ON_TARGET * length or direction + step == direction:
-            return abs(miss) <= _NEAR_TARGET and _touches_lie_on_walls(path, sequence, walls), width / length
+        # where posts spread the tube so wide that only rounding turns the ray again, this is the best result
+        nearest = abs(step) <= _ROUNDING or (abs(step) <= 10 * _ROUNDING and abs(miss) <= _NEAR_TARGET)
+        if abs(miss) <= _ON_TARGET * length or nearest:
+            return _touches_lie_on_walls(path, sequence, walls), width / length
         if step * (beyond - direction) > 0.0 and abs(step) > _TOO_FAR * abs(beyond - direction):
             return False, 1.0
     return False, 1.0

@@ -4,6 +4,7 @@ Walls are unfolded by image sources. A post touches the unfolded way where its l
 found by bisection, and several contacts in turn. No rays and no grid.
 """
 
+import cmath
 import itertools
 import math
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ class Way:
 
     points: Floats  # (k + 2, 2), m
     length: float  # m
-    gain: float  # reflectances, and how posts spread the sound
+    gain: complex  # reflectances, and how posts spread the sound, with the phase beyond that of the length
 
     @property
     def touches(self) -> int:
@@ -211,7 +212,7 @@ def _into_corners(scene: Scene, points: Floats, surfaces: Ints) -> bool:
 def _way(scene: Scene, points: Floats, surfaces: Ints) -> Way:
     legs = np.diff(points, axis=0)
     lengths = np.hypot(*legs.T)
-    width, opening, gain = float(lengths[0]), 1.0, 1.0
+    width, opening, gain = float(lengths[0]), 1.0, 1.0 + 0j
     for k, surface in enumerate(surfaces.tolist()):
         reflectance = float(scene.reflectances[surface])
         gain *= reflectance
@@ -227,13 +228,15 @@ def _way(scene: Scene, points: Floats, surfaces: Ints) -> Way:
     return Way(points, length, gain * math.sqrt(length / width))
 
 
-def _of_thin_post(ka: float, incidence: float, reflectance: float) -> float:
+def _of_thin_post(ka: float, incidence: float, reflectance: float) -> complex:
     """Return the far wave of a cylinder with an impedance, relative to its ray."""
     total, admittance = 0j, 1j * (1 - reflectance) / (1 + reflectance)
     for order in range(30):
         returned = (jvp(order, ka) - admittance * jv(order, ka)) / (h2vp(order, ka) - admittance * hankel2(order, ka))
         total += (1 if order == 0 else 2) * returned * math.cos(order * (math.pi - 2 * incidence))
-    return float(2 * abs(total) / math.sqrt(math.pi * ka * math.cos(incidence)) / reflectance)
+    # the wave by way of the centre, of a longer way than by the side
+    longer = cmath.exp(0.25j * math.pi - 2j * ka * math.cos(incidence))
+    return -2 * total * longer / math.sqrt(math.pi * ka * math.cos(incidence)) / reflectance
 
 
 def _each_once(ways: list[Way]) -> list[Way]:

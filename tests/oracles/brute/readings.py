@@ -48,7 +48,7 @@ class Wedge:
 def all_sound(scene: Scene, sensor: Sensor) -> Sound:
     """Return every path from the sensor back to it, also by one edge."""
     mirrored = [way for way in all_ways(scene, scene.position, sensor.most, sensor.longest) if way.touches]
-    rows = [(way.length, _away(way.points), _away(way.points[::-1]), complex(way.gain)) for way in mirrored]
+    rows = [(way.length, _away(way.points), _away(way.points[::-1]), way.gain) for way in mirrored]
     for wedge in wedges(scene):
         ways = [way for way in all_ways(scene, wedge.point, sensor.most, sensor.longest) if _enters(way, wedge)]
         for out, back in itertools.product(ways, repeat=2):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import Count
-from tests.oracles.brute.furnished import compare
+from tests.oracles.brute.furnished import THINNEST, compare
 from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape
 
 
@@ -18,6 +18,19 @@ def test_readings_are_those_of_an_exhaustive_search(count: Count) -> None:
         assert not found.wrong.any(), f"room {seed}"
         # else the comparison would prove little
         assert found.unsure.mean() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("seed", "thinnest"),
+    [
+        # sound grazes a post beside a corner: a fan finds only one direction of the path
+        (300, THINNEST),
+        # sound grazes a thin post on its way to an edge
+        (9, 0.001),
+    ],
+)
+def test_sound_that_grazes_a_post_is_not_lost(seed: int, thinnest: float) -> None:
+    assert not compare(seed, 500, thinnest).wrong.any()
 
 
 @pytest.mark.timeout(36_000)

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.special import h1vp, hankel1, jv, jvp
-from sonarhw_sim.rays.cylinder import cylinder_factor
 from sonarhw_sim.rays.paths import PathSearch, find_paths
+from sonarhw_sim.rays.posts.cylinder import cylinder_factor
 from sonarhw_sim.room.model import Room, parse_room
 
+from tests.fixtures.rooms_for_tests import room_of
+from tests.oracles.brute.exhaustive import Scene, all_ways
 from tests.oracles.fermat import reflected_paths
 
 WAVELENGTH = 0.006962
@@ -47,7 +49,7 @@ def ray_gain(points: np.ndarray, sequence: tuple[int, ...], walls: int, posts: n
     return math.sqrt(length / width)
 
 
-# Two thin posts in turn can be missed, but are fainter than -42 dB. In these scenes, a fan alone misses louder paths.
+# In these scenes, a fan alone misses paths.
 @pytest.mark.parametrize("seed", [2, 4, 5, 9])
 def test_every_path_by_a_post_is_found_and_no_other(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -61,13 +63,41 @@ def test_every_path_by_a_post_is_found_and_no_other(seed: int) -> None:
     for sequence, points, doubt in reflected_paths(here, here, walls, posts, 3):
         if max(sequence) >= len(walls):
             expected[sequence] = np.hypot(*np.diff(points, axis=0).T).sum()
-            if doubt or 20 * math.log10(ray_gain(points, sequence, len(walls), posts)) < -42:
+            if doubt or 20 * math.log10(ray_gain(points, sequence, len(walls), posts)) < -60:
                 optional.add(sequence)
     paths = found(scene(walls, posts), len(walls))
     assert paths.keys() <= expected.keys()
     assert expected.keys() - optional <= paths.keys()
     for sequence in paths:
         assert paths[sequence] == pytest.approx(expected[sequence], abs=1e-6)
+
+
+def random_cluster(seed: int) -> Scene:
+    """Return three thin posts close to each other, 0.5 to 1 m from the sensor, and a wall behind them."""
+    random = np.random.default_rng(seed)
+    bearing, distance = random.uniform(0, math.tau), random.uniform(0.5, 1.0)
+    middle = distance * np.array([math.cos(bearing), math.sin(bearing)])
+    radii = 10 ** random.uniform(-3, -2, 3)
+    around = bearing + random.uniform(0, math.tau) + math.tau / 3 * np.arange(3)
+    gap = random.uniform(0.012, 0.05)
+    centres = middle + gap * np.column_stack((np.cos(around), np.sin(around)))
+    turned = bearing + math.pi / 2 + random.uniform(-0.3, 0.3)
+    along, corner = np.array([math.cos(turned), math.sin(turned)]), 1.2 * middle
+    wall = np.hstack((corner - along, corner + along))[None]
+    return Scene(wall, np.column_stack((centres, radii)), random.uniform(0.5, 1, 4), np.array(HERE), WAVELENGTH)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_chain_of_thin_posts_over_the_limit_is_found(seed: int) -> None:
+    cluster = random_cluster(seed)
+    room = room_of(cluster.walls, cluster.posts, cluster.reflectances)
+    paths = find_paths(room, HERE, PathSearch(6.0, WAVELENGTH, diffraction=False))
+    gains, lengths = paths.gains * np.exp(1j * paths.phases), paths.lengths
+    by_posts = [way for way in all_ways(cluster, cluster.position, 3, 6.0) if way.touches > 1 and abs(way.gain) > 2e-3]
+    assert len(by_posts) > 8
+    for way in by_posts:
+        same = np.flatnonzero((abs(lengths - way.length) < 1e-7) & (abs(gains - way.gain) < 1e-3 * abs(way.gain)))
+        assert len(same), way
 
 
 def test_all_edges_are_reached_by_way_of_a_post() -> None:
@@ -88,7 +118,7 @@ def test_a_wire_is_heard_at_every_bearing(distance: float) -> None:
         assert found(scene(wall, np.array([post])), 1) == {(1,): pytest.approx(2 * (distance - 0.002))}
 
 
-def exact_echo(radius: float, distance: float, apart: float, reflectance: float) -> float:
+def exact_echo(radius: float, distance: float, apart: float, reflectance: float) -> complex:
     """Return the echo of a cylinder for a line source, both ends at `distance` (m), relative to a free source.
 
     Exact at any distance (Morse and Ingard, ch. 8): the addition theorem of the Hankel function.
@@ -99,7 +129,7 @@ def exact_echo(radius: float, distance: float, apart: float, reflectance: float)
     incident = jvp(order, k * radius) + at_surface * jv(order, k * radius)
     returned = h1vp(order, k * radius) + at_surface * hankel1(order, k * radius)
     terms = incident / returned * hankel1(order, k * distance) ** 2
-    return abs(complex((np.where(order == 0, 1, 2) * terms * np.cos(order * apart)).sum()))
+    return complex((np.where(order == 0, 1, 2) * terms * np.cos(order * apart)).sum())
 
 
 @pytest.mark.parametrize("diameter", [0.001, 0.002, 0.003, 0.004])
@@ -113,11 +143,11 @@ def test_a_thin_post_is_as_strong_as_the_exact_wave(diameter: float, incidence: 
     half = brentq(excess, 0.0, incidence) if incidence else 0.0
     leg = math.hypot(distance * math.cos(half) - radius, distance * math.sin(half))
     by_rays = math.sqrt(2 * leg / (2 * leg + 2 * leg**2 / (radius * math.cos(incidence))))
-    exact = exact_echo(radius, distance, 2 * half, reflectance) / abs(hankel1(0, k * 2 * leg)) / by_rays
-    ours = reflectance * float(
-        cylinder_factor(np.array([k * radius]), np.array([incidence]), np.array([reflectance]))[0]
-    )
-    assert 20 * math.log10(ours / exact) == pytest.approx(0.0, abs=0.15)
+    # time runs the other way in these Hankel functions
+    exact = np.conj(-exact_echo(radius, distance, 2 * half, reflectance) / hankel1(0, k * 2 * leg)) / by_rays
+    ours = reflectance * cylinder_factor(np.array([k * radius]), np.array([incidence]), np.array([reflectance]))[0]
+    assert 20 * math.log10(abs(ours / exact)) == pytest.approx(0.0, abs=0.15)
+    assert np.angle(ours / exact) == pytest.approx(0.0, abs=0.03)
 
 
 @pytest.mark.parametrize("radius", [0.001, 0.0049, 0.0051])
@@ -126,7 +156,7 @@ def test_the_gain_of_a_path_contains_the_factor_of_thin_posts_only(radius: float
     paths = find_paths(room, HERE, PathSearch(21.4, WAVELENGTH))
     away = math.hypot(1.0, 0.5) - radius
     exact = cylinder_factor(np.array([math.tau / WAVELENGTH * radius]), np.zeros(1), np.ones(1))[0]
-    factor = exact if radius < 0.005 else 1.0
+    factor = abs(exact) if radius < 0.005 else 1.0
     assert paths.gains == pytest.approx(factor * math.sqrt(radius / (radius + away)))
 
 

@@ -1,0 +1,133 @@
+"""Ways over walls from a place or a post to the centres of posts and to edges, found by a fan of rays."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.detectable import all_rays
+from sonarhw_sim.rays.kernel import Fan, follow_fan
+from sonarhw_sim.rays.partial_paths import with_direct_paths
+from sonarhw_sim.rays.passing import Passing
+from sonarhw_sim.rays.path_table import PathTable
+from sonarhw_sim.rays.sequences import solve_candidates
+from sonarhw_sim.room.grid import IntArray, Listing
+from sonarhw_sim.room.model import Room
+
+MOST_REFLECTIONS = 3  # of a path by posts
+
+
+@dataclass(frozen=True)
+class PostWays(PathTable):
+    """Ways over walls, straight to the centres of posts; one row each, in order of `starts`."""
+
+    starts: IntArray  # (n,): row in the room's posts; -1: the place
+    targets: IntArray  # (n,): row in the room's posts, or of the edges
+    bounces: IntArray  # (n,)
+    surfaces: IntArray  # (n, 2): walls, padded with -1
+
+    @staticmethod
+    def none() -> "PostWays":
+        """Return an empty table."""
+        whole = np.empty(0, np.int32)
+        return PostWays(np.empty(0), whole, whole, whole, np.empty((0, 2), np.int32))
+
+
+def ways_to_posts(
+    room: Room,
+    place: FloatArray,
+    other: FloatArray,
+    directions: FloatArray,
+    max_length: float,
+    max_bounces: int,
+    passing: Passing | None,
+) -> PostWays:
+    """Return the ways from `place` (2,) to posts, of paths up to `max_length` (m) that continue to `other` (2,).
+
+    They are in order of post. `directions` (n,) are those of evenly spaced rays (rad).
+    """
+    most = min(max_bounces, MOST_REFLECTIONS) - 1
+    if most < 0 or len(room.posts) == 0:
+        return PostWays.none()
+    radii = room.posts[:, 2]
+    longest = max_length + radii - np.hypot(*(room.posts[:, :2] - other).T)
+    return _ways(room, place, -1, room.posts[:, :2], radii, longest, directions, most, passing)
+
+
+def ways_from_posts(
+    room: Room,
+    source: FloatArray,
+    end: FloatArray,
+    edges: NDArray[np.intp],
+    directions: FloatArray,
+    max_length: float,
+    max_bounces: int,
+    passing: Passing | None,
+) -> tuple[PostWays, PostWays]:
+    """Return the ways from each post to posts and to `edges` (e,), of paths up to `max_length` (m) between two places.
+
+    In a search with heights, only the straight ways.
+    """
+    if max_bounces < 1 or len(room.posts) == 0:
+        return PostWays.none(), PostWays.none()
+    # the rays of a fan with slopes begin at the height of the transducer, which sound at a post need not have
+    most = min(max_bounces, MOST_REFLECTIONS) - 1 if passing is None else 0
+    count, radii = len(room.posts), np.append(room.posts[:, 2], np.zeros(len(edges)))
+    targets = np.vstack((room.posts[:, :2], room.edges.points[edges]))
+    away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end))) - radii
+    tables = [
+        _ways(room, targets[post], post, targets, radii, max_length - away[post] - away, directions, most, passing)
+        for post in range(count)
+    ]
+    ways = PostWays.join(tables)
+    to_edges = ways.select(np.flatnonzero(ways.targets >= count))
+    between = ways.select(np.flatnonzero((ways.targets < count) & (ways.bounces < max(most, 1))))
+    return between, replace(to_edges, targets=to_edges.targets - count)
+
+
+def _ways(
+    room: Room,
+    place: FloatArray,
+    start: int,
+    targets: FloatArray,
+    radii: FloatArray,
+    longest: FloatArray,
+    directions: FloatArray,
+    most: int,
+    passing: Passing | None,
+) -> PostWays:
+    """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets (t, 2) with these radii."""
+    # the receiver, target 0, is none of them
+    targets, radii, longest = np.vstack((place, targets)), np.append(0.0, radii), np.append(0.0, longest)
+    fan = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), np.empty((0, 3), np.int32), np.zeros(1))
+    if most:
+        detectable = all_rays(len(directions), len(targets))
+        fan = follow_fan(
+            place, directions, room.surfaces, room.reflectances, targets, longest, most, detectable, radii, passing
+        )
+    candidates = with_direct_paths(fan.candidates, len(targets))
+    touched = np.where(np.arange(fan.touched.shape[1]) < candidates[:, 1:2], fan.touched[candidates[:, 0]], -1)
+    over_walls = (touched < len(room.walls)).all(axis=1) & (candidates[:, 2] > 0)
+    candidates, touched = candidates[over_walls], touched[over_walls]
+    order = np.argsort(candidates[:, 2], kind="stable")
+    candidates, touched = candidates[order], touched[order]
+    # a way ends within its post, so an empty grid: nothing blocks; the whole path is checked later
+    nothing = Listing(np.zeros_like(room.surfaces.listing.starts), room.surfaces.listing.numbers[:0])
+    real, _, lengths, _ = solve_candidates(
+        place,
+        fan.directions,
+        fan.touched,
+        candidates,
+        targets,
+        np.full(len(targets), np.inf),
+        room.surfaces._replace(listing=nothing),
+        # a ray beside the centre touches this wall, so a path to the side of the post may, too
+        beyond_ends=np.inf,
+    )
+    _, bounces, target = candidates[real].T
+    surfaces = np.full((len(target), MOST_REFLECTIONS - 1), -1, np.int32)
+    surfaces[:, : touched.shape[1]] = touched[real]
+    ways = PostWays(lengths, np.full(len(target), start, np.int32), (target - 1).astype(np.int32), bounces, surfaces)
+    # a place above a low post is no way to it, nor is a post to itself
+    return ways.select(np.flatnonzero(lengths > 0.0))
