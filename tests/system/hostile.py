@@ -50,18 +50,17 @@ for arguments in (*helps(get_command(app)), *json.loads(sys.argv[1])):
 """
 COMMANDS = (
     "--version",
-    "demo --headless scanned",
     "ports",
     "simulate room.toml --place figure9 --step 90 --out simulated.csv",
     "paths room.toml --place figure9 --out paths.csv",
     "import simulated.csv --out imported.mcap --heading heading_deg --range range_m",
-    "log info scanned/scan.mcap",
-    "log export scanned/scan.mcap --out scan.csv",
-    "log recover scanned/scan.mcap --out again.mcap",
-    "compare scanned/scan.mcap --json --plot overlay.png",
+    "log info scanned.mcap",
+    "log export scanned.mcap --out scan.csv",
+    "log recover scanned.mcap --out again.mcap",
+    "compare scanned.mcap --room room.toml --place figure9 --json --plot overlay.png",
     "compare imported.mcap --room room.toml --place figure9",
     "fit imported.mcap --room room.toml --place figure9 --free heading --samples 0 --json",
-    "report scanned/scan.mcap --out report.html",
+    "report scanned.mcap --room room.toml --place figure9 --out report.html",
 )
 
 
@@ -89,7 +88,7 @@ def use_commands(python: Sequence[str], sonarhw: Sequence[str], folder: Path, se
         try:
             assert scanner.stdout is not None
             url = scanner.stdout.readline().strip()
-            commands = [*COMMANDS, f"info {url}", f"scan {url} --out fake.mcap --step 90"]
+            commands = [f"info {url}", f"scan {url} --out scanned.mcap --step 30", *COMMANDS]
             all_of_them = json.dumps([command.split() for command in commands])
             printed = _run([*python, "-c", RUN_COMMANDS, all_of_them], folder, search)
         finally:
