@@ -31,10 +31,14 @@ _LONGEST_STEP = 3 * _LONGEST_WAIT
 
 
 class Clock:
-    """The time of the device: real time × `pace`. It stops while the client does not read."""
+    """The time of the device: real time × `pace`. It stops while the client does not read.
+
+    It stops at each event, until the bytes of the event are sent: a device that computes for long is not silent.
+    """
 
     def __init__(self, pace: Pace) -> None:
         self.now = 0.0
+        self._due = 0.0  # the time of the device if it had needed no time for its events
         self.free = pace == "max"
         self.speed = pace if isinstance(pace, float | int) else 1.0
         self._last = time.monotonic()
@@ -43,16 +47,22 @@ class Clock:
         """Count the real time since the last call. If `held`, the time of the device does not change."""
         real = time.monotonic()
         if not held:
-            self.now += min(real - self._last, _LONGEST_STEP) * self.speed
+            self._due += min(real - self._last, _LONGEST_STEP) * self.speed
+            self._due = min(self._due, self.now + _LONGEST_STEP * self.speed)
         self._last = real
 
+    def step(self, event: float | None) -> float:
+        """Advance the time, at most to the next event, and return it."""
+        self.now = self._due if event is None else max(self.now, min(self._due, event))
+        return self.now
+
     def skip_to(self, event: float) -> None:
-        """Advance the time to `event` at once."""
-        self.now = max(self.now, event)
+        """Make `event` due at once."""
+        self._due = max(self._due, event)
 
     def real_until(self, event: float) -> float:
         """Return the real time until `event`, s."""
-        return max(0.0, event - self.now) / self.speed
+        return max(0.0, event - self._due) / self.speed
 
 
 def check_pace(pace: Pace) -> Pace:
@@ -105,7 +115,7 @@ class Endpoint:
             while not self._stopping:
                 self._clock.tick(held=bool(self._pending))
                 if not self._pending:
-                    self._pending = self._device.advance(self._clock.now)
+                    self._pending = self._device.advance(self._clock.step(self._device.next_event()))
                 self._follow_cable()
                 self._converse(self._wait_for())
         finally:

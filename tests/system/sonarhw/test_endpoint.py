@@ -8,17 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Clock, Endpoint, open_server_port, serve
+from sonarhw.device.endpoint import Clock, Endpoint, Pace, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.server_ports import TcpServerPort
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import InputError, LinkBusy, LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
+from sonarhw.readings import pings_in_place
 from sonarhw.wire.codes import Outcome
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Hello
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
+
+_PING = 0.1  # s from one ping to the next
 
 
 class EndlessSender:
@@ -201,14 +205,30 @@ def test_time_runs_at_its_pace_and_stops_while_held(monkeypatch: pytest.MonkeyPa
     clock = Clock(4.0)
     real += 0.05
     clock.tick(held=False)
-    assert clock.now == pytest.approx(0.2)
+    assert clock.step(None) == pytest.approx(0.2)
     assert clock.real_until(0.6) == pytest.approx(0.1)
     real += 0.05
     clock.tick(held=True)
-    assert clock.now == pytest.approx(0.2)
+    assert clock.step(None) == pytest.approx(0.2)
     real += 3600  # after the machine has slept, the clock of the device does not jump by an hour
     clock.tick(held=False)
-    assert clock.now < 2.0
+    assert clock.step(None) < 2.0
+
+
+class SlowEchoes(PlainEchoes):
+    """Echoes that take longer to compute than a ping lasts."""
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the echoes of a ping, late."""
+        time.sleep(3.5 * _PING)
+        return super().receive(ping)
+
+
+@pytest.mark.parametrize("pace", ["real", "max"])
+def test_a_device_that_computes_for_long_is_not_taken_for_lost(pace: Pace) -> None:
+    board = FakeBoard(SlowEchoes())
+    with serve(board, tcp="127.0.0.1:0", pace=pace) as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert len(list(scanner.scan(pings_in_place(8)))) == 8
 
 
 def test_an_idle_device_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
