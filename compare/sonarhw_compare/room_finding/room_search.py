@@ -1,5 +1,6 @@
 """The room that scans show: growth, refinement, and what the scans do not show."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,13 +15,14 @@ from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Course, Evidence, PoseSpread, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
 from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.refining.refinement import refined
+from sonarhw_compare.room_finding.refining.refinement import Refined, refined
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
 
 _ROUNDS = 3  # of growth and refinement
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
+_UNKNOWN, _UNKNOWN_TURN = 0.06, math.radians(5.4)  # m, rad: standard deviations of a wall that is not reported
 
 
 @dataclass(frozen=True)
@@ -72,13 +74,29 @@ def find_room(
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
         best = _cut_back(evidence, with_better_ends(evidence, pruned(evidence, best)), scans, board)
     tick(_ROUNDS / (_ROUNDS + 1))
-    draft = pruned(evidence, best).draft
-    if not draft.walls:
+    draft = refined(evidence, pruned(evidence, best).draft, ROUGH, _STEPS).draft
+    end = _determined(evidence, refined(evidence, draft, FINE, _LAST_STEPS))
+    if not end.draft.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    end = refined(evidence, refined(evidence, draft, ROUGH, _STEPS).draft, FINE, _LAST_STEPS)
     found = FoundRoom(end.draft, end.deviations, touches_of(scans, end.draft, board, air), echoes)
     tick(1.0)
     return found
+
+
+def _determined(evidence: Evidence, end: Refined) -> Refined:
+    """Return a refined draft without walls that no range determines; those of the first draft stay.
+
+    Such a wall is added because it changes the sound at the end of another one.
+    """
+    unknown = {
+        move.which
+        for move, deviation in end.deviations.items()
+        if move.what == "wall" and move.part < 2 and deviation > (_UNKNOWN_TURN if move.is_turn else _UNKNOWN)
+    }
+    draft = end.draft
+    for key in sorted(unknown - evidence.first.walls.keys()):
+        draft = draft.without_wall(key)
+    return end if draft is end.draft else refined(evidence, draft, FINE, _LAST_STEPS)
 
 
 def _part(tick: Callable[[float], None], turn: int) -> Callable[[float], None]:

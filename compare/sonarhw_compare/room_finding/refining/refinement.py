@@ -19,6 +19,7 @@ from sonarhw_compare.room_finding.refining.range_errors import range_errors
 
 UNKNOWN, UNKNOWN_TURN = 0.3, math.radians(5)  # m, rad: standard deviations of what no range determines
 _MOST, _MOST_TURN = 0.03, math.radians(3)  # m, rad: by which a value moves at once
+_WIDER = 1.2  # deviations by those of the least squares: for wrong paths; chosen in ten random rooms (docs/map.md)
 _TUNING = 2.385  # of Cauchy weights: 95 % efficient for normal errors
 _HALVINGS = 3  # of a step that makes a wall too short
 _SETTLED = 0.1  # standard deviations; smaller steps end the refinement
@@ -58,7 +59,8 @@ def deviations_of(evidence: Evidence, draft: RoomDraft) -> dict[Move, float]:
     """Return the standard deviation of each value of a draft, m or rad; all other values are unknown, too."""
     moves = moves_of(evidence, draft)
     information, _ = _normal_equations(evidence, draft, moves)
-    return dict(zip(moves, np.sqrt(np.diag(np.linalg.inv(information))).tolist(), strict=True))
+    deviations = _WIDER * np.sqrt(np.diag(np.linalg.inv(information)))
+    return dict(zip(moves, deviations.tolist(), strict=True))
 
 
 def centred(draft: RoomDraft) -> RoomDraft:
