@@ -6,8 +6,9 @@ from PySide6.QtCore import QObject
 
 from sonarhw.readings import Reading
 from sonarhw_gui.causes.cause_request import CauseRequest, CausesAnswer
+from sonarhw_gui.run_control import RunControl
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.run_control import RunControl, RunProgress
+from sonarhw_gui.work.run_progress import RunProgress
 
 _MOST_READINGS = 360  # the newest ones; the time of a search is proportional to their number
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from sonarhw.readings import Reading
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
-from sonarhw_gui.work.run_control import RunProgress
+from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import FoundCauses

@@ -20,8 +20,8 @@ from sonarhw_gui.finding.find_request import (
     RoomAnswer,
 )
 from sonarhw_gui.finding.loaded_scans import loaded_scans
+from sonarhw_gui.run_control import RunControl
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.run_control import RunControl
 
 if TYPE_CHECKING:
     from sonarhw_compare.room_finding.draft import DraftPost, DraftWall

@@ -10,7 +10,7 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.work.run_control import RunProgress
+from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise

@@ -6,8 +6,9 @@ from PySide6.QtCore import QObject
 
 from sonarhw.readings import Reading
 from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings
+from sonarhw_gui.run_control import RunControl
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.run_control import RunControl, RunProgress
+from sonarhw_gui.work.run_progress import RunProgress
 
 _MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
 

@@ -11,7 +11,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
-from sonarhw_gui.work.run_control import RunProgress
+from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult, Parameter

@@ -1,40 +1,11 @@
-"""A long run in a thread, at most one at a time: its progress, its cancellation, and the base of its controls."""
+"""A long run in a thread, at most one at a time: the base of the fit, the causes and the room search."""
 
-import threading
-from typing import Any, Protocol
+from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from sonarhw_gui.work.worker import Failure, Request, Worker
-
-
-class RunProgress:
-    """Progress of a run, and its cancellation; shared by the thread of the run and its caller."""
-
-    def __init__(self) -> None:
-        self.share, self.step = 0.0, "beginning"
-        self._stop = threading.Event()
-
-    def report(self, share: float, step: str = "") -> None:
-        """Store the share that is done and the current step."""
-        self.share, self.step = share, step
-
-    def cancel(self) -> None:
-        """Ask the run to end."""
-        self._stop.set()
-
-    @property
-    def cancelled(self) -> bool:
-        """Whether the run should end."""
-        return self._stop.is_set()
-
-
-class RunRequest(Request, Protocol):
-    """Work of a run. Its answer has the request as `request`."""
-
-    @property
-    def progress(self) -> RunProgress:
-        """Progress of the run, and its cancellation."""
+from sonarhw_gui.work.run_progress import RunRequest
+from sonarhw_gui.work.worker import Failure, Worker
 
 
 class RunControl(QObject):
