@@ -5,7 +5,7 @@ from typing import cast
 
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
-from PySide6.QtWidgets import QAbstractButton, QApplication, QMainWindow, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QAbstractButton, QApplication, QVBoxLayout, QWidget
 
 from sonarhw_gui.bars.banner import Banner
 from sonarhw_gui.bars.hint import Hint
@@ -40,6 +40,7 @@ from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.accessible_names import name_tab_stops
 from sonarhw_gui.shell.command_states import show_history, show_scanner
 from sonarhw_gui.shell.docks import Docks
+from sonarhw_gui.shell.tabbed_window import TabbedWindow
 from sonarhw_gui.shell.view_area import ViewArea
 from sonarhw_gui.shell.wiring import (
     connect_banner,
@@ -61,7 +62,7 @@ _LOW = 640  # pixels
 _TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
 
 
-class MainWindow(QMainWindow):
+class MainWindow(TabbedWindow):
     """The main window with all its parts."""
 
     closing = Signal()  # emitted before anything is closed

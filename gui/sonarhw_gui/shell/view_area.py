@@ -4,7 +4,7 @@ from typing import TypeVar, cast
 
 from PySide6.QtCore import QByteArray, QEvent, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QResizeEvent, QShowEvent
-from PySide6.QtWidgets import QMainWindow, QStackedWidget, QTabWidget, QWidget
+from PySide6.QtWidgets import QStackedWidget, QTabWidget, QWidget
 
 from sonarhw_gui.bscan.bscan_view import BScanView
 from sonarhw_gui.candidates.candidate_view import CandidateView
@@ -15,6 +15,7 @@ from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.readings.table_view import TableView
 from sonarhw_gui.scans.difference_view import DifferenceView
 from sonarhw_gui.session.shown_model import ShownModel
+from sonarhw_gui.shell.tabbed_window import TabbedWindow
 from sonarhw_gui.shell.view_dock import ViewDock
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_view import TraceView
@@ -35,7 +36,7 @@ class _Stage(QStackedWidget):
         return super().minimumSizeHint() if shown is None else shown.minimumSizeHint()
 
 
-class ViewArea(QMainWindow):
+class ViewArea(TabbedWindow):
     """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow.
 
     It is a main window inside the window, so that legend and sentence keep the whole width.

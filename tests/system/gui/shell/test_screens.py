@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from PySide6.QtCore import QEvent, QPoint, QPointF, QRect, QSize, Qt
 from PySide6.QtGui import QMouseEvent
-from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel, QToolButton, QWidget
+from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel, QTabBar, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import DARK
@@ -44,10 +44,17 @@ def on_screen(window: MainWindow, size: QSize, monkeypatch: pytest.MonkeyPatch) 
 
 
 def cut(window: MainWindow) -> list[str]:
-    """Return the labels and buttons whose text is cut, or that lie outside the window."""
+    """Return the labels, buttons and tabs whose text is cut, or that lie outside the window."""
     shown = [part for part in window.findChildren(QWidget) if not part.visibleRegion().isEmpty()]
     found = [part for part in shown if isinstance(part, QLabel | QAbstractButton) and _is_cut(part)]
-    return [f"{type(part).__name__} {part.text()!r}" for part in found]
+    tabs = [text for bar in shown if isinstance(bar, QTabBar) for text in _cut_tabs(bar)]
+    return [f"{type(part).__name__} {part.text()!r}" for part in found] + [f"tab {text!r}" for text in tabs]
+
+
+def _cut_tabs(bar: QTabBar) -> list[str]:
+    """Return the names that are wider than their tabs."""
+    names = [(bar.tabText(tab), bar.tabRect(tab).width()) for tab in range(bar.count())]
+    return [text for text, width in names if bar.fontMetrics().horizontalAdvance(text) > width]
 
 
 def _is_cut(part: QLabel | QAbstractButton) -> bool:
