@@ -1,0 +1,119 @@
+"""`sonarhw import` of raw traces in WAV, NPY, MAT and text files."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.io import savemat, wavfile
+from sonarhw_cli.app import run
+
+from sonarhw.log import read_log
+from sonarhw.readings import FloatArray
+from tests.system.cli.importing.test_import_csv import degrees
+
+
+def pulses() -> FloatArray:
+    """Three pings of 400 samples at 100 kHz, each with a decaying burst of 40 kHz, in 16 bits and in [-1, 1]."""
+    times = np.arange(400) / 1e5
+    signals = [np.where(times >= at, 0.7 * np.sin(math.tau * 4e4 * (times - at + 5e-6)), 0.0) for at in (1e-3, 2e-3)]
+    return np.round(np.array([*signals, np.zeros(400)]) * 32767) / 32768
+
+
+def raw_file(folder: Path, suffix: str) -> tuple[Path, list[str]]:
+    """Write the pulses as a program of each kind does: SciPy for WAV and MAT, NumPy for NPY and text."""
+    file, samples = folder / f"raw{suffix}", pulses()
+    match suffix:
+        case ".wav":
+            wavfile.write(file, 100_000, (samples.T * 32768).astype(np.int16))
+            return file, []
+        case ".npy":
+            np.save(file, (samples * 32768).astype(np.int16))
+        case ".mat":
+            savemat(file, {"echoes": samples, "rate": 1e5}, do_compression=True)
+        case _:
+            np.savetxt(file, samples, delimiter=",")
+    return file, ["--rate", "100000"]
+
+
+@pytest.mark.parametrize("suffix", [".wav", ".npy", ".mat", ".csv", ".txt"])
+def test_raw_traces_are_readings_a_step_apart(tmp_path: Path, suffix: str) -> None:
+    file, rate = raw_file(tmp_path, suffix)
+    options = [*rate, "--step", "10", "--heading-zero", "45", "--turn", "cw", "--threshold", "0.2"]
+    assert run(["import", str(file), "--out", str(tmp_path / "out.mcap"), *options]) == 0
+    readings = read_log(tmp_path / "out.mcap").readings
+    assert degrees(readings) == pytest.approx([45, 35, 25], abs=1e-5)
+    assert [one.echo_times for one in readings] == [
+        (pytest.approx(1e-3, abs=1.1e-5),),
+        (pytest.approx(2e-3, abs=1.1e-5),),
+        (),
+    ]
+    for reading, samples in zip(readings, pulses(), strict=True):
+        assert reading.trace is not None
+        assert reading.trace.carrier
+        assert reading.trace.rate == pytest.approx(100_000)
+        assert reading.trace.samples == pytest.approx(samples, abs=1 / 127)
+
+
+def test_text_has_room_for_the_longest_traces_and_not_for_longer_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "raw.csv", tmp_path / "out.mcap"
+    command = ["import", str(file), "--out", str(out), "--rate", "1e6"]
+    for count, status in ((65_535, 0), (75_000, 2)):
+        np.savetxt(file, -0.123456789 * np.ones((2, count)), delimiter=",")
+        assert run([*command, "--force"]) == status
+    assert "has more than" in capsys.readouterr().err
+    assert [len(one.trace.samples) for one in read_log(out).readings if one.trace is not None] == [65_535] * 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "options", "message"),
+    [
+        ("a.wav", b"RIFF1234WAVE", [], "is not a WAV file"),
+        ("a.wav", b"no", [], "is not a WAV file"),
+        ("a.wav", b"", ["--rate", "1e5"], "--rate 100000: a WAV file has its own"),
+        ("a.npy", b"", ["--rate", "1e5"], "is not an array of NumPy"),
+        ("a.npy", b"0.1 0.2\n", ["--rate", "1e5"], "This file contains pickled (object) data\n"),
+        ("a.npy", b"\x93NUMPY\1\0", ["--rate", "1e5"], "is not an array of NumPy"),
+        ("a.npy", b"", [], "needs --rate, Hz"),
+        ("a.mat", b"", ["--rate", "1e5"], "is not a MAT file"),
+        ("a.mat", b"MATLAB 5.0 MAT-file" * 20, ["--rate", "1e5"], "is not a MAT file"),
+        ("a.csv", b"", ["--rate", "1e5"], "the file is empty"),
+        ("a.csv", b"0.1,x\n", ["--rate", "1e5"], "line 1: could not convert string to float: 'x'"),
+        ("a.csv", b"0.1,0.2\n0.1\n", ["--rate", "1e5"], "line 2: 1 samples; expected 2, as above"),
+        ("a.csv", b"0.1,2.5\n", ["--rate", "1e5"], "a sample of 2.5; expected shares of full scale"),
+        ("a.csv", b"0.1,nan\n", ["--rate", "1e5"], "a sample of nan; expected shares of full scale"),
+        ("a.csv", b"0.1,0.2\n", ["--rate", "5"], "a sampling rate of 5.0 Hz; expected 1000 to 1e+07 Hz"),
+        ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--heading", "a"], "--heading: only for CSV files"),
+        ("a.csv", b"0.1,0.2\n", ["--rate", "1e5", "--step", "999"], "--step 999: expected -360 to 360 degrees"),
+        ("a.log", b"", ["--step", "9"], "--step 9: only for raw traces and ROS bags"),
+    ],
+)
+def test_wrong_raw_traces_are_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, content: bytes, options: list[str], message: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    assert run(["import", str(tmp_path / name), "--out", str(tmp_path / "out.mcap"), *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        (np.zeros((2, 3, 4)), "an array of shape (2, 3, 4)"),
+        (np.zeros((2, 70_000), np.int8), "traces of 70000 samples; expected 2 to 65535"),
+        (np.array(["a", "b"]), "and type <U1; expected numbers"),
+    ],
+)
+def test_an_array_of_another_shape_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], table: NDArray[np.generic], message: str
+) -> None:
+    np.save(tmp_path / "a.npy", table)
+    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "out.mcap"), "--rate", "1e5"]
+    assert run(command) == 2
+    assert message in capsys.readouterr().err
