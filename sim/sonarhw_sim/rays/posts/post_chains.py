@@ -50,10 +50,10 @@ def may_be_louder(chains: Chains, rows: NDArray[np.intp], onward: FloatArray, fa
     return np.asarray(bounds * _LOUDER >= faintest)
 
 
-def pairs_of(keys: IntArray, ways: PostWays) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return all pairs of a row of `keys` (n,), posts, and a row of `ways` that starts at this post, (m,) each."""
-    start = np.searchsorted(ways.starts, keys)
-    return whole_numbers(start, np.searchsorted(ways.starts, keys, side="right") - 1)
+def equal_pairs(posts: IntArray, others: IntArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return all pairs of a row of `posts` (n,) and a row of `others` (k,), in order, with the same post, (m,) each."""
+    first = np.searchsorted(others, posts)
+    return whole_numbers(first, np.searchsorted(others, posts, side="right") - 1)
 
 
 def joined(one: IntArray, other: IntArray) -> IntArray:
@@ -73,7 +73,7 @@ def _first(room: Room, ways: PostWays) -> Chains:
 
 
 def _longer(room: Room, chains: Chains, between: PostWays, most: int, faintest: float) -> Chains:
-    first, way = pairs_of(chains.posts, between)
+    first, way = equal_pairs(chains.posts, between.starts)
     kept = chains.bounces[first] + between.bounces[way] < most
     first, way = first[kept], way[kept]
     before, posts = chains.select(first), between.targets[way]

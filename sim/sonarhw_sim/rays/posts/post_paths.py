@@ -4,8 +4,6 @@ A fan finds the ways over walls to the centre of each post, and from there to ot
 one another make one sequence of surfaces, which is solved exactly.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +12,7 @@ from sonarhw_sim.rays.kernel import Fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, solved_paths
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.posts.contacts import aimed
-from sonarhw_sim.rays.posts.post_chains import Chains, joined, may_be_louder, pairs_of
+from sonarhw_sim.rays.posts.post_chains import Chains, equal_pairs, joined, may_be_louder
 from sonarhw_sim.rays.posts.post_ways import MOST_REFLECTIONS, PostWays
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
@@ -37,7 +35,7 @@ def post_paths(
     `faintest` (gain) may be omitted.
     """
     most = min(max_bounces, MOST_REFLECTIONS)
-    first, second = _pairs(chains, back)
+    first, second = equal_pairs(chains.posts, back.targets)
     kept = chains.bounces[first] + back.bounces[second] <= most
     kept &= chains.lengths[first] + back.lengths[second] - chains.saved[first] <= max_length
     first, second = first[kept], second[kept]
@@ -63,7 +61,7 @@ def post_paths_to_edges(
 
     `chains` are those from `place`, `to_edges` the ways from posts to these edges.
     """
-    first, second = pairs_of(chains.posts, to_edges)
+    first, second = equal_pairs(chains.posts, to_edges.starts)
     edge, onward = to_edges.targets[second], to_edges.lengths[second]
     kept = chains.bounces[first] + to_edges.bounces[second] <= min(max_bounces, MOST_REFLECTIONS)
     kept &= chains.lengths[first] + onward - chains.saved[first] <= longest[edge]
@@ -75,11 +73,6 @@ def post_paths_to_edges(
     sequences = joined(chains.surfaces[first], to_edges.surfaces[second])
     points = room.edges.points[edges]
     return _solved(room, place, sequences, points, edge, longest, edges.astype(np.int32), passing)
-
-
-def _pairs(chains: Chains, back: PostWays) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return all pairs of a chain and a way back from its last post, (m,) each."""
-    return pairs_of(chains.posts, replace(back, starts=back.targets))
 
 
 def _solved(
