@@ -15,7 +15,7 @@ from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Course, Evidence, PoseSpread, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
 from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.refining.refinement import Refined, refined
+from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
@@ -66,37 +66,39 @@ def find_room(
     for turn in range(_ROUNDS):
         tick(turn / (_ROUNDS + 1))
         placed = [replace(scan, place=place) for scan, place in zip(scans, best.draft.places, strict=True)]
-        arcs = arcs_of_scans(placed, board)
-        grow = grown(evidence, arcs, best, _part(tick, turn))
-        longer = pruned(evidence, grow)
+        longer = pruned(evidence, grown(evidence, arcs_of_scans(placed, board), best, _part(tick, turn)))
         if longer.draft == best.draft:
             break
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
         best = _cut_back(evidence, with_better_ends(evidence, pruned(evidence, best)), scans, board)
     tick(_ROUNDS / (_ROUNDS + 1))
     draft = refined(evidence, pruned(evidence, best).draft, ROUGH, _STEPS).draft
-    end = _determined(evidence, refined(evidence, draft, FINE, _LAST_STEPS))
-    if not end.draft.walls:
+    end, deviations = _determined(evidence, refined(evidence, draft, FINE, _LAST_STEPS).draft)
+    if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    found = FoundRoom(end.draft, end.deviations, touches_of(scans, end.draft, board, air), echoes)
+    found = FoundRoom(end, deviations, touches_of(scans, end, board, air), echoes)
     tick(1.0)
     return found
 
 
-def _determined(evidence: Evidence, end: Refined) -> Refined:
-    """Return a refined draft without walls that no range determines; those of the first draft stay.
+def _determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[Move, float]]:
+    """Return a refined draft without walls that no range determines, and its deviations; walls of the first draft stay.
 
     Such a wall is added because it changes the sound at the end of another one.
     """
+    deviations = deviations_of(evidence, draft)
     unknown = {
         move.which
-        for move, deviation in end.deviations.items()
+        for move, deviation in deviations.items()
         if move.what == "wall" and move.part < 2 and deviation > (_UNKNOWN_TURN if move.is_turn else _UNKNOWN)
     }
-    draft = end.draft
-    for key in sorted(unknown - evidence.first.walls.keys()):
+    unknown -= evidence.first.walls.keys()
+    if not unknown:
+        return draft, deviations
+    for key in sorted(unknown):
         draft = draft.without_wall(key)
-    return end if draft is end.draft else refined(evidence, draft, FINE, _LAST_STEPS)
+    draft = refined(evidence, draft, FINE, _LAST_STEPS).draft
+    return draft, deviations_of(evidence, draft)
 
 
 def _part(tick: Callable[[float], None], turn: int) -> Callable[[float], None]:

@@ -6,14 +6,14 @@ count little. The likelihood is too rough for its gradients: it decides between 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
-from sonarhw_compare.room_finding.evidence import Evidence
+from sonarhw_compare.room_finding.evidence import Evidence, Scored
 from sonarhw_compare.room_finding.refining.moves import Move, moves_of
 from sonarhw_compare.room_finding.refining.range_errors import range_errors
 
@@ -25,19 +25,10 @@ _HALVINGS = 3  # of a step that makes a wall too short
 _SETTLED = 0.1  # standard deviations; smaller steps end the refinement
 
 
-@dataclass(frozen=True)
-class Refined:
-    """A refined draft with its uncertainties."""
-
-    draft: RoomDraft
-    score: float
-    deviations: dict[Move, float]  # standard deviation by each move, m or rad
-
-
-def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int) -> Refined:
+def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int) -> Scored:
     """Return the most likely draft of those after up to `steps` steps; walls turn about their middles."""
     draft = centred(draft)
-    best = Refined(draft, evidence.log_likelihood(draft, noise), {})
+    best = Scored(draft, evidence.log_likelihood(draft, noise))
     moves = moves_of(evidence, draft)
     for _ in range(steps):
         information, slopes = _normal_equations(evidence, draft, moves)
@@ -50,9 +41,8 @@ def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: in
         draft = moved
         score = evidence.log_likelihood(draft, noise)
         if score > best.score:
-            best = Refined(draft, score, {})
-    best = replace(best, draft=centred(best.draft))
-    return replace(best, deviations=deviations_of(evidence, best.draft))
+            best = Scored(draft, score)
+    return replace(best, draft=centred(best.draft))
 
 
 def deviations_of(evidence: Evidence, draft: RoomDraft) -> dict[Move, float]:

@@ -117,7 +117,7 @@ def test_stated_deviations_hold_the_truth() -> None:
     for seed in range(8):
         evidence, true = case(noise=0.01, seed=seed)
         found = refined(evidence, true, ROUGH, 4)
-        for move, deviation in found.deviations.items():
+        for move, deviation in deviations_of(evidence, found.draft).items():
             if move.what == "wall" and move.part < 2:
                 held.append(abs(off(found.draft, true, move.which)[move.part]) <= 1.96 * deviation)
                 widest = max(widest, deviation if move.part == 0 else 0.0)
