@@ -14,7 +14,7 @@ from sonarhw_sim.board.traces import is_stepped
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 
 from sonarhw_compare.explain.contest import WallChange, steps, wall_changes
-from sonarhw_compare.explain.sentences import LengthText, in_metres
+from sonarhw_compare.explain.sentences import LengthText, in_metres, receiver_change
 
 FAINTEST_DB = 20.0  # below the threshold; the prediction contains no fainter paths
 _SAME_LENGTH = 1e-6  # m
@@ -92,9 +92,8 @@ def outcome_text(candidate: RankedEcho, text: LengthText = in_metres) -> str:
     For the winner, also what the receiver of the board adds to its range.
     """
     if candidate.wins:
-        late = candidate.range - candidate.half
-        same = text(candidate.range) == text(candidate.half)
-        return "wins" if same else f"wins, receiver {'adds' if late > 0 else 'subtracts'} {text(abs(late))}"
+        change = receiver_change(candidate.half, candidate.range, text)
+        return f"wins, receiver {change}" if change else "wins"
     if candidate.blanked:
         return "blanked"
     parts = [f"{candidate.lacking_db:.1f} dB too weak"] if candidate.too_weak else []

@@ -71,10 +71,15 @@ def receiver_part(prediction: PredictedScan, index: int, text: LengthText) -> li
     """Return what the receiver adds to half of the path that is predicted at heading `index`; [] if that is nothing."""
     range_, path = float(prediction.ranges[index]), int(prediction.winners[index])
     half = float(prediction.apparent_lengths[path]) / 2 if path >= 0 else range_
+    change = receiver_change(half, range_, text)
+    return [f"half of the path is {text(half)}, and the receiver of the board {change}"] if change else []
+
+
+def receiver_change(half: float, range_: float, text: LengthText) -> str:
+    """Return what the receiver does to half of a path, as `adds 0.030 m`; empty if both lengths (m) read the same."""
     if text(half) == text(range_):
-        return []
-    verb = "adds" if range_ > half else "subtracts"
-    return [f"half of the path is {text(half)}, and the receiver of the board {verb} {text(abs(range_ - half))}"]
+        return ""
+    return f"{'adds' if range_ > half else 'subtracts'} {text(abs(range_ - half))}"
 
 
 def _within_blanking(prediction: PredictedScan, index: int, path: int | None, text: LengthText) -> list[str]:
