@@ -25,7 +25,8 @@ _OCCUPIED = 0.5  # certainty of a cell of the grid
 
 def seen_parts(case: RandomRoom, board: Board) -> list[tuple[int, float, float]]:
     """Return wall, first and last touch (m from its start) of each true wall that three recorded echoes touched."""
-    room, touched = case.room, [[] for _ in case.room.walls]  # type: ignore[var-annotated]
+    room = case.room
+    touched: list[list[float]] = [[] for _ in room.walls]
     for scan in case.scans:
         comparison = compare_readings(scan.readings, room, scan.place, board)
         for row in comparison.rows:
