@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pytest
 
-NOTEBOOK = Path("docs/notebook.ipynb")
+NOTEBOOK = Path("docs/how_to/notebook.ipynb")
 
 
 def printed(cell: dict[str, Any]) -> str:
@@ -22,7 +22,7 @@ def test_notebook_runs_and_reproduces_its_results() -> None:
     names: dict[str, Any] = {}
     for cell in cells:
         assert cell["execution_count"] is not None, (
-            "a cell without output: jupyter execute --inplace docs/notebook.ipynb"
+            "a cell without output: jupyter execute --inplace docs/how_to/notebook.ipynb"
         )
         text = io.StringIO()
         with contextlib.redirect_stdout(text):

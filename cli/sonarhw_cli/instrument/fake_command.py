@@ -34,7 +34,7 @@ def fake(
     ] = "real",
     faults: Annotated[
         str,
-        typer.Option(help="Faults, such as drop=1/5000,reset@r20; see docs/how_to/faults.md.", metavar="SPEC"),
+        typer.Option(help="Faults, such as drop=1/5000,reset@r20; see docs/devices/faults.md.", metavar="SPEC"),
     ] = "",
 ) -> None:
     """Serve a fake scanner. The first line of standard output is its URL.

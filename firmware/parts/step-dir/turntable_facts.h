@@ -1,4 +1,4 @@
-/* Constants of the turntable in the parts list of docs/how_to/firmware.md: 200 steps of 16 microsteps, belt 36 : 16.
+/* Constants of the turntable in the parts list of docs/devices/firmware.md: 200 steps of 16 microsteps, belt 36 : 16.
  * Change MICROSTEPS for another gear. */
 #ifndef TURNTABLE_FACTS_H
 #define TURNTABLE_FACTS_H

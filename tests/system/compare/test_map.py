@@ -231,7 +231,7 @@ def test_readings_without_a_path_are_counted_as_not_determined() -> None:
 
 
 def test_the_document_shows_the_output_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    printed = Path("docs/map.md").read_text().split("--out map.png\nmap.png: written\n")[1].split("```")[0]
+    printed = Path("docs/comparing/map.md").read_text().split("--out map.png\nmap.png: written\n")[1].split("```")[0]
     logs = [str(tmp_path / f"scan{k}.mcap") for k in range(4)]
     for log, place in zip(logs, ("0.8,0.8", "1.6,1.4", "2.4,0.9", "1.3,0.5"), strict=True):
         assert run(["simulate", "rooms/kuc_siegel.toml", "--place", place, "--step", "2", "--out", log]) == 0

@@ -27,7 +27,7 @@ from sonarhw.errors import InputError, MissingExtra, SonarError
 from tests.hang_guard import HANG, wait_until
 
 ROOMS = Path("rooms").resolve()
-EXAMPLE = Path("docs/how_to/study_example.toml")
+EXAMPLE = Path("docs/comparing/study_example.toml")
 
 SPEC = f"""
 name = "test"
@@ -319,7 +319,7 @@ def test_results_are_arrays_with_varied_values_as_coordinates(tmp_path: Path) ->
 
 
 def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -> None:
-    document = Path("docs/how_to/study.md").read_text()
+    document = Path("docs/comparing/study.md").read_text()
     assert f"```toml\n{EXAMPLE.read_text()}```" in document
     study = study_of(tmp_path)
     scans, headings = predict_scans(study, 0, 1)

@@ -3,7 +3,7 @@
 A normal run leaves out the pages in LONG, whose blocks take minutes; with `--soak` every page runs.
 
 The blocks of a page run in order, in one folder that contains a copy of `rooms/`, `examples/` and
-`docs/how_to/study_example.toml`.
+`docs/comparing/study_example.toml`.
 Its Python blocks share their names. Commands that serve a scanner run until the end of the page. A line with one
 `sonarhw` command and no other shell syntax runs in this process, which is faster; the shell runs all others.
 """
@@ -151,8 +151,8 @@ def _line(block: Block) -> int:
 def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Reader]:
     for folder in ("rooms", "examples"):
         shutil.copytree(CHECKOUT / folder, tmp_path / folder)
-    (tmp_path / "docs" / "how_to").mkdir(parents=True)
-    shutil.copy(CHECKOUT / "docs" / "how_to" / "study_example.toml", tmp_path / "docs" / "how_to")
+    (tmp_path / "docs" / "comparing").mkdir(parents=True)
+    shutil.copy(CHECKOUT / "docs" / "comparing" / "study_example.toml", tmp_path / "docs" / "comparing")
     monkeypatch.chdir(tmp_path)
     reader = Reader(tmp_path)
     yield reader

@@ -1,11 +1,11 @@
-"""The tables of docs/how_to/firmware.md match the sources."""
+"""The tables of docs/devices/firmware.md match the sources."""
 
 import re
 
 from tests.system.firmware.combinations.images import FIRMWARE, budgets, combinations
 from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
 
-DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
+DOCUMENT = (FIRMWARE.parent / "docs" / "devices" / "firmware.md").read_text()
 
 
 def test_documented_budgets_match_the_comments_at_the_handlers() -> None:

@@ -50,7 +50,7 @@ from tests.system.firmware.combinations.images import MEGA, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, envelope, scanner_on
 from tests.unit.compare.plate.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 
-DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
+DOCUMENT = (FIRMWARE.parent / "docs" / "devices" / "firmware.md").read_text()
 TWO_TICKS = 1e-6  # s
 REARM = 0.0006  # s; so long that the interrupt of the board never loses an echo that the fake board reports
 TIMER_WRAP = 65_536 * 0.5e-6  # s

@@ -19,7 +19,8 @@ from sonarhw_compare.room_finding.refining.range_errors import range_errors
 
 UNKNOWN, UNKNOWN_TURN = 0.3, math.radians(5)  # m, rad: standard deviations of what no range determines
 _MOST, _MOST_TURN = 0.03, math.radians(3)  # m, rad: by which a value moves at once
-_WIDER = 1.2  # deviations by those of the least squares: for wrong paths; chosen in ten random rooms (docs/map.md)
+# deviations by those of the least squares: for wrong paths; chosen in ten random rooms (docs/comparing/map.md)
+_WIDER = 1.2
 _TUNING = 2.385  # of Cauchy weights: 95 % efficient for normal errors
 _HALVINGS = 3  # of a step that makes a wall too short
 _SETTLED = 0.1  # standard deviations; smaller steps end the refinement

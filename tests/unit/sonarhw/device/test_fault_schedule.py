@@ -1,4 +1,4 @@
-"""Schedules of faults are parsed as docs/how_to/faults.md states, and the fake scanner produces these faults."""
+"""Schedules of faults are parsed as docs/devices/faults.md states, and the fake scanner produces these faults."""
 
 import math
 import re
@@ -17,7 +17,7 @@ from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.joined import Joined
 from tests.fixtures.plain_echoes import echo_time
 
-DOCUMENT = (CHECKOUT / "docs" / "how_to" / "faults.md").read_text(encoding="utf-8")
+DOCUMENT = (CHECKOUT / "docs" / "devices" / "faults.md").read_text(encoding="utf-8")
 MICROSTEP = math.tau / 3200
 
 
