@@ -1,6 +1,7 @@
 """`sonarhw compare`: compare a log with the prediction of a room, reading by reading and as a whole."""
 
 import math
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -104,26 +105,23 @@ def compare(
     With --with, the log is compared with another scan instead.
     """
     if other is not None or other_sweep is not None:
-        given = {
-            "--room": room_name, "--place": place, "--board": board, "--receiver": receiver, "--fit": fit,
-            "--explain": explained, "--pings": pings, "--room-tolerance": room_tolerance, "--find-missing": missing,
+        of_prediction = {
+            "--room": room_name, "--place": place, "--board": board, "--receiver": receiver,
+            "--model": model is not Model.RAY_FOLLOWING, "--fit": fit, "--explain": explained, "--pings": pings,
+            "--room-tolerance": room_tolerance, "--find-missing": missing, "--out": out,
         }  # fmt: skip
-        for option, value in given.items():
-            if value:
-                raise InputError(f"{option}: not used with --with, which compares two scans without a prediction")
+        _check_not_given(of_prediction, "not used with --with, which compares two scans without a prediction")
         if other is None and sweep is None:
             raise InputError("--with-sweep: without --with, give the other sweep of the log with --sweep")
         compare_two(log_file, other or log_file, (sweep, other_sweep), as_json=as_json, csv=csv, plot=plot, force=force)
         return
-    for option, value in (("--sweep", sweep), ("--csv", csv)):
-        if value is not None:
-            raise InputError(f"{option}: needs --with LOG or --with-sweep N")
-    if out is not None and not missing:
-        raise InputError("--out: needs --find-missing; --plot writes a picture")
+    _check_not_given({"--sweep": sweep, "--csv": csv}, "needs --with LOG or --with-sweep N")
+    if not missing:
+        _check_not_given({"--out": out}, "needs --find-missing; --plot writes a picture")
+    if not as_json:
+        _check_not_given({"--explain": explained}, "needs --json; without both, a sentence explains every reading")
     if out is not None:
         checked_out(out, (".toml",), force, log_file, room_name, board)
-    if explained and not as_json:
-        raise InputError("--explain: needs --json; without both, every reading is explained in a sentence")
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
     if plot is not None:
@@ -141,6 +139,13 @@ def compare(
         _print(comparison, found, score, notes)
     for doubt in () if found is None else found.doubts:
         warn(doubt)
+
+
+def _check_not_given(options: Mapping[str, object], reason: str) -> None:
+    """Raise InputError with the reason if one of the options has a value."""
+    for option, value in options.items():
+        if value is not None and value is not False and value != "":
+            raise InputError(f"{option}: {reason}")
 
 
 def compare_log(

@@ -1,13 +1,12 @@
 """`sonarhw simulate`: predict a scan and write it as CSV, NPZ, picture or log."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_compare.sound.film_file import FILMS
-from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
+from sonarhw_sim.choices import DEFAULT_BOARD, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted, write_rows
@@ -129,8 +128,8 @@ def simulate(
     The spreads are threshold_sd_db and range_sd of the board profile, and --room-tolerance.
     """
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.named_file import file_name
     from sonarhw_sim.predict.models import predict_with
+    from sonarhw_sim.predict.prediction import PredictionOptions
 
     kind = checked_out(out, _CSV if probability else _FORMATS, force, room_name, board)
     _check_probability(probability, model, {"--pings": pings, "--room-tolerance": room_tolerance}, (traces, noise))
@@ -139,16 +138,20 @@ def simulate(
     room = open_room(room_name)
     chosen = load_board(board)
     here = chosen.faced(chosen_place(room, place))
-    options = replace(
-        _options(receiver, unit, edge_strength, noise, seed), sections=sections, grain=grain, own_body=own_body
+    options = PredictionOptions(
+        unit=unit,
+        edge_strength=edge_strength,
+        receiver=receiver,
+        noise=noise,
+        seed=seed,
+        grain=grain,
+        sections=sections,
+        own_body=own_body,
     )
     _check_noise(noise, options.receiver_of(chosen, model), settings)
-    _check_effect(model, options, here)
-    _check_grain(grain, room, model)
+    _check_effect(model, options, room, chosen, here)
     if own_body and probability:
         raise InputError("--own-body: has no effect with --probability; leave one of them out")
-    if own_body and not chosen.own_body:
-        raise InputError(f"--own-body: board {chosen.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
     headings = _headings(order, chosen, here)
     if kind in FILMS:
         _check_film(kind, model, headings)
@@ -162,10 +165,19 @@ def simulate(
         _warn_of_near_field(scan)
     _warn_of_face_outside(scan)
     _warn_of_silence(scan)
+    if probability:
+        with text_output(out, force) as file:
+            write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
+    else:
+        _write(scan, kind, out, force, settings, room_name)
+
+
+def _write(
+    scan: "PredictedScan", kind: str, out: str, force: bool, settings: TraceSettings | None, room_name: str
+) -> None:
+    from sonarhw_sim.named_file import file_name
+
     match kind:
-        case _ if probability:
-            with text_output(out, force) as file:
-                write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
         case ".npz":
             write_predicted_npz(scan, settings, Path(out), force)
         case suffix if suffix in PICTURES:
@@ -191,24 +203,6 @@ def _check_film(suffix: str, model: Model, headings: "FloatArray") -> None:
             "give for example --from 270 --to 271 --step 1"
         )
     check_film(suffix)
-
-
-def _options(
-    receiver: Receiver | None,
-    unit: Unit,
-    edge_strength: EdgeStrength | None,
-    noise: float,
-    seed: int | None,
-) -> "PredictionOptions":
-    from sonarhw_sim.predict.prediction import PredictionOptions
-
-    return PredictionOptions(
-        unit=unit,
-        edge_strength=edge_strength,
-        receiver=receiver,
-        noise=noise,
-        seed=seed,
-    )
 
 
 def _check_probability(
@@ -247,17 +241,19 @@ def _check_noise(noise: float, receiver: Receiver, traces: TraceSettings | None)
         raise InputError(f"--noise {noise:g}: has no effect without --traces or --receiver board; add one")
 
 
-def _check_effect(model: Model, options: "PredictionOptions", place: "Place") -> None:
+def _check_effect(model: Model, options: "PredictionOptions", room: "Room", board: "Board", place: "Place") -> None:
     """Raise InputError for options without an effect."""
     if options.sections > 1 and place.height is None:
         raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
     if not model.follows_sound and options.unit is not Unit.PASS:
         raise InputError(f"--unit {options.unit}: has no effect with --model {model}; leave it out")
+    if options.grain is not None:
+        _check_grain(options.grain, room, model)
+    if options.own_body and not board.own_body:
+        raise InputError(f"--own-body: board {board.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
 
 
-def _check_grain(grain: int | None, room: "Room", model: Model) -> None:
-    if grain is None:
-        return
+def _check_grain(grain: int, room: "Room", model: Model) -> None:
     if not room.scattered.any():
         raise InputError(f"--grain {grain}: has no effect: no surface of room {room.name!r} has scatter; leave it out")
     if not model.follows_sound:

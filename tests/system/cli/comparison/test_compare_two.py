@@ -47,6 +47,9 @@ def test_a_scan_is_the_same_as_itself(logs: tuple[str, str], capsys: pytest.Capt
     ("options", "message"),
     [
         (["--with", "{after}", "--room", "simple"], "--room: not used with --with"),
+        (["--with", "{after}", "--model", "nearest"], "--model: not used with --with"),
+        (["--with", "{after}", "--room-tolerance", "0"], "--room-tolerance: not used with --with"),
+        (["--with", "{after}", "--out", "room.toml"], "--out: not used with --with"),
         (["--csv", "-"], "--csv: needs --with"),
         (["--with-sweep", "1"], "--with-sweep: without --with, give the other sweep"),
         (["--with", "{after}", "--with-sweep", "2"], "has no sweep 2; its sweeps: 1 to 1"),
