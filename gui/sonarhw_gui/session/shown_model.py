@@ -49,7 +49,6 @@ class ShownModel(QObject):
         self._source = source
         self._choice = Choice()
         self._update_due = False  # whether something has changed since the last update of the views
-        self.forecast.set_scene(scene)
 
     @Slot(object, str, object)
     def edit(self, scene: Scene, label: str, gesture: object = None) -> None:

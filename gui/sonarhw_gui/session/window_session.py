@@ -105,11 +105,11 @@ class WindowSession(QObject):
         self.sound = SoundControl(self)
         self.preparation = Preparation()
         watch_compilation(self.preparation)
+        self._begun = False
         self._scan_due = False  # whether to scan as soon as there is a prediction
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._connect()
-        self._timer.start()
 
     def _connect(self) -> None:
         self.replay.changed.connect(self._follow_replay)
@@ -120,6 +120,17 @@ class WindowSession(QObject):
         self.sound.changed.connect(self._follow_sound)
         self.scanners.chosen.connect(self._use)
         self._timer.timeout.connect(self.tick)
+
+    @Slot()
+    def begin(self) -> None:
+        """Begin to predict, and to fetch results. A second call has no effect.
+
+        Not in the constructor: with its kernels, the first prediction would delay the first paint by 0.3 s.
+        """
+        if not self._begun:
+            self._begun = True
+            self.showing.replace_scene(self.shown.scene)
+            self._timer.start()
 
     @property
     def shown(self) -> Shown:
@@ -311,6 +322,7 @@ class WindowSession(QObject):
 
     def close(self) -> None:
         """Stop the board, close the log, end all threads. A second call has no effect."""
+        self._begun = True  # a window that is closed before its first paint begins nothing
         self._timer.stop()
         self.unsaved.write()
         for part in (self.live, self.documents, self.scanners, self.fitting, self.causes, self.scans, self.finding):

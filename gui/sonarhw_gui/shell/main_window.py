@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import cast
 
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
-from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
+from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QShowEvent
 from PySide6.QtWidgets import QAbstractButton, QApplication, QVBoxLayout, QWidget
 
 from sonarhw_gui.bars.banner import Banner
@@ -59,6 +59,7 @@ from sonarhw_gui.sound.sound_bar import SoundBar
 _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _LOW = 640  # pixels
+_NO_PAINT = 500  # ms
 _TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
 
 
@@ -89,6 +90,7 @@ class MainWindow(TabbedWindow):
         self.notes = NoteCommands(self.commands, session, self)
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
+        self._open = False  # each part that becomes visible reports it; together, they are updated once
         self._text_timer = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
         self._text_timer.timeout.connect(self._update_texts)
         # once for all tabs and plots that are created when they are first visible
@@ -228,8 +230,9 @@ class MainWindow(TabbedWindow):
 
     @Slot()
     def _show_again(self) -> None:
-        self._show(self.session.shown)
-        self._names_timer.start()
+        if self._open:
+            self._show(self.session.shown)
+            self._names_timer.start()
 
     @Slot(bool)
     def _make_room(self, message: bool) -> None:
@@ -265,9 +268,17 @@ class MainWindow(TabbedWindow):
         self.files.menuAction().setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """Update what is visible. Begin to predict soon even if the window is never painted, as on another desktop."""
+        super().showEvent(event)
+        self._open = True
+        self._show_again()
+        QTimer.singleShot(_NO_PAINT, self.session.begin)
+
     def closeEvent(self, event: QCloseEvent) -> None:
         """Close the session too: stop the board and close the log."""
         self.closing.emit()
+        self._open = False
         self.hide()  # a thread may take a moment to finish
         self.session.close()
         event.accept()
@@ -283,7 +294,10 @@ class MainWindow(TabbedWindow):
         if button and event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Space:
             event.accept()
             return True
-        return super().event(event)
+        done = super().event(event)
+        if event.type() is QEvent.Type.UpdateRequest:  # the window is painted
+            self.session.begin()
+        return done
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Accept files that can be opened."""
