@@ -3,77 +3,19 @@
 import itertools
 import math
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 import pytest
-from scipy.special import j1
-from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
-from sonarhw_sim.vertical.sections import cut, paths_from, spanning_at
+from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.vertical.sections import paths_from
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import FloatArray
 from tests.oracles.images_in_space import bent_in_space, faces_of, images_in_space
+from tests.oracles.rooms_with_heights import BOX, HERE, LEVELS, image_at, image_gain, post, room_of, wall
 
 WAVELENGTH = 0.00696
 SEARCH = PathSearch(8.0, WAVELENGTH, diffraction=False)
-
-LEVELS = """
-[floor]
-height = 0.0
-material = "lino"
-[ceiling]
-height = 2.4
-material = "tiles"
-"""
-
-
-def room_of(walls: str, levels: str = LEVELS, places: str = "") -> Room:
-    return parse_room(
-        f"""
-        name = "room with heights"
-        {levels}
-        {walls}
-        {places}
-        [materials.lino]
-        reflectance = 0.8
-        [materials.tiles]
-        reflectance = 0.7
-        [materials.hard]
-        reflectance = 0.9
-        """,
-        "room with heights",
-    )
-
-
-def wall(
-    name: str, *points: tuple[float, float], height: tuple[float, float] | None = None, closed: bool = False
-) -> str:
-    lines = [
-        f'name = "{name}"',
-        f"points = [{', '.join(f'[{x!r}, {y!r}]' for x, y in points)}]",
-        f"closed = {str(closed).lower()}",
-        'material = "hard"',
-        f'edges = ["{name}"]' if len(points) == 2 else "",
-        "" if height is None else f"height = {list(height)}",
-    ]
-    return "\n".join(["[[walls]]", *lines, ""])
-
-
-def post(name: str, x: float, y: float, radius: float, height: tuple[float, float] | None = None) -> str:
-    span = "" if height is None else f"height = [{height[0]}, {height[1]}]"
-    return f'[[posts]]\nname = "{name}"\ncenter = [{x}, {y}]\nradius = {radius}\nmaterial = "hard"\n{span}\n'
-
-
-BOX = wall("w", (0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0), closed=True)
-HERE = Place("here", (1.1, 0.7), height=0.9)
 
 
 def from_above(room: Room, place: Place, search: PathSearch) -> list[tuple[float, float, tuple[str, ...]]]:
@@ -91,23 +33,14 @@ def images_of_box(reach: float) -> list[tuple[float, ...]]:
     for i, j, k in itertools.product(range(-9, 10), repeat=3):
         if (i, j, k) == (0, 0, 0):
             continue
-        image = [_image(i, x, 3.0) - x, _image(j, y, 2.0) - y, _image(k, z, 2.4) - z]
+        image = [image_at(i, x, 3.0) - x, image_at(j, y, 2.0) - y, image_at(k, z, 2.4) - z]
         length = math.hypot(*image)
         if length > reach:
             continue
         # an odd number of mirrorings along an axis reverses that component
         back = [-c if n % 2 == 0 else c for c, n in zip(image, (i, j, k), strict=True)]
-        found.append((length, _gain(i, j, k), *(c / length for c in image), *(c / length for c in back)))
+        found.append((length, image_gain(i, j, k), *(c / length for c in image), *(c / length for c in back)))
     return sorted(found)
-
-
-def _gain(i: int, j: int, k: int) -> float:
-    upward = (abs(k) + (1 if k > 0 else 0)) // 2
-    return float(0.9 ** (abs(i) + abs(j)) * 0.7**upward * 0.8 ** (abs(k) - upward))
-
-
-def _image(n: int, at: float, width: float) -> float:
-    return n * width + at if n % 2 == 0 else (n + 1) * width - at
 
 
 def as_rows(paths: Paths) -> list[tuple[float, ...]]:
@@ -390,106 +323,6 @@ def test_edges_that_exist_only_in_a_section_have_names() -> None:
     assert ("fence/",) in vias
 
 
-def test_reading_of_a_place_with_height_is_the_first_of_all_sections() -> None:
-    room = load_room("rooms/doorstep.toml")
-    board = load_board("polaroid-6500")
-    place = room.places["robot"]
-    scan = predict_scan(room, place, board, np.array([math.pi / 2]))
-    flat = predict_scan(room, replace(place, height=None), board, np.array([math.pi / 2]))
-    tall = cut(room, spanning_at(room, 0.25))
-    over = predict_scan(tall, replace(place, height=None), board, np.array([math.pi / 2]))
-    # the top of the step is only 0.07 m below the transducer, so its edge is louder than the corner at its foot
-    assert scan.paths.via(int(scan.winners[0]), room) == ("step/",)
-    assert flat.ranges[0] < scan.ranges[0] < over.ranges[0]
-
-
-def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() -> None:
-    board, headings = replace(load_board("polaroid-6500"), max_range=5.0), np.radians(np.arange(0, 360, 2.0))
-    out_of_plan = 0
-    for position, height in (((1.53, 1.72), 0.3), ((2.67, 0.7), 0.69), ((1.06, 1.46), 0.52)):
-        place = Place("here", position, height=height)
-        options = PredictionOptions(diffraction=False, receiver=Receiver.FIRST_ECHO)  # images only
-        scan = predict_scan(room_of(BOX), place, board, headings, options)
-        flat = predict_scan(room_of(BOX), replace(place, height=None), board, headings, options)
-        exact = first_images(place, board, headings)
-        assert scan.ranges == pytest.approx(exact, abs=1e-9, nan_ok=True)
-        out_of_plan += np.count_nonzero(~np.isclose(flat.ranges, exact, equal_nan=True))
-    assert out_of_plan > 10  # headings at which the plan alone gives a wrong range
-
-
-def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray:
-    """Return the range at each heading by all image sources of the box room in three dimensions, (n,) m.
-
-    Images within one wavelength of path add up with their phases; the range is that of the loudest.
-    """
-    air = room_of(BOX).air
-    ka, x, y, z = board.wavenumber(air) * board.aperture_radius, *place.position, place.height or 0.0
-    axes = np.column_stack((np.cos(headings), np.sin(headings)))
-    images = []
-    for i, j, k in itertools.product(range(-5, 6), range(-7, 8), range(-6, 7)):
-        image = np.array([_image(i, x, 3.0) - x, _image(j, y, 2.0) - y, _image(k, z, 2.4) - z])
-        length = float(np.hypot(np.hypot(*image[:2]), image[2]))
-        if (i, j, k) == (0, 0, 0) or not board.blanked_range(Air()) <= length / 2 <= board.max_range:
-            continue
-        back = np.where(np.array([i, j, k]) % 2 == 0, -image, image)
-        level = _gain(i, j, k) * np.ones(len(headings))
-        for way in (image, back):
-            cosines = np.clip(axes @ way[:2] / length, -1, 1)
-            x_beam = ka * np.sqrt(1 - cosines**2)
-            level *= np.where(cosines > 0, lobes(x_beam) * cosines, 0.0)
-        images.append((length, level))
-    images.sort(key=itemgetter(0))
-    lengths, levels = np.array([length for length, _ in images]), np.array([level for _, level in images])
-    phasors = levels * np.exp(-1j * board.wavenumber(air) * lengths)[:, None]
-    first = np.full(len(headings), np.nan)
-    for row in reversed(range(len(lengths))):
-        group = slice(*np.searchsorted(lengths, (lengths[row] - 1e-9, lengths[row] + board.wavelength(air))))
-        heard = np.abs(phasors[group].sum(axis=0)) >= 10 ** (board.threshold_db / 20)
-        loudest = lengths[group][np.abs(levels[group]).argmax(axis=0)]
-        first = np.where(heard, loudest / 2, first)
-    return first
-
-
-def lobes(x: FloatArray) -> FloatArray:
-    """Return 2 J₁(x)/x with its sign, 1 at 0."""
-    return np.asarray(np.where(x > 1e-9, 2 * j1(x) / np.maximum(x, 1e-9), 1.0))
-
-
-def test_fake_scanner_uses_sections() -> None:
-    room = load_room("rooms/doorstep.toml")
-    board = replace(load_board("polaroid-6500"), receiver=Receiver.FIRST_ECHO)  # echoes without delay
-    detected = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
-        Ping(math.pi / 2, 0, 0, 0.06, False)
-    )
-    assert detected.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.07), abs=1e-6)
-
-
-def test_furniture_is_numbered_before_floor_and_ceiling() -> None:
-    room = load_room("rooms/doorstep.toml")
-    furnished = with_furniture(room, (1.3, 0.9), np.random.default_rng(1))
-    assert furnished.names[-4:] == ("bin", "furniture", "floor", "ceiling")
-    assert len(furnished.heights) == len(furnished.scattered) == len(furnished.reflectances) == len(furnished.names)
-
-
-def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:
-    # with such a wall, no path could lead from the wall behind over the floor to the wall ahead
-    room, board = room_of(BOX), replace(load_board("paper"), max_range=4.0)
-    scan = predict_scan(
-        room, replace(HERE, height=0.15), board, np.array([math.pi / 2]), PredictionOptions(unit=Unit.REFLECT)
-    )
-    vias = [scan.paths.via(k, scan.room) for k in range(len(scan.paths))]
-    assert any({"floor", "w[0]", "w[2]"} <= set(via) for via in vias)
-    assert ("w[2]", "unit", "w[2]") in vias
-
-
-def test_nearest_wall_spans_the_height_of_the_transducer() -> None:
-    room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
-    for place, distance, via in (("robot", 2.3, ("north",)), ("plan", 1.4, ("step",))):
-        scan = predict_with(Model.NEAREST, room, room.places[place], board, np.array([math.pi / 2]))
-        assert scan.ranges[0] == pytest.approx(distance)
-        assert scan.paths.via(int(scan.winners[0]), room) == via
-
-
 @pytest.mark.parametrize("height", [0.9, 0.5, 1.4, 1e-7, 2.4 - 1e-7])
 @pytest.mark.parametrize(
     "position", [(0.0, 0.0), (1.0, 0.0), (0.4, 0.9), (0.4, 1.5), (2.2, 1.0), (2.0, 1.0), (-1.0, 0.5), (3.0, 2.0)]
@@ -506,9 +339,3 @@ def test_sensor_on_walls_and_tops_in_corners_posts_and_outside_has_sane_paths(
     # no path is louder than its reflectances allow
     for k in range(len(paths)):
         assert paths.gains[k] <= room.reflectances[paths.surfaces[k][paths.surfaces[k] >= 0]].prod() + 1e-12
-
-
-def test_single_reflections_include_those_out_of_the_plan() -> None:
-    room = room_of(BOX)
-    scan = predict_scan(room, HERE, load_board("paper"), np.zeros(1), PredictionOptions(max_bounces=1))
-    assert scan.paths.bounces.max() == 1
