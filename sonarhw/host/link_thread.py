@@ -113,6 +113,7 @@ class LinkThread:
             self._write(link)
             if behind:
                 return link
+            begun = self.now()
             data = link.read()
         except LinkError as error:
             link.close()
@@ -121,10 +122,13 @@ class LinkThread:
                 self.changed.notify_all()
             return None
         with self.changed:
+            # without data, it is known only that nothing had arrived when the read began: the system may have stopped
+            # this process since, while bytes arrived
+            now = self.now() if data else begun
             if data:
-                self._session.receive(data, self.now())
+                self._session.receive(data, now)
             if len(data) < MOST:  # otherwise more bytes are waiting
-                self._session.advance(self.now())
+                self._session.advance(now)
             self._forward_stop()
             self.changed.notify_all()
             if not self._session.wants_close:

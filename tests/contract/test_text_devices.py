@@ -19,6 +19,7 @@ from sonarhw.text.text_device import TextDevice
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, Sketch, wall
+from tests.fixtures.text_devices.received_clock import ReceivedClock
 from tests.hang_guard import HANG
 
 RADAR = SKETCHES["radar 15 to 165"]
@@ -154,22 +155,24 @@ def test_damage_is_counted_and_never_taken_for_a_reading(sketch: Sketch) -> None
     assert ignored["half lines"] >= 1
 
 
-def test_a_wrong_baud_rate_is_reported() -> None:
+def test_a_wrong_baud_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_reader, "time", ReceivedClock(monkeypatch, 500))
     wrong = (random.Random(k).randbytes(30).replace(b",", b"\xff") for k in range(10**9))
     with (
         PrintingDevice(wrong) as device,
         pytest.raises(NoAnswer, match=r"mostly not text; the baud rate may not be 9600"),
     ):
-        open_device(device.port, patience=1.0)
+        open_device(device.port)
 
 
-def test_another_format_is_reported_with_an_example() -> None:
+def test_another_format_is_reported_with_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_reader, "time", ReceivedClock(monkeypatch, 500))
     sketch = SKETCHES["Angle and Distance in words"]
     with (
         PrintingDevice(sketch.rounds()) as device,
         pytest.raises(NoAnswer, match=r"such as 'Angle: \d+.* expected 'R0123'"),
     ):
-        open_device(device.port, "preset=maxbotix&step=5", patience=1.0)
+        open_device(device.port, "preset=maxbotix&step=5")
 
 
 def test_a_silent_device_is_reported() -> None:
@@ -192,23 +195,35 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
     return event
 
 
-def printed_once(opened: threading.Event, angles: list[int]) -> Iterator[bytes]:
-    opened.wait(HANG)
-    yield "".join(map(RADAR.line, angles)).encode()  # in one piece, so that no pause is silence
+def printed_once(opened: threading.Event, angles: list[int], monkeypatch: pytest.MonkeyPatch) -> Iterator[bytes]:
+    text = "".join(map(RADAR.line, angles)).encode()
+    monkeypatch.setattr(plugin_reader, "time", ReceivedClock(monkeypatch, len(text)))  # silence begins after the text
+
+    def pieces() -> Iterator[bytes]:
+        opened.wait(HANG)
+        yield text
+
+    return pieces()
 
 
-def test_a_device_that_falls_silent_fails_and_keeps_its_readings(opened: threading.Event) -> None:
+def test_a_device_that_falls_silent_fails_and_keeps_its_readings(
+    opened: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
     readings: list[Reading] = []
-    pieces, silent = printed_once(opened, [*range(15, 60)]), pytest.raises(NoAnswer, match=r"no reading for 0\.5 s")
+    pieces = printed_once(opened, [*range(15, 60)], monkeypatch)
+    silent = pytest.raises(NoAnswer, match=r"no reading for 0\.5 s")
     with PrintingDevice(pieces) as device, open_device(device.port) as scanner, silent:
         readings.extend(scanner.scan())  # keeps those before the error
     assert_true(readings)
     assert [degrees(reading) for reading in readings] == [*range(16, 60)]
 
 
-def test_a_device_that_stops_after_a_whole_sweep_has_given_it(opened: threading.Event) -> None:
+def test_a_device_that_stops_after_a_whole_sweep_has_given_it(
+    opened: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
     angles = [*range(15, 166), *range(165, 14, -1)]
-    with PrintingDevice(printed_once(opened, angles)) as device, open_device(device.port) as scanner:
+    pieces = printed_once(opened, angles, monkeypatch)
+    with PrintingDevice(pieces) as device, open_device(device.port) as scanner:
         readings = list(scanner.scan())
     assert_true(readings)
     assert [degrees(reading) for reading in readings] == angles[151:]

@@ -19,9 +19,11 @@ from sonarhw.device.endpoint import Endpoint, Pace, serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
 from sonarhw.host.device_info import TurnSettings
+from sonarhw.host.driver import SILENCE
+from sonarhw.host.link_thread import LinkThread
 from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import Connection
-from sonarhw.link.serial_link import MOST
+from sonarhw.link.serial_link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.codes import Approach, Outcome, TraceKind
 from sonarhw.wire.frames import Frame, FrameDecoder
@@ -328,6 +330,28 @@ def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.Monke
         assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
+
+
+def test_a_stop_of_the_process_after_a_read_without_data_is_no_loss(
+    served: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bytes that arrive while the system stops the process are no silence of the device."""
+    really_read, really_now = Link.read, LinkThread.now
+    stopped: list[float] = []  # s of each stop
+
+    def read(link: Link) -> bytes:
+        data = really_read(link)
+        if not data and not stopped:
+            wait_until(lambda: link._port.in_waiting)  # the next heartbeat
+            stopped.append(2 * SILENCE)
+        return data
+
+    with served(pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        monkeypatch.setattr(LinkThread, "now", lambda thread: really_now(thread) + sum(stopped))
+        monkeypatch.setattr(Link, "read", read)
+        wait_until(lambda: stopped)
+        assert scanner.turn(0.0) is Outcome.DONE
+        assert scanner.statistics.losses == 0
 
 
 def test_a_busy_scanner_refuses_a_second_action(served: Serve) -> None:

@@ -10,10 +10,12 @@ from sonarhw_cli.app import run
 
 from sonarhw import Scanner
 from sonarhw.errors import NoAnswer
+from sonarhw.host import link_thread
 from sonarhw.link.ports import Port
 from sonarhw.log import read_log
 from sonarhw.text import line_guess
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
+from tests.fixtures.text_devices.received_clock import ReceivedClock
 from tests.reference_pages import keys_in_reference
 from tests.system.cli.instrument.test_scan_command import end, lines, started
 
@@ -44,12 +46,15 @@ def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.Captur
         assert (float(distance) if distance else None) == (None if true is None else pytest.approx(true / 100))
 
 
-def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url() -> None:
+def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(link_thread, "time", ReceivedClock(monkeypatch, 100))
     with (
         PrintingDevice(RADAR.rounds()) as device,
         pytest.raises(NoAnswer, match=r"Listen for text.*sonarhw ports --guess PORT"),
     ):
-        Scanner.open(device.port, patience=0.5)
+        Scanner.open(device.port)
 
 
 @pytest.mark.parametrize("option", ["--from", "--to", "--step", "--pings", "--traces"])
@@ -129,9 +134,12 @@ def test_guess_shows_other_text_and_silence(
 ) -> None:
     monkeypatch.setattr(line_guess, "BAUDS", (9600,))
     monkeypatch.setattr(line_guess, "LISTEN", 0.5)
+    clock = ReceivedClock(monkeypatch, 500)
+    monkeypatch.setattr(line_guess, "time", clock)
     with PrintingDevice(b"humidity 41 percent\r\n" for _ in range(10**6)) as device:
         assert run(["ports", "--guess", device.port]) == 0
         assert "no preset matches, such as 'humidity 41 percent'; write a pattern=" in capsys.readouterr().out
+    clock.enough = 0
     with PrintingDevice([]) as device:
         assert run(["ports", "--guess", device.port]) == 0
         assert capsys.readouterr().out == f"{device.port}  prints nothing\n"
