@@ -13,15 +13,15 @@ unexport PYTHONDONTWRITEBYTECODE
 INSTALL := $(BIN)/python -m pip install --quiet --no-build-isolation
 # --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml]
 locked = $(INSTALL) --no-deps --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1))
-# tests spend half their time waiting, so files run in parallel; the slowest, wheel and notebook, start first
+# many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 # -noreset: otherwise the X server resets when its last window closes, and rejects connections meanwhile
 IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -noreset'
 # keyboard focus cannot be shared, so each process has its own X server
-THREE_SCREENS := --tx "3*popen//python=$(IN_XVFB) $(BIN)/python"
+TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 WITHOUT_WINDOW := tests --ignore tests/system/gui
 
-.PHONY: setup tools demo check lint test coverage soak mutation firmware board docs fresh lock audit clean
+.PHONY: setup tools demo check lint test collected window-tests other-tests coverage soak mutation firmware board docs fresh lock audit clean
 
 # the product with its window; `tools` adds the development tools
 setup: $(VENV)/installed
@@ -68,8 +68,21 @@ lint: tools
 # packages first: two jobs cannot install at once
 test:
 	setup/debian_packages.sh demo firmware test
-	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware
-	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(THREE_SCREENS)
+	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware collected
+	$(MAKE) --no-print-directory --jobs 2 window-tests other-tests
+
+# pytest compiles the tests when it collects them; otherwise each of its processes would compile them all
+collected: tools
+	@mkdir -p build
+	@$(BIN)/pytest tests --collect-only --quiet >build/collected.txt || { tail -n 50 build/collected.txt; exit 1; }
+
+# at the same time as the other tests, because most window tests wait; the results follow at the end
+window-tests:
+	@mkdir -p build
+	@$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
+		status=$$?; cat build/window-tests.txt; exit $$status
+
+other-tests:
 	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) $(AT_ONCE) --numprocesses 4
 
 # the tests without windows once more; fails if they execute less than 90 %. Python code runs at half its speed meanwhile
