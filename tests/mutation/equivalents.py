@@ -140,7 +140,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/rays/candidate_table.py",
-        "mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF",
+        "mixed: int = ((first + 1) * 2654435761 ^ (second + 1) * 2246822519) & 0xFFFFFFFF",
         ("2654435761 → (3981653641)",),
         "another hash of the same value",
     ),

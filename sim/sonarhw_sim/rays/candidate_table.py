@@ -1,12 +1,40 @@
-"""The candidates of a fan, each sequence of surfaces to a target once: growing arrays and a hash table. For kernels."""
+"""Numbers of pairs of numbers, in order of their first appearance: growing arrays and a hash table. For kernels.
+
+A sequence of surfaces is the number of the sequence without its last surface, and that surface; a candidate of a fan is
+the number of its sequence, and its target. So both are found without a comparison of whole sequences.
+"""
 
 import numpy as np
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled_part, inlined
+from sonarhw_sim.compiled import array_part, compiled_part, inlined
 from sonarhw_sim.room.grid import IntArray
 
-FULL = 0.5  # share of a hash table's slots in use at which it grows
+
+@compiled_part
+def number_of(first: int, second: int, pairs: IntArray, count: int, slots: IntArray) -> int:
+    """Return the number of a pair among the first `count` of `pairs` (p, 2); if it is new, `count`, and enter it."""
+    slot = _hash(first, second) & (slots.shape[0] - 1)
+    while slots[slot] >= 0:
+        known = int(slots[slot])
+        if pairs[known, 0] == first and pairs[known, 1] == second:
+            return known
+        slot = (slot + 1) & (slots.shape[0] - 1)
+    slots[slot] = count
+    pairs[count, 0], pairs[count, 1] = first, second
+    return count
+
+
+@array_part
+def grown(pairs: IntArray, slots: IntArray) -> tuple[IntArray, IntArray]:
+    """Return twice as many rows for pairs, and a hash table with twice as many slots; all of `pairs` are entered."""
+    count = pairs.shape[0]
+    more, larger = np.empty((2 * count, 2), np.int32), np.empty(2 * slots.shape[0], np.int32)
+    for k in range(larger.shape[0]):
+        larger[k] = -1
+    for k in range(count):
+        number_of(pairs[k, 0], pairs[k, 1], more, k, larger)
+    return more, larger
 
 
 @inlined
@@ -20,55 +48,8 @@ def longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArr
     return more, more_misses
 
 
-@compiled_part
-def add_last(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
-    """Enter the last candidate in the hash table, unless an earlier one has the same sequence and target.
-
-    Returns whether it is new. Of equal candidates, the ray that passes nearest in widths of its tube (`misses`) is
-    kept: where posts spread the tube, only that ray leads to the exact path.
-    """
-    last = candidates.shape[0] - 1
-    slot = _hash(candidates[last], touched) & (slots.shape[0] - 1)
-    while slots[slot] >= 0:
-        known = slots[slot]
-        if _alike(candidates[known], candidates[last], touched):
-            if misses[last] < misses[known]:
-                candidates[known, 0], misses[known] = candidates[last, 0], misses[last]
-            return False
-        slot = (slot + 1) & (slots.shape[0] - 1)
-    slots[slot] = last
-    return True
-
-
 @inlined
-def grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
-    """Return a hash table with four times as many slots and all candidates in it."""
-    larger = np.empty(4 * slots.shape[0], np.int32)
-    for k in range(larger.shape[0]):
-        larger[k] = -1
-    for count in range(1, candidates.shape[0] + 1):
-        add_last(candidates[:count], misses, touched, larger)
-    return larger
-
-
-@inlined
-def _hash(candidate: IntArray, touched: IntArray) -> int:
-    ray, bounces, target = candidate
-    # targets and surfaces have similar numbers, so the target is scrambled first to avoid collisions
-    mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF
+def _hash(first: int, second: int) -> int:
+    mixed: int = ((first + 1) * 2654435761 ^ (second + 1) * 2246822519) & 0xFFFFFFFF
     mixed ^= mixed >> 15
-    for surface in touched[ray, :bounces]:
-        # the multiplier of FNV-1a
-        mixed = ((mixed ^ (surface + 1)) * 16777619) & 0xFFFFFFFF
-        mixed ^= mixed >> 15
     return mixed
-
-
-@compiled_part
-def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
-    if one[1] != other[1] or one[2] != other[2]:
-        return False
-    same = 0
-    while same < one[1] and touched[one[0], same] == touched[other[0], same]:
-        same += 1
-    return bool(same == one[1])

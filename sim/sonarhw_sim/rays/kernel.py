@@ -14,7 +14,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays import path_table
-from sonarhw_sim.rays.candidate_table import FULL, add_last, grown, longer
+from sonarhw_sim.rays.candidate_table import grown, longer, number_of
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.passing import KernelHeights, Passing, no_heights, surface_at
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
@@ -191,7 +191,7 @@ def follow_fan(
         detectable,
         list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
         touched,
-        np.full(4096, -1, np.int32),
+        np.full((2, 4096), -1, np.int32),
         np.zeros(len(targets), np.int32),
         spacing,
         max_length,
@@ -229,21 +229,23 @@ def _follow(
 
     `slopes` (n, k) are the slopes of the rays in each direction; row d k + j of `touched` belongs to slope j of
     direction d. Rays with different slopes are one ray until they meet a surface that only some of them pass, and only
-    one row is filled for them. `edges` lists the targets after the first, by the cells near them; `slots` is a hash
-    table, all -1; `met` (t,) is all 0; `max_return` is the length of the longest path to any target and straight on to
-    the receiver, m.
+    one row is filled for them. `edges` lists the targets after the first, by the cells near them; `slots` (2, n) are
+    hash tables, all -1; `met` (t,) is all 0; `max_return` is the length of the longest path to any target and straight
+    on to the receiver, m.
     """
     # one long function: passing growing lists between compiled functions costs 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
     leaving, least, axis_x, axis_y, receiving = detectable
     max_bounces, count = touched.shape[1], slopes.shape[1]
     candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
+    keys, sequences, known = np.empty((1024, 2), np.int32), np.empty((1024, 2), np.int32), 0
+    key_slots, sequence_slots = slots
     nearby, leg_number = np.empty(targets.shape[0], np.int32), 0
     deepest = 0
     same_transducer = targets[0, 0] == source[0] and targets[0, 1] == source[1]
     # branches that wait, at the surface that they meet: the leg to it, and in whole numbers the rest
     order, met_by = np.empty(count, np.int32), np.empty(count, np.int32)
-    legs, states = np.empty((count, 9)), np.empty((count, 5), np.int32)
+    legs, states = np.empty((count, 9)), np.empty((count, 6), np.int32)
     for direction in range(directions.shape[0]):
         if leaving[direction] <= faintest:
             continue
@@ -257,7 +259,7 @@ def _follow(
         # a plain -1 has a type of its own, for which `first_among` would be compiled once more
         surface: int = np.int64(-1)  # type: ignore[assignment]
         following: int = np.int64(-1)  # type: ignore[assignment]
-        bounces, distance, at_surface = 0, 0.0, False
+        bounces, distance, at_surface, sequence = 0, 0.0, False, 0
         while True:
             going = True
             if not at_surface:
@@ -275,8 +277,9 @@ def _follow(
                 if bounces > 0 or not same_transducer:
                     nearby[passed] = 0
                     passed += 1
-                for target in nearby[:passed]:
-                    tx, ty = targets[target]
+                for k in range(passed):
+                    target = nearby[k]
+                    tx, ty = targets[target, 0], targets[target, 1]
                     miss, loudest = _passes(leg, reach, tx, ty, radii[target], longest[target], spacing)
                     if target == 0 and miss >= 0.0:
                         loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
@@ -284,15 +287,18 @@ def _follow(
                         continue
                     if found == candidates.shape[0]:
                         candidates, misses = longer(candidates, misses)
-                    candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
-                    misses[found] = miss
-                    found += add_last(candidates[: found + 1], misses, touched, slots)
+                        keys, key_slots = grown(keys, key_slots)
+                    number = number_of(sequence, target, keys, found, key_slots)
+                    # of equal candidates, the ray that passes nearest in widths of its tube is kept: where posts spread
+                    # the tube, only that ray leads to the exact path
+                    if number == found or miss < misses[number]:
+                        candidates[number, 0], candidates[number, 1], candidates[number, 2] = ray, bounces, target
+                        misses[number] = miss
+                    found = max(found, number + 1)
                     if bounces > deepest:
                         deepest = bounces
                     if found * (deepest + 2) > most_points:
                         return candidates[:found]
-                    if found > FULL * slots.shape[0]:
-                        slots = grown(slots, candidates[:found], misses, touched)
 
                 # stop where the path leaves the room, is long enough or can no longer return in time
                 going = leg.length + distance <= max_length
@@ -316,6 +322,7 @@ def _follow(
                         legs[waiting, 7], legs[waiting, 8] = leg.amplitude, distance
                         states[waiting, 0], states[waiting, 1], states[waiting, 2] = middle, end, bounces
                         states[waiting, 3], states[waiting, 4] = following, direction * count + order[middle]
+                        states[waiting, 5] = sequence
                         touched[states[waiting, 4]] = touched[ray]
                         waiting += 1
                         end = middle
@@ -333,6 +340,10 @@ def _follow(
                 surface = following
                 touched[ray, bounces] = following
                 bounces += 1
+                if known == sequences.shape[0]:
+                    sequences, sequence_slots = grown(sequences, sequence_slots)
+                sequence = number_of(sequence, following, sequences, known, sequence_slots) + 1
+                known = max(known, sequence)
             elif waiting == 0:
                 break
             else:
@@ -349,7 +360,7 @@ def _follow(
                 )
                 distance, at_surface = legs[waiting, 8], True
                 begin, end, bounces = states[waiting, 0], states[waiting, 1], states[waiting, 2]
-                following, ray = states[waiting, 3], states[waiting, 4]
+                following, ray, sequence = states[waiting, 3], states[waiting, 4], states[waiting, 5]
     return candidates[:found]
 
 

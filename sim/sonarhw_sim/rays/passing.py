@@ -156,21 +156,31 @@ def at_heights(
     Columns as in `rays.paths.Paths`.
     """
     fit = np.empty(lengths.shape[0], np.bool_)
+    at, low = np.empty(surfaces.shape[1]), np.empty(surfaces.shape[1], np.int32)
     for row in range(lengths.shape[0]):
-        fit[row] = touches_at_height(points[row], surfaces[row], int(bends[row]), lengths[row], climbs)
+        fit[row] = touches_at_height(points[row], surfaces[row], int(bends[row]), lengths[row], climbs, at, low)
     return fit
 
 
 @compiled_part
-def touches_at_height(path: FloatArray, sequence: IntArray, bend: int, length: float, climbs: Climbs) -> bool:
+def touches_at_height(
+    path: FloatArray,
+    sequence: IntArray,
+    bend: int,
+    length: float,
+    climbs: Climbs,
+    at: FloatArray,
+    touched: IntArray,
+) -> bool:
     """Return whether one of the climbs leads a path (k, 2) of a length (m) to the height of all that it touches.
 
-    The path touches `sequence`, padded with -1, and passes an edge after the first `bend` of its surfaces.
+    The path touches `sequence`, padded with -1, and passes an edge after the first `bend` of its surfaces. `at` and
+    `touched`, as long as that, are overwritten.
     """
     if not climbs.climbs.shape[0]:
         return True
     # only low surfaces matter
-    at, touched, count, along = np.empty(sequence.shape[0]), np.empty(sequence.shape[0], np.int32), 0, 0.0
+    count, along = 0, 0.0
     for k in range(path.shape[0] - 1):
         along += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
         if math.isnan(along):
@@ -203,5 +213,7 @@ def _folded(height: float, floor: float, ceiling: float) -> float:
         return 2.0 * ceiling - height
     if floor <= height <= ceiling:
         return height
-    up = (height - floor) % (2.0 * (ceiling - floor))
-    return floor + min(up, 2.0 * (ceiling - floor) - up)
+    up, both = height - floor, 2.0 * (ceiling - floor)
+    # a call of the remainder takes longer than all else here
+    up -= math.floor(up / both) * both
+    return floor + min(up, both - up)

@@ -89,6 +89,7 @@ def _solve(
     """Fill in the results of `solve_candidates`, and return the number of paths."""
     walls, posts = surfaces.walls, surfaces.posts
     found, width = 0, points.shape[1]
+    images, at, low = np.empty((width, 2)), np.empty(width), np.empty(width, np.int32)
     for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
@@ -99,16 +100,14 @@ def _solve(
         if _touches_post(sequence, walls.shape[0]):
             solved, divergence = _refine(path, directions[ray], sequence, walls, posts)
         else:
-            solved = _unfold(path, sequence, walls, beyond_ends)
+            solved = _unfold(path, sequence, walls, beyond_ends, images)
         if not solved:
             continue
-        length = 0.0
-        for k in range(bounces + 1):
-            length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        length = _length(path)
         if length > longest[target]:
             continue
         # `bounces`: there is no edge
-        if target == 0 and not touches_at_height(path, sequence, bounces, length, to_receiver):
+        if target == 0 and not touches_at_height(path, sequence, bounces, length, to_receiver, at, low):
             continue
         if not path_is_free(path, surfaces):
             continue
@@ -128,13 +127,12 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
 
 
 @compiled_part
-def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends: float) -> bool:
+def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends: float, images: FloatArray) -> bool:
     """Fill in the points between path[0] and path[-1] with image sources; return whether each is on its wall.
 
-    Up to `beyond_ends` m beyond the end of a wall is on it.
+    Up to `beyond_ends` m beyond the end of a wall is on it. `images` (b + 1, 2) or more rows are overwritten.
     """
     bounces = sequence.shape[0]
-    images = np.empty((bounces + 1, 2))
     images[bounces, 0], images[bounces, 1] = path[bounces + 1, 0], path[bounces + 1, 1]
     for k in range(bounces - 1, -1, -1):
         images[k, 0], images[k, 1] = mirrored(images[k + 1, 0], images[k + 1, 1], walls[sequence[k]])
@@ -245,11 +243,20 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
     return True
 
 
-@inlined
+@compiled_part
+def _length(path: FloatArray) -> float:
+    """Return the length of a path (k, 2), m."""
+    length = 0.0
+    for k in range(path.shape[0] - 1):
+        length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+    return length
+
+
+@compiled_part
 def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
     """Return whether no surface blocks any leg of a path (k, 2), apart from surfaces at its points."""
     for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
-        if not leg_is_free(path[k], path[k + 1], surfaces):
+        if not _is_free(path[k], path[k + 1], surfaces):
             return False
     return True
 
@@ -257,6 +264,11 @@ def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
 @compiled
 def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     """Return whether the straight line from `start` to `end`, (2,) each, is free, apart from surfaces at its ends."""
+    return _is_free(start, end, surfaces)
+
+
+@compiled_part
+def _is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     length = math.hypot(end[0] - start[0], end[1] - start[1])
     if length <= 2 * _LEG_ENDS:
         return True

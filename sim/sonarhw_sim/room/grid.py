@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled_part
+from sonarhw_sim.compiled import compiled_part, inlined
 
 IntArray = NDArray[np.int32]
 
@@ -209,7 +209,7 @@ def advance(cells: Cells, walk: Walk) -> Walk:
     return Walk(inside, column, row, column_step, row_step, next_column, next_row, per_column, per_row)
 
 
-@compiled_part
+@inlined
 def listed(cells: Cells, listing: Listing, walk: Walk) -> IntArray:
     """Return the objects in the cell of the ray."""
     cell = walk.row * cells.columns + walk.column

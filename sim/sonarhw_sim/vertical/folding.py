@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import array_part, compiled, compiled_part
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
@@ -102,6 +102,36 @@ def _most_levels(levels: KernelLevels, search: PathSearch) -> int:
     return max(1, min(search.max_bounces, math.ceil(search.max_length / least) + 2))
 
 
+class _Passages(NamedTuple):
+    """Room for the low surfaces that a way crosses in the plan, one row each."""
+
+    surfaces: IntArray  # (c,)
+    begins: FloatArray  # (c,), m along the way
+    ends: FloatArray  # (c,), m
+
+
+class _Visits(NamedTuple):
+    """Room for the levels that a way passes over or under, one row each.
+
+    A level with an outline is listed once for each leg over it, so that a touch of it bounds the slope of sound.
+    """
+
+    levels: IntArray  # (v,)
+    enters: FloatArray  # (v,), m along the way: where it enters the box of the outline
+    leaves: FloatArray  # (v,), m
+
+
+class _Work(NamedTuple):
+    """Room for one sequence of levels while it grows."""
+
+    heights: FloatArray  # (k,), m: of the departure and of each level so far
+    climbs: FloatArray  # (k,), m
+    least: FloatArray  # (k,), m: the least climb in all that the levels so far allow
+    largest: FloatArray  # (k,), m
+    levels: IntArray  # (k,)
+    choices: IntArray  # (k,): the next visit to try at each depth
+
+
 @compiled
 def _fold(
     ways: Ways,
@@ -113,59 +143,83 @@ def _fold(
     folded: Folded,
 ) -> int:
     """Fill in `folded` (m,), and return how many rows it should have; its levels are all -1, its climbs all NaN."""
-    levels, found = obstacles.levels, 0
-    deepest = folded.levels.shape[1]
-    heights, climbs = np.empty(deepest + 2), np.empty(deepest + 2)
-    sequence, choice = np.empty(deepest + 1, np.int32), np.empty(deepest + 2, np.int32)
-    # the least and the largest climb in all that the levels so far allow
-    least, largest = np.empty(deepest + 2), np.empty(deepest + 2)
+    deepest, most_visits = folded.levels.shape[1], obstacles.levels.heights.shape[0] * ways.at.shape[1]
+    passages, visits = _room_for_passages(ways, obstacles), _no_visits(most_visits)
+    numbers, choices = np.empty((4, deepest + 2)), np.empty((2, deepest + 2), np.int32)
+    work = _Work(numbers[0], numbers[1], numbers[2], numbers[3], choices[0], choices[1])
+    found = 0
     for row in range(ways.at.shape[0]):
-        way = _way(ways, row)
-        length = way.at[way.last]
-        if length <= _CLOSE or length > max_length:
+        length = ways.at[row, ways.lasts[row]]
+        if not _CLOSE < length <= max_length:
             continue
-        most_levels = min(deepest, max_bounces - bounces[row])
-        passages = _passages(way, obstacles)
-        visited, enters, leaves = _visits(way, levels)
+        passed = _pass_low(ways, row, obstacles, passages)
+        visited = _visit_levels(ways, row, obstacles.levels, visits)
+        largest, most = math.sqrt(max_length * max_length - length * length), min(deepest, max_bounces - bounces[row])
         for first in range(2):
-            depth = 0
-            heights[0], climbs[0], choice[0] = height, 0.0, 0
-            least[0], largest[0] = 0.0, math.sqrt(max_length * max_length - length * length)
-            while depth >= 0:
-                # the next level at this depth
-                k = choice[depth]
-                choice[depth] += 1
-                if k == visited.shape[0] or depth == most_levels:
-                    depth -= 1
-                    continue
-                level = visited[k]
-                going = -1.0 if (first + depth) % 2 == 0 else 1.0
-                gap = (levels.heights[level] - heights[depth]) * going
-                if levels.facing[level] * going > 0.0 or gap <= _CLOSE:
-                    continue
-                climb = climbs[depth] + gap
-                lower, upper = max(least[depth], climb), largest[depth]
-                if levels.limited[level]:
-                    lower = max(lower, climb * length / max(leaves[k], _CLOSE))
-                    upper = min(upper, climb * length / max(enters[k], _CLOSE))
-                if lower > upper + _CLOSE:
-                    continue
-                sequence[depth] = level
-                depth += 1
-                heights[depth], climbs[depth] = levels.heights[level], climb
-                least[depth], largest[depth], choice[depth] = lower, upper, 0
-                # from here back to the height of departure
-                home = (height - heights[depth]) * -going
-                total = climb + home
-                if home <= 0.0 or not lower - _CLOSE <= total <= upper + _CLOSE:
-                    continue
-                heights[depth + 1], climbs[depth + 1] = height, total
-                if _is_clear(way, passages, heights, climbs, sequence, depth, obstacles):
-                    if found < folded.rows.shape[0]:
-                        folded.rows[found], folded.totals[found] = row, total
-                        for j in range(depth):
-                            folded.levels[found, j], folded.climbs[found, j] = sequence[j], climbs[j + 1]
-                    found += 1
+            seen = passages, passed, visits, visited
+            found = _fold_along(ways, row, first, height, largest, most, seen, obstacles, work, folded, found)
+    return found
+
+
+@compiled_part
+def _fold_along(
+    ways: Ways,
+    row: int,
+    first: int,
+    height: float,
+    largest_climb: float,
+    most_levels: int,
+    seen: tuple[_Passages, int, _Visits, int],
+    obstacles: Obstacles,
+    work: _Work,
+    folded: Folded,
+    found: int,
+) -> int:
+    """Add the sequences along one way that first go down (`first` 0) or up (1); return how many rows there are now.
+
+    `seen` is what the way passes, with the number of rows.
+    """
+    (passages, passed, visits, visited), levels = seen, obstacles.levels
+    length = ways.at[row, ways.lasts[row]]
+    heights, climbs, least, largest, sequence, choice = work
+    depth = 0
+    heights[0], climbs[0], choice[0] = height, 0.0, 0
+    least[0], largest[0] = 0.0, largest_climb
+    while depth >= 0:
+        # the next level at this depth
+        k = choice[depth]
+        choice[depth] += 1
+        if k == visited or depth == most_levels:
+            depth -= 1
+            continue
+        level = visits.levels[k]
+        going = -1.0 if (first + depth) % 2 == 0 else 1.0
+        gap = (levels.heights[level] - heights[depth]) * going
+        if levels.facing[level] * going > 0.0 or gap <= _CLOSE:
+            continue
+        climb = climbs[depth] + gap
+        lower, upper = max(least[depth], climb), largest[depth]
+        if levels.limited[level]:
+            lower = max(lower, climb * length / max(visits.leaves[k], _CLOSE))
+            upper = min(upper, climb * length / max(visits.enters[k], _CLOSE))
+        if lower > upper + _CLOSE:
+            continue
+        sequence[depth] = level
+        depth += 1
+        heights[depth], climbs[depth] = levels.heights[level], climb
+        least[depth], largest[depth], choice[depth] = lower, upper, 0
+        # from here back to the height of departure
+        home = (height - heights[depth]) * -going
+        total = climb + home
+        if home <= 0.0 or not lower - _CLOSE <= total <= upper + _CLOSE:
+            continue
+        heights[depth + 1], climbs[depth + 1] = height, total
+        if _is_clear(ways, row, passages, passed, heights, climbs, sequence, depth, obstacles):
+            if found < folded.rows.shape[0]:
+                folded.rows[found], folded.totals[found] = row, total
+                for j in range(depth):
+                    folded.levels[found, j], folded.climbs[found, j] = sequence[j], climbs[j + 1]
+            found += 1
     return found
 
 
@@ -185,62 +239,59 @@ def are_clear(
     2), m, which are those of the departure, of each level, and of the arrival.
     """
     clear = np.empty(rows.shape[0], np.bool_)
-    if not rows.shape[0]:
-        return clear
-    way = _way(ways, rows[0])
-    passages = _passages(way, obstacles)
-    for row in range(rows.shape[0]):
-        q, count = which[row], 0
-        while count < sequences.shape[1] and sequences[q, count] >= 0:
-            count += 1
-        # often, several sequences in turn are for one way
-        if row > 0 and rows[row] != rows[row - 1]:
-            way = _way(ways, rows[row])
-            passages = _passages(way, obstacles)
-        clear[row] = way.at[way.last] > _CLOSE and _is_clear(
-            way, passages, heights[q], climbs[q], sequences[q], count, obstacles
-        )
+    _test(ways, rows, which, heights, climbs, sequences, obstacles, _room_for_passages(ways, obstacles), clear)
     return clear
 
 
-class _Way(NamedTuple):
-    """A row of `Ways`."""
+@compiled_part
+def _test(
+    ways: Ways,
+    rows: NDArray[np.intp],
+    which: NDArray[np.intp],
+    heights: FloatArray,
+    climbs: FloatArray,
+    sequences: IntArray,
+    obstacles: Obstacles,
+    passages: _Passages,
+    clear: BoolArray,
+) -> None:
+    """Fill in the result of `are_clear`."""
+    passed = 0
+    for k in range(rows.shape[0]):
+        row, q, count = rows[k], which[k], 0
+        # often, several sequences in turn are for one way
+        if k == 0 or row != rows[k - 1]:
+            passed = _pass_low(ways, row, obstacles, passages)
+        while count < sequences.shape[1] and sequences[q, count] >= 0:
+            count += 1
+        clear[k] = ways.at[row, ways.lasts[row]] > _CLOSE and _is_clear(
+            ways, row, passages, passed, heights[q], climbs[q], sequences[q], count, obstacles
+        )
 
-    points: FloatArray
-    at: FloatArray
-    met: IntArray
-    last: int
-    edge: int
-    bend: int
+
+@array_part
+def _room_for_passages(ways: Ways, obstacles: Obstacles) -> _Passages:
+    most = ways.at.shape[1] * np.sum(obstacles.low)
+    return _Passages(np.empty(most, np.int32), np.empty(most), np.empty(most))
 
 
-class _Passages(NamedTuple):
-    """Low surfaces that a way crosses in the plan, one row each."""
-
-    surfaces: IntArray  # (c,)
-    begins: FloatArray  # (c,), m along the way
-    ends: FloatArray  # (c,), m
+@array_part
+def _no_visits(most: int) -> _Visits:
+    return _Visits(np.empty(most, np.int32), np.empty(most), np.empty(most))
 
 
 @compiled_part
-def _way(ways: Ways, row: int) -> _Way:
-    return _Way(
-        ways.points[row], ways.at[row], ways.met[row], int(ways.lasts[row]), int(ways.edges[row]), int(ways.bends[row])
-    )
-
-
-@compiled_part
-def _passages(way: _Way, obstacles: Obstacles) -> _Passages:
-    surfaces, capacity, count = obstacles.surfaces, 16, 0
-    passed, begins, ends = np.empty(capacity, np.int32), np.empty(capacity), np.empty(capacity)
+def _pass_low(ways: Ways, row: int, obstacles: Obstacles, passages: _Passages) -> int:
+    """Fill in the low surfaces that a way crosses, and return their number."""
+    surfaces, count = obstacles.surfaces, 0
     if surfaces.listing.numbers.shape[0] == 0:
-        return _Passages(passed[:0], begins[:0], ends[:0])
-    for leg in range(way.last):
-        x, y = way.points[leg, 0], way.points[leg, 1]
-        length = way.at[leg + 1] - way.at[leg]
+        return 0
+    for leg in range(ways.lasts[row]):
+        x, y = ways.points[row, leg, 0], ways.points[row, leg, 1]
+        length = ways.at[row, leg + 1] - ways.at[row, leg]
         if length <= 2 * _AT_END:
             continue
-        dx, dy = (way.points[leg + 1, 0] - x) / length, (way.points[leg + 1, 1] - y) / length
+        dx, dy = (ways.points[row, leg + 1, 0] - x) / length, (ways.points[row, leg + 1, 1] - y) / length
         before = count
         walk = enter(surfaces.cells, x, y, dx, dy)
         while walk.inside:
@@ -249,20 +300,15 @@ def _passages(way: _Way, obstacles: Obstacles) -> _Passages:
                 known = begin < 0.0
                 # a surface is listed in several cells
                 for earlier in range(before, count):
-                    known = known or passed[earlier] == k
-                if known:
-                    continue
-                if count == capacity:
-                    capacity *= 2
-                    more, more_begins, more_ends = np.empty(capacity, np.int32), np.empty(capacity), np.empty(capacity)
-                    more[:count], more_begins[:count], more_ends[:count] = passed, begins, ends
-                    passed, begins, ends = more, more_begins, more_ends
-                passed[count], begins[count], ends[count] = k, way.at[leg] + begin, way.at[leg] + end
-                count += 1
+                    known = known or passages.surfaces[earlier] == k
+                if not known:
+                    passages.surfaces[count] = k
+                    passages.begins[count], passages.ends[count] = ways.at[row, leg] + begin, ways.at[row, leg] + end
+                    count += 1
             if min(walk.next_column, walk.next_row) > length:
                 break
             walk = advance(surfaces.cells, walk)
-    return _Passages(passed[:count], begins[:count], ends[:count])
+    return count
 
 
 @compiled_part
@@ -292,25 +338,20 @@ def _crossing(
 
 
 @compiled_part
-def _visits(way: _Way, levels: KernelLevels) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the levels that a way passes over or under: number, and where it enters and leaves the outline's box, m.
-
-    A level with an outline is listed once for each leg over it, so that a touch of it bounds the slope of sound.
-    """
-    count = levels.heights.shape[0]
-    visited = np.empty(count * (way.last + 1), np.int32)
-    enters, leaves = np.empty(visited.shape[0]), np.empty(visited.shape[0])
-    found = 0
-    for level in range(count):
+def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -> int:
+    """Fill in the levels that a way passes over or under, and return their number."""
+    last, found = ways.lasts[row], 0
+    for level in range(levels.heights.shape[0]):
         if not levels.limited[level]:
-            visited[found], enters[found], leaves[found] = level, 0.0, way.at[way.last]
+            visits.levels[found], visits.enters[found], visits.leaves[found] = level, 0.0, ways.at[row, last]
             found += 1
             continue
-        for leg in range(way.last):
-            length = way.at[leg + 1] - way.at[leg]
+        for leg in range(last):
+            at, length = ways.at[row, leg], ways.at[row, leg + 1] - ways.at[row, leg]
             begin, end = 0.0, length
             for axis in range(2):
-                start, step = way.points[leg, axis], way.points[leg + 1, axis] - way.points[leg, axis]
+                start = ways.points[row, leg, axis]
+                step = ways.points[row, leg + 1, axis] - start
                 low, high = levels.boxes[level, axis] - start, levels.boxes[level, 2 + axis] - start
                 if abs(step) <= _CLOSE:
                     if low > 0.0 or high < 0.0:
@@ -319,15 +360,17 @@ def _visits(way: _Way, levels: KernelLevels) -> tuple[IntArray, FloatArray, Floa
                 one, other = low / step * length, high / step * length
                 begin, end = max(begin, min(one, other)), min(end, max(one, other))
             if begin <= end:
-                visited[found], enters[found], leaves[found] = level, way.at[leg] + begin, way.at[leg] + end
+                visits.levels[found], visits.enters[found], visits.leaves[found] = level, at + begin, at + end
                 found += 1
-    return visited[:found], enters[:found], leaves[:found]
+    return found
 
 
 @compiled_part
 def _is_clear(
-    way: _Way,
+    ways: Ways,
+    row: int,
     passages: _Passages,
+    passed: int,
     heights: FloatArray,
     climbs: FloatArray,
     sequence: IntArray,
@@ -335,23 +378,24 @@ def _is_clear(
     obstacles: Obstacles,
 ) -> bool:
     """Return whether sound that touches the first `count` levels of a sequence touches and passes what its way says."""
-    slope = climbs[count + 1] / way.at[way.last]
-    for k in range(1, way.last):
-        surface = way.met[k]
+    last = ways.lasts[row]
+    slope = climbs[count + 1] / ways.at[row, last]
+    for k in range(1, last):
+        surface = ways.met[row, k]
         if surface >= 0 and obstacles.low[surface]:
-            height = _height_at(way.at[k] * slope, heights, climbs, count)
+            height = _height_at(ways.at[row, k] * slope, heights, climbs, count)
             lower, upper = obstacles.spans[surface]
             if not lower - _ON_END <= height <= upper + _ON_END:
                 return False
-            if _is_at_rim(way.at[k] * slope, lower, upper, climbs, sequence, count, obstacles.levels):
+            if _is_at_rim(ways.at[row, k] * slope, lower, upper, climbs, sequence, count, obstacles.levels):
                 return False
-    if way.edge >= 0:
-        height, band = _height_at(way.at[way.bend + 1] * slope, heights, climbs, count), 0
+    if ways.edges[row] >= 0:
+        height, band = _height_at(ways.at[row, ways.bends[row] + 1] * slope, heights, climbs, count), 0
         while band < obstacles.bounds.shape[0] and obstacles.bounds[band] < height:
             band += 1
-        if not obstacles.at_bands[way.edge, band]:
+        if not obstacles.at_bands[ways.edges[row], band]:
             return False
-    for k in range(passages.surfaces.shape[0]):
+    for k in range(passed):
         lower, upper = obstacles.spans[passages.surfaces[k]]
         begin, end = passages.begins[k] * slope, passages.ends[k] * slope
         lowest = highest = _height_at(begin, heights, climbs, count)
@@ -365,7 +409,7 @@ def _is_clear(
             lower, upper = lower + _ON_END, upper - _ON_END
         if highest >= lower and lowest <= upper:
             return False
-    return _meets_levels(way, heights, climbs, sequence, count, slope, obstacles.levels)
+    return _meets_levels(ways, row, heights, climbs, sequence, count, slope, obstacles.levels)
 
 
 @compiled_part
@@ -390,7 +434,8 @@ def _is_at_rim(
 
 @compiled_part
 def _meets_levels(
-    way: _Way,
+    ways: Ways,
+    row: int,
     heights: FloatArray,
     climbs: FloatArray,
     sequence: IntArray,
@@ -401,7 +446,7 @@ def _meets_levels(
     """Return whether sound touches levels within their outlines, and passes beside those that it does not touch."""
     for k in range(count):
         level = sequence[k]
-        if levels.limited[level] and not _is_over(way, climbs[k + 1] / slope, level, levels):
+        if levels.limited[level] and not _is_over(ways, row, climbs[k + 1] / slope, level, levels):
             return False
     for level in range(levels.heights.shape[0]):
         if not levels.limited[level]:
@@ -410,19 +455,20 @@ def _meets_levels(
             rise, gap = heights[k + 1] - heights[k], levels.heights[level] - heights[k]
             if rise < 0.0:
                 rise, gap = -rise, -gap
-            if _CLOSE < gap < rise - _CLOSE and _is_over(way, (climbs[k] + gap) / slope, level, levels):
+            if _CLOSE < gap < rise - _CLOSE and _is_over(ways, row, (climbs[k] + gap) / slope, level, levels):
                 return False
     return True
 
 
 @compiled_part
-def _is_over(way: _Way, along: float, level: int, levels: KernelLevels) -> bool:
+def _is_over(ways: Ways, row: int, along: float, level: int, levels: KernelLevels) -> bool:
     """Return whether a way is over or under a level's outline at a distance along it, m."""
     leg = 0
-    while leg < way.last - 1 and way.at[leg + 1] < along:
+    while leg < ways.lasts[row] - 1 and ways.at[row, leg + 1] < along:
         leg += 1
-    share = (along - way.at[leg]) / max(way.at[leg + 1] - way.at[leg], 1e-300)
-    (x, y), (end_x, end_y) = way.points[leg], way.points[leg + 1]
+    share = (along - ways.at[row, leg]) / max(ways.at[row, leg + 1] - ways.at[row, leg], 1e-300)
+    x, y = ways.points[row, leg, 0], ways.points[row, leg, 1]
+    end_x, end_y = ways.points[row, leg + 1, 0], ways.points[row, leg + 1, 1]
     return is_within(x + share * (end_x - x), y + share * (end_y - y), level, levels)
 
 

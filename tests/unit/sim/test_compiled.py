@@ -6,7 +6,8 @@ import time
 
 import numpy as np
 import pytest
-from sonarhw_sim.compiled import compiled, compiled_part, inlined
+from numba.core.errors import TypingError
+from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 
 from sonarhw.readings import FloatArray
 
@@ -14,6 +15,16 @@ from sonarhw.readings import FloatArray
 @compiled_part
 def _half(value: float) -> float:
     return value / 2
+
+
+@compiled_part
+def _first_of_new(value: float) -> float:
+    return float(np.full(1, value)[0])
+
+
+@array_part
+def _doubled(values: FloatArray) -> FloatArray:
+    return values + values
 
 
 @inlined
@@ -43,6 +54,20 @@ def test_a_part_is_called_by_kernels_and_refuses_calls_by_python() -> None:
     assert _sum_of_halves(np.array([1.0, 2.0])) == 1.5
     with pytest.raises(TypeError, match="_half can be called by kernels only"):
         _half(3.0)
+
+
+def test_a_part_that_counts_no_references_may_not_make_arrays() -> None:
+    @compiled
+    def of_new(value: float) -> float:
+        return _first_of_new(value)
+
+    @compiled
+    def of_doubled(values: FloatArray) -> float:
+        return float(_doubled(values)[0])
+
+    with pytest.raises(TypingError, match="Failed in nopython mode"):
+        of_new(1.0)
+    assert of_doubled(np.array([1.5])) == 3.0
 
 
 def test_an_inlined_kernel_is_not_compiled_by_itself_and_refuses_calls_by_python() -> None:

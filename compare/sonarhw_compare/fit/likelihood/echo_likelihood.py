@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.weighing import beam
-from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.compiled import array_part, compiled, compiled_part
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_paths import BENT, ODD, displaced
@@ -147,7 +147,7 @@ def log_likelihoods(
     return likelihoods
 
 
-@compiled_part
+@array_part
 def _on_axis(
     out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], board: BoardValues
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
