@@ -15,7 +15,7 @@ from packaging.utils import canonicalize_name
 
 from tests.checkout import CHECKOUT
 
-ROOM = CHECKOUT / "rooms" / "laboratory.toml"
+ROOM = CHECKOUT / "rooms" / "simple.toml"
 # Each import of a package that a base installation lacks fails as if the package were not installed.
 WITHOUT = "import sys; sys.modules |= dict.fromkeys({packages!r}); "
 MAIN = "from sonarhw_cli.entry import main; main()"
@@ -75,10 +75,10 @@ def sonarhw(program: str, tmp_path: Path) -> Sonarhw:
 
 
 def test_commands_need_no_extra(program: str, tmp_path: Path) -> None:
-    in_room = ("--room", str(ROOM), "--place", "bench")
+    in_room = ("--room", str(ROOM), "--place", "figure9")
     commands = [
-        ["scan", f"fake:{ROOM}?place=bench&seed=1&pace=max", "--out", "scan.mcap", "--step", "15", "--traces"],
-        ["simulate", str(ROOM), "--place", "bench", "--step", "30", "--out", "predicted.png"],
+        ["scan", f"fake:{ROOM}?place=figure9&seed=1&pace=max", "--out", "scan.mcap", "--step", "15", "--traces"],
+        ["simulate", str(ROOM), "--place", "figure9", "--step", "30", "--out", "predicted.png"],
         ["report", "scan.mcap", "--out", "scan.html", *in_room],
         ["fit", "scan.mcap", "--free", "heading", "--samples", "0", *in_room],
         ["compare", "scan.mcap", "--json", "--plot", "overlay.png", *in_room],
@@ -87,7 +87,7 @@ def test_commands_need_no_extra(program: str, tmp_path: Path) -> None:
     command = [sys.executable, "-c", program + EACH, json.dumps(commands)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout[done.stdout.index("\n{") :])["within_5cm"] > 0.8
+    assert json.loads(done.stdout[done.stdout.index("\n{") :])["within_5cm"] > 0.5  # of 24 readings
     for written in ("predicted.png", "overlay.png", "scan.html"):
         assert (tmp_path / written).stat().st_size > 1000
 

@@ -44,12 +44,12 @@ before = compiled()
 from sonarhw_cli.app import run
 simple, log, traces = ["rooms/simple.toml", "--place", "figure7"], sys.argv[1], sys.argv[2]
 for command in (
-    ["simulate", *simple, "--out", log],
+    ["simulate", *simple, "--step", "30", "--out", log],
     ["simulate", *simple, "--receiver", "board", "--traces", "sampled", "--step", "90", "--out", traces],
     ["simulate", "laboratory", "--place", "bench", "--edge-strength", "keller"],
     ["simulate", "doorstep", "--place", "tripod", "--board", "hc-sr04", "--unit", "block"],
     ["paths", *simple],
-    ["fit", log, "--samples", "0"],
+    ["fit", log, "--free", "position", "--samples", "0"],
     ["--quiet", "map", log],
 ):
     with contextlib.redirect_stdout(io.StringIO()):

@@ -42,7 +42,7 @@ def test_candidates_of_the_fan_are_limited_as_if_all_had_as_many_points_as_the_l
     find_paths(corridor, (0.0, 0.4), PathSearch(max_length=41.0, wavelength=0.007, max_bounces=500, diffraction=False))
     (fan,) = fans
     candidates = follow_fan(*fan).candidates
-    count, points = len(candidates), candidates[:, 1].max() + 2
+    count, points = len(candidates), int(candidates[:, 1].max()) + 2
     monkeypatch.setattr(path_table, "MOST_POINTS", count * points)
     assert len(follow_fan(*fan).candidates) == count
     monkeypatch.setattr(path_table, "MOST_POINTS", count * points - 1)

@@ -56,7 +56,7 @@ def test_rays_that_part_find_what_each_finds_alone(monkeypatch: pytest.MonkeyPat
     of_each = passing.slopes(directions)
     together = _found(directions, passing)
     alone: set[tuple[int, ...]] = set()
-    for slope in of_each.T:
+    for slope in np.ascontiguousarray(of_each.T):  # as in a search, so that no kernel is compiled for another layout
         monkeypatch.setattr(Passing, "slopes", lambda *_, slope=slope: slope[:, None])
         alone |= _found(directions, passing)
     assert together == alone
