@@ -53,7 +53,7 @@ class RealScan:
 class Judged:
     """The comparison of one model with one scan of n readings."""
 
-    matched: int  # echoes within 5 cm
+    matched: NDArray[np.bool_]  # (n,): readings with an echo within 5 cm of the prediction
     sounding: NDArray[np.bool_]  # (n,): readings with an echo
     predicted: NDArray[np.bool_]  # (n,): readings for which one is predicted
     scores: FloatArray  # (n,), dB: level of the loudest predicted echo over the threshold
@@ -86,10 +86,15 @@ The nine scans of the documents are not in this repository (docs/explanation/rea
 _COLUMNS = {"scan", "x_m", "y_m", "turn"}
 
 
-def program_options(description: str, **flags: str) -> Namespace:
-    """Return the command-line options of a program on real scans: `folder`, and `flags` with their help."""
+def program_options(description: str, *, sensors: bool = False, **flags: str) -> Namespace:
+    """Return the command-line options of a program on real scans: `folder`, and `flags` with their help.
+
+    With `sensors`, an option selects some of them.
+    """
     parser = ArgumentParser(description=description, epilog=LAYOUT, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=DEFAULT_FOLDER, help=f"default: {DEFAULT_FOLDER}")
+    if sensors:
+        parser.add_argument("--sensors", default="", metavar="A,B,...", help="test these sensors only")
     for name, meaning in flags.items():
         parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=meaning)
     return parser.parse_args()
@@ -160,7 +165,7 @@ def judged_of(comparison: Comparison) -> Judged:
     """Return the part of a comparison that `figures_of` needs, without readings of the carrier's own body."""
     rows = [row for row in comparison.rows if row.kind is not Kind.OWN_BODY]
     return Judged(
-        sum(row.kind is Kind.MATCH for row in rows),
+        np.array([row.kind is Kind.MATCH for row in rows]),
         np.array([row.measured is not None for row in rows]),
         np.array([row.predicted is not None for row in rows]),
         comparison.prediction.over_threshold[[row.index for row in rows]],
@@ -172,7 +177,7 @@ def figures_of(judged: Sequence[Judged]) -> Figures:
     sounding = np.concatenate([scan.sounding for scan in judged])
     predicted = np.concatenate([scan.predicted for scan in judged])
     return Figures(
-        share=sum(scan.matched for scan in judged) / int(sounding.sum()),
+        share=sum(int(scan.matched.sum()) for scan in judged) / int(sounding.sum()),
         roc_area=roc_area(np.concatenate([scan.scores for scan in judged]), sounding.tolist()) or math.nan,
         agreement=float(predicted[sounding].mean() + (~predicted[~sounding]).mean()) / 2,
     )

@@ -1,7 +1,8 @@
 """Reliability of the probabilities of `locate`: `python -m benchmarks.real.located_scans [FOLDER]`.
 
 Locates each scan of the folder, and of its subfolder `other_sensors`, in the whole arena with unknown heading. Prints
-stated probability and result of the first pose, a table by bands of the probability, and the median processor time.
+stated probability and result of the first pose, the rate of being right by bands of the probability with its 95 %
+binomial interval (Clopper and Pearson), and the median processor time.
 """
 
 import math
@@ -9,10 +10,13 @@ import time
 from itertools import pairwise
 from statistics import mean, median
 
+from scipy.stats import binomtest
+
 from benchmarks.real.judged_scans import load_scans, program_options
 from benchmarks.real.real_places import locate_real
 
 BANDS = (0.0, 0.5, 0.6, 0.8, 0.9, 1.0)
+POOLED = (0.0, 0.8, 1.0)  # few scans in a band cannot contradict what it states
 RIGHT = 0.1  # m from the true position
 
 
@@ -28,13 +32,20 @@ def main() -> None:
         away = math.dist(best.position, (scan.x, scan.y))
         found.append((best.probability, away < RIGHT))
         print(f"{scan.name:5} {best.probability:6.1%} {away * 100:5.0f} cm {times[-1]:6.1f} s", flush=True)
-    print("stated probability  scans  mean stated  rate of being right")
-    for low, high in pairwise(BANDS):
-        band = [one for one in found if low <= one[0] < high or (high == one[0] == 1.0)]
-        if band:
-            stated, right = mean(one[0] for one in band), mean(one[1] for one in band)
-            print(f"{low:8.2f} to {high:4.2f} {len(band):10} {stated:12.2f} {right:20.2f}")
+    print("stated probability  scans  mean stated  rate of being right, 95 % interval")
+    for low, high in [*pairwise(BANDS), *pairwise(POOLED), (0.0, 1.0)]:
+        _print_band(low, high, [one for one in found if low <= one[0] < high or (high == one[0] == 1.0)])
     print(f"median processor time of a scan: {median(times):.1f} s")
+
+
+def _print_band(low: float, high: float, band: list[tuple[float, bool]]) -> None:
+    """Print one band of stated probabilities, with whether each first pose is right."""
+    if not band:
+        return
+    stated, right = mean(one[0] for one in band), sum(one[1] for one in band)
+    interval = binomtest(right, len(band)).proportion_ci(method="exact")
+    rate = f"{right / len(band):.2f}, {interval.low:.2f} to {interval.high:.2f}"
+    print(f"{low:8.2f} to {high:4.2f} {len(band):10} {stated:12.2f}  {rate}")
 
 
 if __name__ == "__main__":

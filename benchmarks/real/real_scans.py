@@ -1,8 +1,10 @@
-"""Predictions of real scans, by sensor: `python -m benchmarks.real.real_scans [FOLDER]`, some ten minutes on two cores.
+"""Predictions of real scans, by sensor: `python -m benchmarks.real.real_scans [FOLDER]`, about ten minutes.
 
 Imports each scan of the folder, and of its folders with a scans.csv, as a user would. Prints share of echoes within
 5 cm, detection of silence and log score of each sensor, with the generic profile, calibrated on the sensor's other
-places, and calibrated on other sensors (`benchmarks.real.sensor_table`). `--figure` draws them.
+places, and calibrated on other sensors (`benchmarks.real.sensor_table`). `--figure` draws them. `--sensors A,K` tests
+some sensors only. Results of each place are kept in build/real_scans, so that an interrupted run goes on; they are
+computed again if a scan or the code of the predictions changes.
 
 `--models` compares models on the scans of FOLDER/scans.csv alone (minutes): heading, range offset and a position within
 3 cm are fitted for every model in the same way. `--cross-validation` tunes the generic profile without a place or a
@@ -51,13 +53,18 @@ def main() -> None:
     """Print the tables that the options select; by default those of each sensor."""
     chosen = program_options(
         "Compare predictions with real scans.",
+        sensors=True,
         figure=f"also draw {FIGURE}",
         models="compare models on the scans of FOLDER/scans.csv alone (minutes)",
         cross_validation="tune the board without a place or a recording, and test it there (minutes)",
         besides="print other variants that were tried (minutes)",
     )
     if not (chosen.models or chosen.cross_validation or chosen.besides):
-        print_sensors(load_sensors(chosen.folder), FIGURE if chosen.figure else None)
+        sensors = load_sensors(chosen.folder)
+        tested = chosen.sensors.split(",") if chosen.sensors else list(sensors)
+        if unknown := set(tested).difference(sensors):
+            raise SystemExit(f"--sensors {sorted(unknown)[0]}: no such sensor; expected some of {', '.join(sensors)}")
+        print_sensors(sensors, tested, FIGURE if chosen.figure else None)
         return
     scans, board = load_scans(chosen.folder), load_board("lego-nxt")
     if chosen.models:

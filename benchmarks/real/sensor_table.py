@@ -5,15 +5,18 @@ For each place of a sensor, the profile is calibrated with the sensor's scans of
 heading, range offset, and, if `free`, its position within 3 cm, which are fitted for every profile in the same way.
 """
 
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import hashlib
+import pickle
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.known_room.detection_rule import drawn_blocks
 from sonarhw_compare.known_room.room_calibration import calibrate_in_room
 from sonarhw_compare.matching.probability_score import CalibrationBin, calibration_text, score_comparison
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
@@ -24,9 +27,13 @@ from sonarhw_sim.choices import Model
 from sonarhw_sim.room.model import Place
 
 from benchmarks.real.judged_scans import NEARBY, ON_THE_SPOT, ROOM, Judged, RealScan, figures_of, judge, judged_of
+from sonarhw.readings import FloatArray
 
-PROCESSES = 2
+KEPT = Path("build/real_scans")
+SOURCES = (Path("sim"), Path("compare"), Path("benchmarks/real"))
 GENERIC = "lego-nxt"
+BLOCK = 8.0  # neighbouring readings with errors that are alike
+Result = TypeVar("Result")
 # title of each row of the table, and whether the position is free
 VARIANTS = {
     "generic, place as written": False,
@@ -111,37 +118,85 @@ def _tested(scan: RealScan, board: Board, free: frozenset[str]) -> Tested:
     return Tested(judged_of(comparison), score.log_score or 0.0, score.calibration)
 
 
-def held_out_places(sensors: Mapping[str, Sequence[RealScan]]) -> tuple[list[HeldOut], dict[str, Board]]:
-    """Return the results of all places of all sensors, and the profile of each sensor from all its scans."""
-    # processes that are started anew, because threads of compiled kernels do not survive a fork
-    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
-        whole = dict(zip(sensors, pool.map(calibrated, sensors.values()), strict=True))
-        jobs = [
-            Job(tuple(scans), spot, population([board for name, board in whole.items() if name != sensor]))
-            for sensor, scans in sensors.items()
-            for spot in dict.fromkeys(scan.spot for scan in scans)
-        ]
-        found = []
-        for number, one in enumerate(pool.map(tested_place, jobs), 1):
-            found.append(one)
-            print(f"\r{number} of {len(jobs)} places", end="", flush=True)
-        print()
+def kept(name: str, scans: Sequence[RealScan], compute: Callable[[], Result], more: str = "") -> Result:
+    """Return a result of scans, from the folder of results if it was computed by the same code, or computed now."""
+    read = [(scan.name, scan.spot, [(one.angle, one.range) for one in scan.readings]) for scan in scans]
+    together = hashlib.sha256(repr((read, more)).encode())
+    for source in sorted(path for folder in SOURCES for path in folder.rglob("*") if path.suffix in {".py", ".toml"}):
+        together.update(source.read_bytes())
+    file = KEPT / f"{name}-{together.hexdigest()[:16]}.pickle"
+    if not file.is_file():
+        found = compute()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part = file.with_suffix(".part")
+        part.write_bytes(pickle.dumps(found))
+        part.replace(file)
+        return found
+    result: Result = pickle.loads(file.read_bytes())
+    return result
+
+
+def held_out_places(
+    sensors: Mapping[str, Sequence[RealScan]], tested: Sequence[str]
+) -> tuple[list[HeldOut], dict[str, Board]]:
+    """Return the results of all places of the sensors `tested`, and the profile of each sensor from all its scans."""
+    whole = {}
+    for name, scans in sensors.items():
+        whole[name] = kept(f"{name}-whole", scans, lambda scans=scans: calibrated(scans))  # type: ignore[misc]
+        print(f"sensor {name} calibrated", flush=True)
+    found = []
+    for sensor in tested:
+        others = population([board for name, board in whole.items() if name != sensor])
+        for spot in dict.fromkeys(scan.spot for scan in sensors[sensor]):
+            job = Job(tuple(sensors[sensor]), spot, others)
+            name = f"{sensor}-{spot}"
+            found.append(kept(name, job.scans, lambda job=job: tested_place(job), repr(others)))  # type: ignore[misc]
+            print(f"sensor {sensor} tested at {spot}", flush=True)
     return found, whole
 
 
-def print_sensors(sensors: Mapping[str, Sequence[RealScan]], picture: Path | None = None) -> None:
-    """Print the figures of each sensor with each profile, their means, and the profiles; draw them in `picture`."""
-    found, whole = held_out_places(sensors)
+def gained(found: Sequence[HeldOut], sensor: str, since: str, now: str) -> str:
+    """Return the changes of the two shares of a sensor between two profiles, with standard errors, in words.
+
+    Both profiles are tested with the same readings, so a bootstrap draws blocks of them for both together.
+    """
+    before, after = ([one.judged for one in of_title(found, title, sensor)] for title in (since, now))
+    sounding = np.concatenate([one.sounding for one in before])
+    draws = drawn_blocks(len(sounding), BLOCK, np.random.default_rng(0))
+    changes = [_shares(after, sounding, rows) - _shares(before, sounding, rows) for rows in (np.ones((1, 1)), draws)]
+    errors = changes[1].std(axis=1)
+    return "".join(f"{change:+9.3f} ± {error:.3f}" for change, error in zip(changes[0][:, 0], errors, strict=True))
+
+
+def _shares(judged: Sequence[Judged], sounding: NDArray[np.bool_], weights: FloatArray) -> FloatArray:
+    """Return share of echoes and balanced accuracy of silence, (2, w), with each row of `weights` (w, n)."""
+    matched, predicted = (np.concatenate([getattr(one, name) for one in judged]) for name in ("matched", "predicted"))
+    echoes, silent = weights * sounding, weights * ~sounding
+    heard = (echoes * predicted).sum(axis=1) / echoes.sum(axis=1)
+    quiet = (silent * ~predicted).sum(axis=1) / silent.sum(axis=1)
+    return np.array([(echoes * matched).sum(axis=1) / echoes.sum(axis=1), (heard + quiet) / 2])
+
+
+def print_sensors(
+    sensors: Mapping[str, Sequence[RealScan]], tested: Sequence[str], picture: Path | None = None
+) -> None:
+    """Print the figures of the sensors `tested` with each profile, their means, and all profiles; draw the figures."""
+    found, whole = held_out_places(sensors, tested)
     print("\nshare within 5 cm; ROC area and balanced accuracy of silence; log score")
     for title in VARIANTS:
         print(f"\n{title}")
         rows = []
-        for sensor in sensors:
+        for sensor in tested:
             rows.append(_row(of_title(found, title, sensor)))
             print(f"  {sensor:8}" + _shown(rows[-1]))
         print("  mean    " + _shown(np.nanmean(rows, axis=0)))
         print("  pooled  " + _shown(_row(of_title(found, title, None))))
         print("  stated and observed: " + calibration_text(reliability(of_title(found, title, None))))
+    print(
+        "\nchange by calibration, own body left out: share within 5 cm; balanced accuracy of silence; ± standard error"
+    )
+    for sensor in tested:
+        print(f"  {sensor:8}" + gained(found, sensor, "generic, own body left out", "calibrated"))
     print("\nprofiles from all scans of a sensor: threshold dB, aperture mm, offset mm, slope, scale, own body")
     for sensor, board in whole.items():
         print(
@@ -151,7 +206,7 @@ def print_sensors(sensors: Mapping[str, Sequence[RealScan]], picture: Path | Non
         )
     if picture is not None:
         with picture.open("wb") as file:
-            write_picture(draw_sensors(found, list(sensors)), file, picture.suffix)
+            write_picture(draw_sensors(found, tested), file, picture.suffix)
     mean = population(list(whole.values()))
     print(
         f"  all     {mean.threshold_db:7.1f} ± {mean.threshold_sd_db:.1f}{mean.aperture_radius * 1000:7.2f}"

@@ -1,10 +1,11 @@
-"""Echoes of the carrier of a sensor, found without a model: the same turntable angle and range at every place.
+"""Echoes of the carrier of a sensor: the same turntable angle and range at every place, and not those of the room.
 
-A run of neighbouring angles counts if nearly all places have the same range there, and if the scans, turned against
-each other at random, hardly ever have a run as long: walls may be as far away by chance, but not over many angles.
+Echoes that the room explains say nothing about the carrier, so they are not given. A run of neighbouring angles counts
+if nearly all places have the same range there, and if the other echoes, turned against each other at random, hardly
+ever have a run as long.
 
-Places in one line may be equally far from a wall, so two places are not enough to tell a wall from the carrier: compare
-what is found with a prediction of the room.
+Places in one line may be equally far from a wall that the room lacks, so two places are not enough to tell such a wall
+from the carrier.
 """
 
 import math
@@ -37,7 +38,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class ScanAtPlace:
-    """The readings of a scan, and where it was made."""
+    """The readings of a scan that the room does not explain, silence included, and where it was made."""
 
     readings: Sequence[Reading]
     position: tuple[float, float]  # m
@@ -51,14 +52,8 @@ def find_own_body(scans: Sequence[ScanAtPlace], seed: int = 0) -> tuple[OwnBodyP
     step = max(_FINEST, *(_step(scan.readings) for scan in scans))
     count = round(math.tau / step)
     ranges, covered = (np.array(both) for both in zip(*(_on_grid(scan.readings, count) for scan in scans), strict=True))
-    random = np.random.default_rng(seed)
-    parts: list[OwnBodyPart] = []
-    # parts that are found are removed, because they make the scans alike by chance when they are turned
-    while runs := _certain_runs(ranges, covered, places, random):
-        parts += [_part(run, ranges, count) for run in runs]
-        for run in runs:
-            ranges[:, run], covered[:, run] = np.nan, False
-    return tuple(sorted(parts, key=lambda part: part.from_deg))
+    runs = _certain_runs(ranges, covered, places, np.random.default_rng(seed))
+    return tuple(sorted((_part(run, ranges, count) for run in runs), key=lambda part: part.from_deg))
 
 
 def _certain_runs(
@@ -66,13 +61,25 @@ def _certain_runs(
 ) -> list[IntArray]:
     """Return the runs that are not by chance, with their ends."""
     values, enough = _consensus(ranges, covered, places)
-    by_chance = _runs_by_chance(ranges, covered, places, random)
-    found = [(run, float(np.median(values[run]))) for run in _runs(values, enough)]
+    found = [(run, float(np.median(values[run]))) for run in _runs(values, enough) if len(run) >= _SHORTEST]
+    by_chance = _runs_by_chance(*_without(found, ranges, covered), places, random)
     found = [(run, middle) for run, middle in found if not _is_by_chance(run, middle, by_chance)]
     values, half = _consensus(ranges, covered, places, _AT_ENDS)
     runs = [_longer(run, middle, values, half) for run, middle in found]
     # runs that were made longer may have met
     return [run for k, run in enumerate(runs) if not any(run[0] in other for other in runs[:k])]
+
+
+def _without(
+    found: Sequence[tuple[IntArray, float]], ranges: FloatArray, covered: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return ranges and coverage without the echoes of runs: two parts of a body meet when scans are turned."""
+    ranges, covered = ranges.copy(), covered.copy()
+    for run, middle in found:
+        own = np.abs(ranges[:, run] - middle) <= _AS_FAR
+        covered[:, run] &= ~own
+        ranges[:, run] = np.where(own, np.nan, ranges[:, run])
+    return ranges, covered
 
 
 def place_numbers(positions: Sequence[tuple[float, float]]) -> IntArray:
@@ -154,7 +161,7 @@ def _runs_by_chance(
 def _is_by_chance(run: IntArray, middle: float, by_chance: list[list[tuple[int, float]]]) -> bool:
     """Return whether a run at a range (m) may be by chance: turned scans have one as long, and as far, too often."""
     alike = sum(any(length >= len(run) and abs(at - middle) <= _AS_FAR for length, at in runs) for runs in by_chance)
-    return len(run) < _SHORTEST or alike > _CHANCE * len(by_chance)
+    return alike > _CHANCE * len(by_chance)
 
 
 def _longer(run: IntArray, middle: float, values: FloatArray, half: BoolArray) -> IntArray:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.mount import OwnBodyPart, is_own_body
+from sonarhw_sim.board.mount import OwnBodyPart
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
@@ -29,17 +29,11 @@ from sonarhw_compare.known_room.turntable_fit import (
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
 from sonarhw_compare.plate.plate_calibration import Z95, PlateFinding
 
-# half of a 95 % interval up to which a value of the geometry counts as determined, by key
-_DETERMINED = {
-    "range_offset": 0.015,  # m
-    "clock_error": 0.015,
-    "turntable_scale": 0.03,
-    "axis_x": 0.008,  # m
-    "axis_y": 0.008,
-}
 _UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
+# standard deviations: 95 % confidence in the five values of the geometry together (Bonferroni's inequality), so that
+# none of five changes by chance alone
+_CONTRADICTED = 2.58
 _SAME_ZERO = math.radians(10.0)  # most difference of the zero between logs, up to which it belongs to the board
-_EXPLAINED = 0.5  # share of the echoes of a part of the body that the room explains in each scan of a wall
 _FEWEST_SCANS = 3  # for the rule to be sure
 _LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
 
@@ -175,7 +169,7 @@ def _compared(
 def _find_own_body(
     result: _Result, scans: Sequence[PlacedScan], room: Room, first: StartingTurntable, start: Board
 ) -> None:
-    """Find the carrier's body and apply it; a part that the room explains is a wall."""
+    """Find the carrier's body among the echoes that the room does not explain, and apply it."""
     board = replace(start, own_body=(), turntable_scale=first.scale)
     compared = [
         compare_readings(scan.readings, room, place, board, heading=heading)
@@ -186,21 +180,12 @@ def _find_own_body(
         result.kept["own_body"] = "all logs are from one place; scan from another place"
         result.proposals += _lone_runs(compared)
         return
-    found = find_own_body([ScanAtPlace(scan.readings, at) for scan, at in zip(scans, positions, strict=True)])
-    result.own_body = tuple(part for part in found if not _is_of_room(part, compared))
+    unexplained = [[row.reading for row in one.rows if row.path is None] for one in compared]
+    result.own_body = find_own_body([ScanAtPlace(*both) for both in zip(unexplained, positions, strict=True)])
     if result.own_body:
         result.board = replace(result.board, own_body=result.own_body)
     elif start.own_body:
         result.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
-
-
-def _is_of_room(part: OwnBodyPart, compared: Sequence[Comparison]) -> bool:
-    """Return whether the room explains most echoes of a part in every scan that has them, as it does for a wall."""
-    for one in compared:
-        own = [row for row in one.rows if is_own_body((part,), row.reading.angle, row.reading.range)]
-        if sum(row.path is not None for row in own) < _EXPLAINED * len(own):
-            return False
-    return True
 
 
 def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
@@ -227,16 +212,14 @@ def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
 
 
 def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:
-    """Add what the scans determine, or what they show to be other than before; the rest stays."""
-    for key, most in _DETERMINED.items():
+    """Add what the scans show to be other than before; the rest stays."""
+    for key, unit in _UNITS.items():
         found, before = fitted.shared[key], float(getattr(start, key))
-        reach = Z95 * found.deviation
-        if reach <= most or abs(found.value - before) > reach:
-            result.add_measured(key, found, before, _UNITS[key])
+        if abs(found.value - before) > _CONTRADICTED * found.deviation:
+            result.add_measured(key, found, before, unit)
         else:
-            unit = f" {_UNITS[key]}" if _UNITS[key] else ""
-            half = f"±{reach:.2g}{unit}"
-            result.kept[key] = f"the scans determine it only to {half}, and not to ±{most:g}{unit}"
+            half = f"{found.value:.2g} ± {_CONTRADICTED * found.deviation:.2g} {unit}".rstrip()
+            result.kept[key] = f"the scans do not contradict it (99 %: {half})"
             result.board = replace(result.board, **{key: before})  # type: ignore[arg-type]
     result.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
 

@@ -1,18 +1,25 @@
 """`lego-nxt` explains the nine real scans of a known room better than simpler models do. It was tuned on them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sonarhw_compare.known_room.room_calibration as calibration
+from sonarhw_compare.fit.plain_fit import fit_scan
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.known_room.starting_turntable import StartingTurntable
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Model
+from sonarhw_sim.room.model import Place
 
 from benchmarks.real.judged_scans import (
     DEFAULT_FOLDER,
     NEARBY,
     ON_THE_SPOT,
+    ROOM,
     Figures,
     RealScan,
     echoes_of_the_robot,
@@ -105,3 +112,23 @@ def test_recordings_of_one_place_are_compared_rotated_and_shifted() -> None:
     spots = ((0.0, ranges), (1.0, elsewhere), (0.0, turned))
     scans = [recorded(f"s{k}", x, ranges_of_spot) for k, (x, ranges_of_spot) in enumerate(spots)]
     assert repeated(scans) == (0.9, 0.9)
+
+
+@here
+@pytest.mark.parametrize("left_out", [(0.84, 0.30), (1.80, 0.54)])
+def test_the_carrier_is_found_without_any_one_place(scans: list[RealScan], left_out: tuple[float, float]) -> None:
+    # three of four places are 30 cm from a wall, and the carrier's echoes are 22 cm away
+    kept = [scan for scan in scans if scan.sensor == "A" and (scan.x, scan.y) != left_out]
+    fits = [fit_scan(scan.readings, ROOM, ROOM.place(scan.spot), BOARD, NEARBY) for scan in kept]
+    placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name) for scan in kept]
+    headings, places = tuple(fit.heading for fit in fits), tuple(fit.place for fit in fits)
+    result = calibration._Result(BOARD)
+    calibration._find_own_body(
+        result, placed, ROOM, StartingTurntable(1.0, 0.01, BOARD.threshold_db, headings, places), BOARD
+    )
+    assert [part.spans(math.radians(degrees)) for part in result.own_body for degrees in (93, 216)] == [
+        True,
+        False,
+        False,
+        True,
+    ]

@@ -1,11 +1,15 @@
-"""The carrier's own body in scans from several places, found without a model."""
+"""The carrier's own body in scans from several places, found among the echoes that the room does not explain."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import sonarhw_compare.known_room.room_calibration as calibration
+from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
+from sonarhw_compare.known_room.starting_turntable import StartingTurntable
+from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, load_room
@@ -17,14 +21,32 @@ PLACES = [(0.84, 0.30), (1.80, 0.30), (1.80, 0.54), (1.38, 0.54), (1.38, 1.68)]
 SPEED = ROOM.air.speed_of_sound
 
 
-def scan_at(position: tuple[float, float], body: Sequence[int] = (), step: int = 3, zero: float = 0.0) -> ScanAtPlace:
-    """Return the predicted scan, with echoes at 20 to 22 cm at the turntable angles `body`, degrees."""
+def scan_at(
+    position: tuple[float, float],
+    body: Sequence[int] = (),
+    step: int = 3,
+    zero: float = 0.0,
+    others: np.random.Generator | None = None,
+    whole: bool = False,
+) -> ScanAtPlace:
+    """Return what the room does not explain: echoes at 20 to 22 cm at the turntable angles `body`, and silence.
+
+    With `others`, one angle in seven has an echo from 0.1 to 2.5 m that is not in the room. With `whole`, return all
+    readings, with ranges that are 4 cm too short, so that the walls beside three places are 26 cm away.
+    """
     angles = np.arange(0, 360, step)
-    ranges = predict_scan(ROOM, Place("", position), NXT, np.radians(angles + zero)).ranges
-    ranges[np.isin(angles, body)] = 0.20 + 0.02 * (angles[np.isin(angles, body)] % 2)
+    predicted = predict_scan(ROOM, Place("", position), NXT, np.radians(angles + zero)).ranges
+    ranges = predicted - 0.04 * whole
+    if others is not None:
+        strange = others.random(len(angles)) < 1 / 7
+        ranges[strange] = others.uniform(0.1, 2.5, strange.sum())
+    ranges[np.isin(angles, body)] = 0.20 + 0.02 * whole + 0.02 * (angles[np.isin(angles, body)] % 2)
     times = [() if math.isnan(one) else (2 * one / SPEED,) for one in ranges.tolist()]
     return ScanAtPlace(
-        [Reading(k, 0, 0, math.radians(float(angles[k])), 0.1 * k, times[k], SPEED) for k in range(len(angles))],
+        [
+            Reading(k, 0, 0, math.radians(float(angles[k])), 0.1 * k, times[k], SPEED)
+            for k in np.flatnonzero(whole | ~(np.abs(ranges - predicted) <= TOLERANCE)).tolist()
+        ],
         position,
     )
 
@@ -51,10 +73,34 @@ def test_a_body_that_one_of_five_scans_misses_is_found() -> None:
     assert part.spans(math.radians(75.0))
 
 
-def test_walls_alone_are_no_own_body() -> None:
-    assert find_own_body([scan_at(position) for position in PLACES]) == ()
-    turned = [scan_at(position, zero=40.0 * k) for k, position in enumerate(PLACES)]
-    assert find_own_body(turned) == ()
+def test_two_parts_are_found_although_turned_scans_bring_them_together() -> None:
+    body = [*range(84, 103), *range(201, 229)]
+    parts = find_own_body([scan_at(position, body) for position in PLACES])
+    assert [part.spans(math.radians(degrees)) for part in parts for degrees in (93, 215)] == [True, False, False, True]
+
+
+def test_a_wall_in_front_of_three_of_four_places_does_not_hide_the_body() -> None:
+    body = [*range(84, 97), *range(204, 226)]
+    scans = [
+        PlacedScan(scan_at(at, body, whole=True).readings, Place(str(k), at), str(k)) for k, at in enumerate(PLACES[1:])
+    ]
+    places = tuple(scan.place for scan in scans)
+    first = StartingTurntable(1.0, 0.01, NXT.threshold_db, (0.0,) * len(scans), places)
+    result = calibration._Result(NXT)
+    calibration._find_own_body(result, scans, ROOM, first, NXT)
+    assert [(part.from_deg, part.to_deg) for part in result.own_body] == [
+        (pytest.approx(82.5, abs=3.1), pytest.approx(97.5, abs=3.1)),
+        (pytest.approx(202.5, abs=3.1), pytest.approx(226.5, abs=3.1)),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_echoes_that_are_alike_by_chance_are_no_own_body(seed: int) -> None:
+    others = np.random.default_rng(seed)
+    scans = [scan_at(position, zero=40.0 * k, others=others) for k, position in enumerate(PLACES)]
+    assert find_own_body(scans) == ()
+    body = find_own_body([scan_at(position, range(60, 91), others=others) for position in PLACES])
+    assert [part.spans(math.radians(75.0)) for part in body] == [True]
 
 
 def test_scans_from_one_place_show_no_own_body() -> None:

@@ -1,4 +1,4 @@
-"""A spread that the profile states stays until the scans contradict it."""
+"""A value that the profile states stays until the scans contradict it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import sonarhw_compare.known_room.room_calibration as calibration
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.turntable_fit import SharedValue
+from sonarhw_compare.known_room.turntable_fit import SharedValue, TurntableFit
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.model import Place, load_room
 
@@ -35,3 +35,26 @@ def test_a_stated_spread_stays_if_the_scans_do_not_contradict_it(
     assert result.board.range_sd == 0.014
     assert ("threshold_sd_db" in result.kept) is is_kept
     assert [one.key for one in result.findings] == ([] if is_kept else ["threshold_sd_db"]) + ["range_sd"]
+
+
+@pytest.mark.parametrize(
+    ("scale", "deviation", "expected"),
+    [
+        (1.024, 0.012, 1.0),  # 2 standard deviations: one of five values is as far away in a fifth of all calibrations
+        (1.024, 0.008, 1.024),
+        (1.002, 0.002, 1.0),  # well determined, and not contradicted
+        (0.94, 0.04, 1.0),
+    ],
+)
+def test_a_geometry_stays_if_the_scans_do_not_contradict_it(scale: float, deviation: float, expected: float) -> None:
+    start = load_board("lego-nxt")
+    shared = {
+        key: SharedValue(float(getattr(start, key)), 0.01)
+        for key in ("range_offset", "clock_error", "turntable_scale", "axis_x", "axis_y")
+    }
+    fitted = TurntableFit(shared | {"turntable_scale": SharedValue(scale, deviation)}, ())
+    result = calibration._Result(replace(start, turntable_scale=1.03))  # where the search began
+    calibration._find_geometry(result, fitted, start)
+    assert result.board.turntable_scale == expected
+    assert ("turntable_scale" in result.kept) is (expected == 1.0)
+    assert result.board.range_offset == start.range_offset
