@@ -9,6 +9,7 @@ from sonarhw_compare.headings import in_degrees
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import FoundCauses
@@ -21,13 +22,15 @@ def find_missing(
 ) -> None:
     """Print the causes of the misfits of a comparison, and write the changed room to the file `out`."""
     found = _found(comparison, receiver)
-    if out is not None:
+    if out is not None and found.causes:
         with written_file(out, overwrite=force) as file:
             file.write(found.room.text.encode())
     if as_json:
         print_json(asdict(comparison.summary()) | _figures(found))
     else:
         _print(found)
+    if out is not None and not found.causes:
+        warn(f"{out}: not written, because the room is unchanged")
 
 
 def _found(comparison: "Comparison", receiver: "Receiver | None") -> "FoundCauses":

@@ -1,6 +1,7 @@
 """`sonarhw gui`: open the window on a log, a CSV scan, a room, a scanner or the demo."""
 
 import gc
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -109,13 +110,14 @@ def _source_and_room(sources: list[str], room: str | None) -> tuple[str | None, 
 
 
 def _kind(source: str) -> str:
-    """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for any other file."""
+    """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for anything else."""
     from sonarhw_compare.scanners.fake_url import is_fake
 
     from sonarhw.plugins.plugin_list import is_plugin
 
     if is_fake(source) or is_plugin(source) or "://" in source:
         return ""
+    from sonarhw_sim.near_miss import did_you_mean
     from sonarhw_sim.room.model import room_names
 
     if source in room_names():
@@ -123,10 +125,12 @@ def _kind(source: str) -> str:
     path = Path(source)
     if path.suffix.lower() in (LOG, _SCAN, _ROOM):
         return path.suffix.lower()
+    expected = f"expected a log (*{LOG}), a scan (*{_SCAN}), a room (name or *{_ROOM}) or the URL of a scanner"
     if path.is_file() or path.is_dir():
-        raise InputError(
-            f"{source}: expected a log (*{LOG}), a scan (*{_SCAN}), a room (*{_ROOM}) or the URL of a scanner"
-        )
+        raise InputError(f"{source}: {expected}")
+    if os.name == "posix" and ":" not in source and not path.exists():
+        near = did_you_mean(source, [*room_names(), *(str(file) for file in path.parent.glob("*"))])
+        raise InputError(f"{source}: there is no such file or port{near or ';'} {expected}")
     return ""
 
 

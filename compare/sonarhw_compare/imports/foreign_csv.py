@@ -264,6 +264,7 @@ def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: flo
         return ForeignRow(f"line {line.number}", heading, None, seconds)
     if not 0 <= distance < math.inf:
         raise line.error(
-            f"{name} is {distance:g}; expected a range of 0 or more, or {distance:g} as the value for no echo"
+            f"{name} is {distance:g}; expected a range of 0 or more; if {distance:g} means no echo, say so: "
+            f"--no-echo {distance:g}, or in the window, Import scan, Range that means no echo"
         )
     return ForeignRow(f"line {line.number}", heading, distance, seconds)

@@ -143,10 +143,13 @@ class ScanDifference:
 def scan_difference(first: HeadingSeries, second: HeadingSeries) -> ScanDifference:
     """Return the differences of two scans at the headings of the one with fewer headings.
 
-    A heading is paired with the nearest one of the other scan, at most half of its step away. Raises InputError if no
-    heading is in both.
+    A heading is paired with the nearest one of the other scan, at most half of its step away. Raises InputError if a
+    scan has no reading, or no heading is in both.
     """
     scans = at_headings(first), at_headings(second)
+    for scan, number in zip(scans, ("first", "second"), strict=True):
+        if not scan:
+            raise InputError(f"the {number} scan has no reading; a difference needs readings of both")
     pairs = _pairs(*(np.array([one.heading for one in scan]) for scan in scans))
     if not len(pairs):
         raise InputError("the scans have no heading in common; give scans of the same sector")
@@ -170,8 +173,8 @@ def at_headings(series: HeadingSeries) -> tuple[AtHeading, ...]:
     turned = np.remainder(series.headings, math.tau)
     turned[turned > math.tau - _SAME_HEADING] = 0.0
     order = np.argsort(turned, kind="stable")
-    starts = np.flatnonzero(np.diff(turned[order]) > _SAME_HEADING) + 1
-    return tuple(AtHeading(float(turned[rows[0]]), series.ranges[rows]) for rows in np.split(order, starts))
+    starts = np.flatnonzero(np.diff(turned[order], prepend=-math.inf) > _SAME_HEADING)
+    return tuple(AtHeading(float(turned[rows[0]]), series.ranges[rows]) for rows in np.split(order, starts)[1:])
 
 
 def noise_of(scan: Sequence[AtHeading], between: float) -> float:

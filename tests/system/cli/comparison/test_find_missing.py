@@ -45,6 +45,18 @@ def test_the_changed_room_contains_the_plate(log: str, tmp_path: Path, capsys: p
     assert figures["after"]["within_5cm"] > figures["within_5cm"]
 
 
+def test_an_unchanged_room_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "found.toml"
+    simulated = tmp_path / "simulated.mcap"
+    assert run(["simulate", "simple", "--place", "figure9", "--step", "30", "--out", str(simulated)]) == 0
+    capsys.readouterr()
+    assert run(["compare", str(simulated), "--find-missing", "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("no change of the room explains misfits\n")
+    assert printed.err.endswith(f"{out}: not written, because the room is unchanged\n")
+    assert not out.exists()
+
+
 def test_out_needs_find_missing(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert run(["compare", log, "--out", "found.toml"]) == 2

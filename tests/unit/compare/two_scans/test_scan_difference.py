@@ -102,3 +102,12 @@ def test_scans_of_different_sectors_are_refused() -> None:
     east, west = (HeadingSeries(np.array(at), np.array([1.0, 1.0])) for at in ([0.0, 0.1], [3.0, 3.1]))
     with pytest.raises(InputError, match="no heading in common"):
         scan_difference(east, west)
+
+
+def test_a_scan_without_a_reading_is_refused() -> None:
+    # a new scan has none when the window first compares it
+    empty = HeadingSeries(np.empty(0), np.empty(0))
+    with pytest.raises(InputError, match="the second scan has no reading"):
+        scan_difference(scan(15), empty)
+    with pytest.raises(InputError, match="the first scan has no reading"):
+        scan_difference(empty, empty)
