@@ -105,7 +105,10 @@ def _check_hits(hits: NDArray[np.intp], angles: FloatArray, distance: float) -> 
         )
     if hits[0] == 0 or hits[-1] == len(angles) - 1:
         end = math.degrees(angles[0 if hits[0] == 0 else -1])
-        raise NoPlate(f"the plate is detected up to {end:.4g} degrees, the end of the sector; use a wider sector")
+        raise NoPlate(
+            f"echoes near {distance:g} m reach {end:.4g} degrees, the end of the sector; check that the plate is "
+            f"{distance:g} m away; if it is, use a wider sector"
+        )
 
 
 def _arc_of(hits: NDArray[np.intp], angles: FloatArray, shares: FloatArray, step: float) -> tuple[float, float]:

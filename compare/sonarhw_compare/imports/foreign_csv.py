@@ -264,7 +264,7 @@ def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: flo
         return ForeignRow(f"line {line.number}", heading, None, seconds)
     if not 0 <= distance < math.inf:
         raise line.error(
-            f"{name} is {distance:g}; expected a range of 0 or more; if {distance:g} means no echo, say so: "
-            f"--no-echo {distance:g}, or in the window, Import scan, Range that means no echo"
+            f"{name} is {distance:g}; expected a range of 0 or more; if {distance:g} means no echo, use "
+            f"`sonarhw import FILE.csv --no-echo {distance:g} --out LOG.mcap`, or *Import scan* in the window"
         )
     return ForeignRow(f"line {line.number}", heading, distance, seconds)

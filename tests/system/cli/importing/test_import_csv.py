@@ -141,7 +141,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         (
             "deg,cm\n0,nan\n",
             [],
-            "line 2: cm is nan; expected a range of 0 or more; if nan means no echo, say so: --no",
+            "line 2: cm is nan; expected a range of 0 or more; if nan means no echo, use",
         ),
         ("deg,cm\nnan,1\n", [], "line 2: deg is nan; expected degrees"),
         ("deg,cm,s\n0,1,nan\n", ["--time", "s"], "line 2: s is nan; expected seconds"),
@@ -153,7 +153,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         (
             "deg,cm\n0,-1\n",
             [],
-            "cm is -1; expected a range of 0 or more; if -1 means no echo, say so: --no-echo -1, or",
+            "cm is -1; expected a range of 0 or more; if -1 means no echo, use `sonarhw import",
         ),
         ("deg,cm\n0,inf\n", [], "line 2: cm is inf"),
         ("deg,cm\n0\n", [], "line 2: has 1 field, but none for column 'cm'"),

@@ -119,7 +119,7 @@ def test_a_plate_at_five_headings_is_enough_and_at_four_too_little() -> None:
 @pytest.mark.parametrize("first", [True, False])
 def test_a_plate_at_one_end_of_the_sector_is_refused(first: bool) -> None:
     rows = [(float(k), 1.5 if (k < 8 if first else k >= 12) else None) for k in range(20)]
-    with pytest.raises(NoPlate, match=f"up to {0 if first else 19} degrees"):
+    with pytest.raises(NoPlate, match=f"m reach {0 if first else 19} degrees"):
         calibrate(readings_of(rows), 1.5, 0.0)
 
 
