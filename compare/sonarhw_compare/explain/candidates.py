@@ -32,7 +32,7 @@ class RankedEcho:
     wins: bool
     blanked: bool
     lacking_db: float  # threshold minus level; 0 or less: loud enough
-    behind: float | None  # m, its range minus that of the winner; None: it wins, is nearer, or there is no winner
+    behind: float | None  # m, half of its path minus that of the winner; None: it wins, is nearer, or there is no winner
     half: float  # m, half of the path; the receiver of the board adds the rest of the winner's range
 
     @property
@@ -166,7 +166,7 @@ def _candidate(prediction: PredictedScan, echo: Echo) -> RankedEcho:
 def _behind(candidate: RankedEcho, winner: RankedEcho) -> RankedEcho:
     if candidate.wins or candidate.blanked or candidate.time < winner.time:
         return candidate
-    return replace(candidate, behind=max(0.0, candidate.range - winner.range))
+    return replace(candidate, behind=max(0.0, candidate.half - winner.half))
 
 
 def _rank(candidate: RankedEcho) -> tuple[bool, bool, float]:

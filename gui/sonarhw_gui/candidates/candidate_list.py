@@ -9,7 +9,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw_gui.look.appearance import LengthUnit
 
-COLUMNS = ("range", "level", "what becomes of it", "path")
+COLUMNS = ("½ path", "level", "what becomes of it", "path")
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class CandidateList:
         echo = self.found[row]
         via = ">".join(self.prediction.paths.via(echo.path, self.prediction.room))
         level = f"{echo.level_db:.1f} dB".replace("-", "−")
-        return self.unit.text(echo.range), level, outcome_text(echo, self.unit.text), via
+        return self.unit.text(echo.half), level, outcome_text(echo, self.unit.text), via
 
     def is_out(self, row: int) -> bool:
         """Return whether the board cannot detect an echo: it is blanked or too weak."""
@@ -54,5 +54,5 @@ class CandidateList:
     def _would_win(self, echo: RankedEcho, name: str) -> str:
         how = remedy_text(remedy(self.prediction, self.index, echo), self.unit.text)
         if not how:
-            return f"{name} ({self.unit.text(echo.range)}): no small change lets it win"
-        return f"{name} ({self.unit.text(echo.range)}) would win with {how}"
+            return f"{name} ({self.unit.text(echo.half)}): no small change lets it win"
+        return f"{name} ({self.unit.text(echo.half)}) would win with {how}"

@@ -15,6 +15,7 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 
 _WIDEST = ("00.000 m", "−00.0 dB", "00.0 dB too weak, 0.000 m behind")
+_HALF_TIP = "half of the path of the sound; the range that the board reports also contains what its receiver adds"
 _BESIDE = 14  # pixels, margins of a cell
 _AT_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 _NO_ROOM, _NOTHING_YET = "open a room to list its echoes", "select a reading, or click the predicted outline"
@@ -35,6 +36,7 @@ class CandidateView(QWidget):
         self.table = _EchoTable(0, len(COLUMNS))
         self.table.setAccessibleName("Echoes at this heading")
         self.table.setHorizontalHeaderLabels(COLUMNS)
+        self.table.model().setHeaderData(0, Qt.Orientation.Horizontal, _HALF_TIP, Qt.ItemDataRole.ToolTipRole)
         self.table.cellEntered.connect(self._point)
         self.table.currentCellChanged.connect(self._point)
         self.table.left.connect(self._leave)

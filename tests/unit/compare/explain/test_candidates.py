@@ -171,3 +171,15 @@ def test_the_sentence_about_a_reading_and_the_row_of_the_winner_state_what_the_r
     said = explain_reading(compare_readings([longer], ROOM, PLACE, board, heading=0.0), 0)
     assert f" adds {added}; {range_:.3f} m is predicted; the near wall" in said  # so that the sum is not the reading
     assert outcome_text(candidates(scan, 0)[0]) == f"wins, receiver adds {added}"
+
+
+def test_what_the_receiver_adds_to_the_winner_makes_no_other_echo_nearer_to_it() -> None:
+    """The receiver of the board adds millimetres to the range that it reports, and nothing to the lengths of paths."""
+    behind = []
+    for board in (BOARD, load_board("polaroid-6500")):
+        scan = predict_scan(ROOM, PLACE, board, np.radians([270.0]))
+        found = {via(scan, candidate): candidate for candidate in candidates(scan, 0)}
+        behind.append(found["bottom>right>top>bottom"].behind)
+    assert found["bottom>top>bottom"].range > 0.828
+    exact = math.hypot(0.827, 0.154) - 0.827  # the right wall is 0.154 m from the sensor
+    assert behind == pytest.approx([exact, exact], abs=2e-4)
