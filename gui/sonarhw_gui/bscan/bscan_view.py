@@ -5,6 +5,7 @@
 
 import math
 from functools import partial
+from weakref import ref
 
 import numpy as np
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
@@ -42,7 +43,7 @@ class BScanView(QWidget):
         super().__init__()
         self.gestures = Gestures(self)
         self._shown: Shown | None = None
-        self._drawn: BScans | None = None
+        self._drawn: ref[BScans] | None = None
         self._laid_out: BScanSettings | None = None
         self._zoomed = False  # whether the zoom was set for these images
         self._cells: RangeCells | None = None
@@ -162,13 +163,13 @@ class BScanView(QWidget):
 
     def _draw(self, shown: Shown) -> None:
         bscan = shown.bscan
-        if bscan is not None and bscan.settings == self.settings and bscan is not self._drawn:
+        if bscan is not None and bscan.settings == self.settings and shown.bscan_ref is not self._drawn:
             for kind in bscan.settings.panes:
                 self.panes[kind].draw(bscan, shown)
             if not self._zoomed or self._cells != bscan.rows.cells:
                 self._zoomed, self._cells = True, bscan.rows.cells
                 self._fit(initial_range(shown))
-            self._drawn = bscan
+            self._drawn = shown.bscan_ref
         self.note.setText(_cursor_text(bscan, shown) or _note(bscan, self.settings))
         for kind in self.settings.panes:
             self.panes[kind].point(shown)

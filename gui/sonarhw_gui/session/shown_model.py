@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from weakref import ref
 
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.notes.note_file import ReadingNote
@@ -309,7 +310,8 @@ class ShownModel(QObject):
     def _emit(self, shown: Shown) -> None:
         self.traces.follow(shown)
         before = self.shown
-        after = replace(shown, trace=self.traces.trace, answer=self.traces.answer, bscan=self.traces.bscan)
+        bscan = None if self.traces.bscan is None else ref(self.traces.bscan)
+        after = replace(shown, trace=self.traces.trace, answer=self.traces.answer, bscan_ref=bscan)
         # rows of paths differ between predictions
         self.shown = replace(after, pointed_path=None) if _asks_another(before, after) else after
         self._update_due = False

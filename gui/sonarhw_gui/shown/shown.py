@@ -5,6 +5,7 @@ A view compares the parts with those that it drew last. It redraws a part only i
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from weakref import ref
 
 import numpy as np
 from sonarhw_compare.explain.sentences import explain_heading, explain_reading
@@ -71,7 +72,8 @@ class Shown:
     pointed_path: int | None = None  # row of `question`'s paths that the mouse or a key points at
     trace: ChosenTrace | None = None  # of the asked heading or the selected reading; computed after the selection
     sound: SoundMoment | None = None  # while it is played
-    bscan: BScans | None = None  # as last shown
+    # as last shown; weak, because each hidden view keeps what it drew last, and a B-scan takes 30 MB
+    bscan_ref: ref[BScans] | None = None
     overlays: tuple[OverlaidScan, ...] = ()  # other scans, drawn over the readings
     pair: ScanPair | None = None  # of these and the readings, whose differences are shown
     proposal: Proposal | None = None  # a change of the room that may be tried
@@ -83,6 +85,11 @@ class Shown:
     outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
     chances: OutlineChances | None = None  # probabilities of ranges, if the board states spreads
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # rows that `rows` reuses
+
+    @property
+    def bscan(self) -> BScans | None:
+        """The B-scan as last shown; None if there is none, or a newer one has replaced it."""
+        return None if self.bscan_ref is None else self.bscan_ref()
 
     @property
     def title(self) -> str:

@@ -75,14 +75,22 @@ class Worker:
         self._thread.join()
 
     def _run(self) -> None:
-        while (request := self._next()) is not None:
-            try:
-                answer = request.answer()
-            except Exception as error:  # noqa: BLE001 - reported to the caller of `take`
-                answer = Failure(request, error)
-            with self._wake:
-                self._working = False
-                self._answers.append(answer)
+        while self._answer_next():
+            pass
+
+    def _answer_next(self) -> bool:
+        """Answer a request; return False at the end. While it waits, it keeps neither requests nor answers."""
+        request = self._next()
+        if request is None:
+            return False
+        try:
+            answer = request.answer()
+        except Exception as error:  # noqa: BLE001 - reported to the caller of `take`
+            answer = Failure(request, error)
+        with self._wake:
+            self._working = False
+            self._answers.append(answer)
+        return True
 
     def _next(self) -> Request | None:
         with self._wake:

@@ -1,8 +1,10 @@
 """The B-scan view: panes, linked cursor, clicks, and notes about missing traces and predictions."""
 
+import gc
 import math
 from dataclasses import replace
 from pathlib import Path
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -149,7 +151,7 @@ def view(qtbot: QtBot) -> BScanView:
 def test_a_log_without_traces_is_reported(view: BScanView, scene: Scene) -> None:
     readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), 343.2) for k in range(36))
     answer = BScanRequest(1, scene, readings, None, view.settings, LIGHT, None).answer()
-    view.show_state(Shown(scene, readings=readings, chosen=3, bscan=answer))
+    view.show_state(Shown(scene, readings=readings, chosen=3, bscan_ref=ref(answer)))
     assert "no traces recorded" in view.note.text()
     assert "no prediction" in view.note.text()
     marked = np.argwhere(np.isfinite(answer.measured.levels))
@@ -163,5 +165,17 @@ def test_the_view_reports_a_pending_image(view: BScanView, scene: Scene) -> None
 
 def test_a_picture_of_another_wish_is_not_drawn(qtbot: QtBot, view: BScanView, scene: Scene) -> None:
     stale = BScanRequest(1, scene, (), None, replace(view.settings, polar=True), LIGHT, None).answer()
-    view.show_state(Shown(scene, bscan=stale))
+    view.show_state(Shown(scene, bscan_ref=ref(stale)))
     assert view.panes[Pane.MEASURED]._image.image is None
+
+
+def test_no_hidden_view_keeps_the_b_scan_of_a_closed_log(qtbot: QtBot, window: MainWindow, recorded: Path) -> None:
+    """Each hidden view keeps what it drew last. Seven old B-scans took 200 MB."""
+    old = ref(window.session.shown.bscan)
+    for key in (Qt.Key.Key_2, Qt.Key.Key_1):
+        qtbot.keyClick(window, key)
+    qtbot.wait(60)
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.log_file == str(recorded) and predicted(window))
+    gc.collect()
+    assert old() is None
