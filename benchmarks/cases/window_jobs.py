@@ -43,6 +43,7 @@ PING = 0.1  # s, of the fake scanner in simulated time
 NEAR = 2.0  # m: range of the live scan
 SPEED = 50.0  # of the long replay
 PATIENCE = 120.0  # s
+_RESTS, _SHORT_DRAG = 10, 0.5  # s
 WARM_UP = 3.0  # s, for compilers and caches
 
 
@@ -176,6 +177,7 @@ def dragging(lasts: float) -> list[Figure]:
         began = moment()
         drag.run(lasts)
         wall, process, thread = moment().since(began)
+        rests = [drag.rest() for _ in range(_RESTS)]
         drag.end()
     count = len(drag.updates)
     what = f"drag the sensor, {WALLS} walls, 360 headings: "
@@ -184,6 +186,8 @@ def dragging(lasts: float) -> list[Figure]:
         Figure(f"{what}new outlines painted per second of GUI thread", count / thread, "/s", 30, True),
         Figure(f"{what}mouse to paint, median", ms(drag.updates, 0.5), "ms"),
         Figure(f"{what}all threads", process / wall, "cores"),
+        Figure(f"{what}hand rests to complete outline painted, median", ms([r.wall for r in rests], 0.5), "ms", 300),
+        Figure(f"{what}the same, processor of all threads, median", ms([r.process for r in rests], 0.5), "ms"),
     ]
 
 
@@ -195,6 +199,7 @@ class _Drag:
         self._window, self._plan = window, window.views.plan.drawing
         self._moved: dict[tuple[float, float], float] = {}
         self._painted: object = None
+        self._completed: Moment | None = None
         self._middle = window.session.shown.scene.pose.position
         QTest.mousePress(self._plan.viewport(), Qt.MouseButton.LeftButton, pos=self._pixel(*self._middle))
         self._timer = QTimer(window, interval=10)
@@ -208,6 +213,14 @@ class _Drag:
         self._timer.start()
         work(lasts)
         self._timer.stop()
+
+    def rest(self) -> Moment:
+        """Drag a little, and return the time from the last movement to the paint of the complete outline."""
+        self.run(_SHORT_DRAG)
+        began, self._completed = moment(), None
+        work_until(lambda: self._completed is not None)
+        assert self._completed is not None
+        return self._completed.since(began)
 
     def end(self) -> None:
         """Release the mouse."""
@@ -226,6 +239,8 @@ class _Drag:
         self._moved[scene.pose.position] = time.perf_counter()
 
     def _note_paint(self) -> None:
+        if self._completed is None and not self._window.session.showing.forecast.searching:
+            self._completed = moment()
         outline = self._window.session.shown.outline
         if outline is not self._painted and outline is not None:
             self._painted = outline

@@ -48,6 +48,7 @@ from sonarhw_gui.store.open_requests import (
 )
 
 TICK = 30  # ms
+_DRAG_TICK = 15  # ms: a draft that waits for its tick is late for the hand
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
 
@@ -80,10 +81,7 @@ class WindowSession(QObject):
         find_scanner: ScannerFinder | None = None,
         unsaved: Path | None = None,
     ) -> None:
-        """`unsaved`: the folder for rooms with unsaved changes, and for notes that cannot be stored beside their log.
-
-        None: they are not stored.
-        """
+        """`unsaved`: folder for rooms with unsaved changes, and for notes not beside their log; None: not stored."""
         super().__init__()
         self._ticking = False
         self.status = Status(can_scan=opener is not None, scan_settings=scan_settings)
@@ -123,10 +121,7 @@ class WindowSession(QObject):
 
     @Slot()
     def begin(self) -> None:
-        """Begin to predict, and to fetch results. A second call has no effect.
-
-        Not in the constructor: with its kernels, the first prediction would delay the first paint by 0.3 s.
-        """
+        """Begin to predict and to fetch results, after the first paint, which kernels would delay by 0.3 s."""
         if not self._begun:
             self._begun = True
             self.showing.replace_scene(self.shown.scene)
@@ -352,6 +347,9 @@ class WindowSession(QObject):
         self.unsaved.tick(now)
         self._report_messages()
         self._update_status()
+        interval = _DRAG_TICK if self.showing.forecast.dragging else TICK
+        if self._timer.interval() != interval:
+            self._timer.setInterval(interval)
 
     def _report_messages(self) -> None:
         for messages in (
@@ -382,7 +380,7 @@ class WindowSession(QObject):
             self._take_grown(opened)
             return
         if isinstance(opened, RoomOpened):
-            scene = self._at_same_place(opened)
+            scene = opened.at_place_of(self.shown.scene)
             self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
             self._warn_if_other_room(scene)
             self.set_scene(scene)
@@ -396,14 +394,6 @@ class WindowSession(QObject):
         board = opened.scene.board if metadata.board or metadata.board_text else here.board
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
         self.show_log(opened.log, opened.path.name, opened.path)
-
-    def _at_same_place(self, opened: RoomOpened) -> Scene:
-        """Return the opened scene; with the place shown now if the same room was reloaded."""
-        room, here = opened.scene.room, self.shown.scene
-        reloaded = here.room is not None and room is not None and here.room_file == opened.scene.room_file
-        if reloaded and room is not None and here.pose.name in room.places:
-            return replace(opened.scene, place=room.place(here.pose.name))
-        return opened.scene
 
     def _take_grown(self, grown: LogGrown) -> None:
         now, replayed = time.monotonic(), self._source.replayed

@@ -60,7 +60,7 @@ _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _LOW = 640  # pixels
 _NO_PAINT = 500  # ms
-_TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
+_TEXT_INTERVAL = 100  # ms between updates of text during a scan or a drag: text takes as much time as the plots
 
 
 class MainWindow(TabbedWindow):
@@ -215,7 +215,8 @@ class MainWindow(TabbedWindow):
         self.setWindowModified(session.unsaved.changed)
 
     def _update_texts_soon(self) -> None:
-        if not self.session.status.scanning:
+        status = self.session.status
+        if not (status.scanning or status.predicting):
             self._text_timer.stop()
             self._update_texts()
         elif not self._text_timer.isActive():

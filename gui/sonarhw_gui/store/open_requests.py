@@ -1,7 +1,7 @@
 """Requests to open a log, a room or a CSV scan, and their answers."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -96,6 +96,13 @@ class RoomOpened:
 
     path: Path | None  # None: a shipped room
     scene: Scene
+
+    def at_place_of(self, here: Scene) -> Scene:
+        """Return the scene; at the place of `here` if that is the same room, which was reloaded."""
+        room = self.scene.room
+        if room is None or here.room is None or here.room_file != self.scene.room_file:
+            return self.scene
+        return replace(self.scene, place=room.place(here.pose.name)) if here.pose.name in room.places else self.scene
 
 
 @dataclass(frozen=True)

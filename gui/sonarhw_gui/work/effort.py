@@ -1,7 +1,8 @@
-"""Adapts the number of bounces and rays of draft predictions, so that drafts keep up with a dragged sensor."""
+"""Adapts bounces, rays and receiver of draft predictions, so that drafts keep up with a dragged sensor."""
 
 from dataclasses import dataclass, replace
 
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
 
 _TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft
@@ -14,6 +15,7 @@ class Effort:
     max_bounces: int
     rays: int
     headings: int  # number of headings, used if every heading needs its own search
+    ideal: bool = True  # whether to use the ideal receiver, which takes half of the time of that of the board
 
     def limit(self, options: PredictionOptions) -> PredictionOptions:
         """Return the options limited to this effort."""
@@ -21,6 +23,7 @@ class Effort:
             options,
             max_bounces=min(options.max_bounces, self.max_bounces),
             rays=min(options.rays, self.rays),
+            receiver=Receiver.FIRST_ECHO if self.ideal else options.receiver,
         )
 
 
@@ -30,7 +33,7 @@ _EFFORTS = (
     Effort(3, 1440, 72),
     Effort(4, 1440, 120),
     Effort(6, 2880, 180),
-    Effort(8, 2880, 360),
+    Effort(8, 2880, 360, ideal=False),
 )
 _FIRST = 3
 

@@ -18,7 +18,7 @@ from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
 LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
-REST = 0.2  # s without a movement, after which a drag is considered to pause
+REST = 0.1  # s without a movement, after which a drag is considered to pause
 
 
 class Forecast:
@@ -52,6 +52,11 @@ class Forecast:
     def uncompared(self) -> int:
         """The number of readings that are not compared with the newest paths yet."""
         return self._comparer.uncompared
+
+    @property
+    def dragging(self) -> bool:
+        """Whether the scene was moved a moment ago, so that drafts follow each other."""
+        return self._search_at is not None
 
     @property
     def searching(self) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from sonarhw_gui.work.effort import Effort, EffortChoice
 from sonarhw_gui.work.forecast import LATE, REST, Forecast
 from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import InputError
@@ -88,6 +91,16 @@ def test_a_defect_is_raised_instead_of_becoming_a_message(qtbot: QtBot, worker: 
     (failure,) = taken(qtbot, worker, 1)
     with pytest.raises(ZeroDivisionError):
         _ = failure.message
+
+
+class Large:
+    """Stands for a B-scan of tens of megabytes."""
+
+
+def test_a_waiting_thread_keeps_no_answer(qtbot: QtBot, worker: Worker) -> None:
+    worker.submit(Echoed(Large()))
+    kept = ref(taken(qtbot, worker, 1)[0])
+    until(qtbot, lambda: kept() is None)
 
 
 @pytest.fixture
@@ -168,6 +181,23 @@ def test_a_draft_has_fewer_bounces_than_the_full_prediction(scene: Scene) -> Non
     assert len(whole.paths) > len(draft.paths)
     known = ~np.isnan(whole.outline.ranges)
     assert known.sum() >= (~np.isnan(draft.outline.ranges)).sum()
+
+
+def test_the_ranges_of_the_boards_receiver_replace_those_of_a_quick_draft(qtbot: QtBot, scene: Scene) -> None:
+    """A quick draft may use the ideal receiver, which reports millimetres less than that of the board."""
+    scene = replace(scene, board=load_board("polaroid-6500"))
+    clock = Clock()
+    forecast = Forecast(clock)
+    forecast.change_scene(scene, moving=True)
+    until(qtbot, forecast.take)
+    draft = forecast.outline
+    exact = predict_scan(scene.room, scene.pose, scene.board, draft.headings)
+    assert draft.receiver is Receiver.FIRST_ECHO
+    assert not np.allclose(draft.ranges, exact.ranges, atol=1e-4, equal_nan=True)
+    clock.now += REST  # the hand rests
+    finished(qtbot, forecast)
+    assert np.allclose(forecast.outline.ranges, exact.ranges, atol=1e-9, equal_nan=True)
+    forecast.close()
 
 
 def test_no_path_detectable_at_any_heading_is_left_out(scene: Scene) -> None:
@@ -281,7 +311,7 @@ def test_late_drafts_of_a_moving_sensor_are_outdated(scene: Scene, recorded: Pat
     forecast.close()
 
 
-def test_slow_drafts_get_fewer_bounces_and_fast_ones_more() -> None:
+def test_slow_drafts_get_fewer_bounces_and_fast_ones_more(scene: Scene) -> None:
     choice = EffortChoice()
     usual = choice.effort
     choice.record(0.1)
@@ -289,6 +319,8 @@ def test_slow_drafts_get_fewer_bounces_and_fast_ones_more() -> None:
     for _ in range(10):
         choice.record(0.001)
     assert choice.effort.max_bounces > usual.max_bounces
+    assert choice.effort.limit(scene.options).receiver is scene.options.receiver
+    assert usual.limit(scene.options).receiver is Receiver.FIRST_ECHO
     deepest = choice.effort
     choice.record(0.010)
     assert choice.effort is deepest
