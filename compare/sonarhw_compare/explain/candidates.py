@@ -32,7 +32,7 @@ class RankedEcho:
     wins: bool
     blanked: bool
     lacking_db: float  # threshold minus level; 0 or less: loud enough
-    behind: float | None  # m, half of its path minus that of the winner; None: it wins, is nearer, or there is no winner
+    behind: float | None  # m, half of its path minus that of the winner; None: it wins, is nearer, or none wins
     half: float  # m, half of the path; the receiver of the board adds the rest of the winner's range
 
     @property
