@@ -12,12 +12,14 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.gain import uncompensated_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import BoolArray, amplitudes_at, beam_table, loudest_by_separation
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room
 
-# dB. Paths so far below the threshold are dropped: nine in ten of all paths in a room. With 20 dB, those dropped change
-# 15 of 50 000 readings in random rooms, with 22 dB none (`python -m benchmarks.brute_force`).
-_KEPT_BELOW_THRESHOLD = 24.0
+# dB. Paths farther below the threshold are dropped. Several that arrive together change a sum close to the threshold:
+# with 24 dB, those dropped change 4 of 100 000 readings of the paper's receiver in random rooms, with 36 dB none
+# (`python -m benchmarks.brute_force`). Whole signals with so many paths would take twice as long.
+KEPT_BELOW_THRESHOLD = {Receiver.FIRST_ECHO: 36.0, Receiver.BOARD: 24.0}
 
 
 def path_amplitudes(
@@ -52,13 +54,13 @@ def strengths(room: Room, board: Board, paths: Paths) -> FloatArray:
     return np.asarray(paths.gains * 10 ** (-uncompensated_db(paths.lengths, board, room.air) / 20))
 
 
-def faintest_kept(board: Board) -> float:
-    """Return the amplitude below which paths are dropped."""
-    return float(10 ** ((board.threshold_db - _KEPT_BELOW_THRESHOLD) / 20))
+def faintest_kept(board: Board, below: float) -> float:
+    """Return the amplitude `below` dB below the threshold."""
+    return float(10 ** ((board.threshold_db - below) / 20))
 
 
-def loud_enough(room: Room, board: Board, paths: Paths) -> NDArray[np.intp]:
-    """Return the rows of the paths that are at most 24 dB below the threshold at their best heading, (k,) int.
+def loud_enough(room: Room, board: Board, paths: Paths, below: float) -> NDArray[np.intp]:
+    """Return the rows of the paths that are at most `below` dB below the threshold at their best heading, (k,) int.
 
     Patches of rough surfaces are always among them, because many faint ones are loud together.
     """
@@ -66,5 +68,5 @@ def loud_enough(room: Room, board: Board, paths: Paths) -> NDArray[np.intp]:
     cosines = np.clip((paths.leaving * paths.arriving).sum(axis=1), -1, 1)
     # the next smaller separation, so that the bound is never too low
     rows = (np.arccos(cosines) / math.pi * (len(loudest) - 1)).astype(np.intp)
-    loud = strengths(room, board, paths) * loudest[rows] >= faintest_kept(board)
+    loud = strengths(room, board, paths) * loudest[rows] >= faintest_kept(board, below)
     return np.flatnonzero(loud | paths.scattered)

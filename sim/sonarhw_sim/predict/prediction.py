@@ -15,7 +15,7 @@ from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.by_heading import SensorPair, find_by_heading
-from sonarhw_sim.predict.levels import faintest_kept, loud_enough, path_amplitudes
+from sonarhw_sim.predict.levels import KEPT_BELOW_THRESHOLD, faintest_kept, loud_enough, path_amplitudes
 from sonarhw_sim.predict.predicted_scan import (
     PredictedScan,
     silent_scan,
@@ -28,10 +28,9 @@ from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
-# dB. The number of diffracted paths is infinite; only those are searched that are at most so far below the threshold:
-# for a board that detects each path alone, and for one that adds arrivals, because several faint ones are loud together
+# dB. The number of diffracted paths is infinite. A board that detects each path alone needs those down to so far below
+# its threshold; one that adds arrivals needs all that are kept.
 _DIFFRACTED_ALONE = 3.0
-_DIFFRACTED_SUMMED = 24.0
 _PATCH = 0.01  # share of the faintest amplitude of other paths: the power of many patches adds up
 
 
@@ -82,15 +81,21 @@ def weigh_paths(
 ) -> PredictedScan:
     """Return the scan of known paths that serve all headings, without paths that are too faint at every heading."""
     options = options or PredictionOptions()
-    return received_by(scan_of_paths(room, place, board, headings, paths, options.unit), options)
+    return received_by(scan_of_paths(room, place, board, headings, paths, options), options)
 
 
 def scan_of_paths(
-    room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
+    room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, options: PredictionOptions
 ) -> PredictedScan:
     """Return the scan of `weigh_paths` without readings."""
     headings = np.ascontiguousarray(headings, dtype=np.float64)
-    return silent_scan(room, place, board, headings, paths.select(loud_enough(room, board, paths)), None, unit)
+    paths = paths.select(loud_enough(room, board, paths, _kept_below(board, options)))
+    return silent_scan(room, place, board, headings, paths, None, options.unit)
+
+
+def _kept_below(board: Board, options: PredictionOptions) -> float:
+    """Return how far below the threshold paths are kept, dB."""
+    return KEPT_BELOW_THRESHOLD[options.receiver_of(board)]
 
 
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
@@ -123,7 +128,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
     max_length = 2 * board.max_range
     # other air hardly changes the level at an edge; a fixed gain changes it much
     gained = largest_gain(board, room.air, max_length) if board.fixed_gain else 1.0
-    below = _DIFFRACTED_SUMMED if board.sum_arrivals else _DIFFRACTED_ALONE
+    below = _kept_below(board, options) if board.sum_arrivals else _DIFFRACTED_ALONE
     return PathSearch(
         max_length,
         board.wavelength(room.air),
@@ -153,7 +158,7 @@ def _scan_by_heading(
 ) -> PredictedScan:
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     search = search_for(room, board, options)
-    faintest = faintest_kept(board)
+    faintest = faintest_kept(board, _kept_below(board, options))
     ka = board.wavenumber(room.air) * board.aperture_radius
     gained = largest_gain(board, room.air, search.max_length)
 

@@ -109,7 +109,7 @@ class RoomEchoes:
         room, place, paths = self._truth()
         if paths is None:
             return self._turned(heading)
-        scan = scan_of_paths(room, place, self._board, np.array([heading]), paths)
+        scan = scan_of_paths(room, place, self._board, np.array([heading]), paths, PredictionOptions())
         return replace(scan, receiver=self._board.receiver)
 
     def _predict(self, heading: float) -> PredictedScan:

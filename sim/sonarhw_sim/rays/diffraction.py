@@ -171,20 +171,33 @@ def join_at_edges(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
     """Return the rows of `out` and `back` (m,) that form paths up to `max_length`, loud enough, their gains and phases.
 
-    `faces` (e, 2) are the reflectances of both faces of each edge. Raises InputError if these paths are too many
-    for the memory.
+    `faces` (e, 2) are the reflectances of both faces of each edge. If `back` is `out`, each pair is computed once and
+    listed with its reverse. Raises InputError if these paths are too many for the memory.
     """
     starts, wedges = np.searchsorted(back.edges, out.edges), edges.openings / math.pi
     limits = edge_diffraction.wavelength, max_length, edge_diffraction.faintest
     strength = [*EdgeStrength].index(edge_diffraction.strength)
     most, beams = path_table.MOST_POINTS // _FEWEST_POINTS, edge_diffraction.beams
+    if back is out:
+        starts = np.arange(len(starts))
     count = path_table.ROOM_FOR_PAIRS
     while True:
         pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
         count = _join(out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
         path_table.check_size(count, _FEWEST_POINTS)
         if count <= len(pairs):
-            return _loud_enough(out, back, pairs[:count], bounds[:count], edges, faces, edge_diffraction)
+            break
+    found = _loud_enough(out, back, pairs[:count], bounds[:count], edges, faces, edge_diffraction)
+    return _with_reversed(*found) if back is out else found
+
+
+def _with_reversed(
+    first: NDArray[np.intp], second: NDArray[np.intp], gains: FloatArray, phases: FloatArray
+) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
+    """Return pairs of rows (m,), their gains and phases, and the pairs of two different rows in reverse."""
+    turned = np.flatnonzero(first != second)
+    rows = np.append(first, second[turned]), np.append(second, first[turned])
+    return *rows, np.append(gains, gains[turned]), np.append(phases, phases[turned])
 
 
 def _loud_enough(
@@ -295,7 +308,7 @@ def _join(
 ) -> int:
     """Return how many pairs of rows may form a path, and fill in the first of these pairs (m, 2) and of `bounds`.
 
-    More than `most` pairs are not all counted. `starts` (o,) is the first row of `back` at the edge of each row of
+    More than `most` pairs are not all counted. `starts` (o,) is the first row of `back` to try with each row of
     `out`, `wedges` (e,) the opening of each edge over π, `limits` wavelength, longest path and faintest amplitude. The
     `bounds` (m, 2) are the amplitude of a pair with a perfect edge at its best heading, and the most of its edge.
     """

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled, inlined
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.kernel import Fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
@@ -150,14 +151,33 @@ def _turned(table: NDArray[Any], count: NDArray[np.intp]) -> NDArray[Any]:
 def _in_order(paths: PartialPaths) -> NDArray[np.intp]:
     """Return the rows by length, and those of equal length as in the room file."""
     order = np.argsort(paths.lengths, kind="stable")
-    apart = np.diff(paths.lengths[order]) > NEARLY
-    group = np.append(0, np.cumsum(apart))[: len(order)]
-    tied = np.flatnonzero(np.append(~apart, False)[: len(order)] | np.append(False, ~apart)[: len(order)])
-    # as big-endian bytes, numbers from 0 compare like tuples, but faster
-    sequences = np.column_stack((paths.edges, paths.surfaces))[order[tied]] + 1
-    keys = np.ascontiguousarray(sequences.astype(">i4")).view(f"S{4 * sequences.shape[1]}").ravel()
-    order[tied] = order[tied[np.lexsort((keys, group[tied]))]]
+    _sort_equals(order, paths.lengths[order], paths.edges, paths.surfaces)
     return order
+
+
+@compiled
+def _sort_equals(order: NDArray[np.intp], lengths: FloatArray, edges: IntArray, surfaces: IntArray) -> None:
+    """Sort each run of rows of nearly equal `lengths` (n,) m in `order` (n,) by edge, then by surfaces; stable."""
+    begin = 0
+    for k in range(1, order.shape[0]):
+        if lengths[k] - lengths[k - 1] > NEARLY:
+            begin = k
+        row, at = order[k], k
+        while at > begin and _comes_before(row, order[at - 1], edges, surfaces):
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = row
+
+
+@inlined
+def _comes_before(one: int, other: int, edges: IntArray, surfaces: IntArray) -> bool:
+    """Return whether the edge and the surfaces of row `one` come before those of the other."""
+    if edges[one] != edges[other]:
+        return bool(edges[one] < edges[other])
+    for k in range(surfaces.shape[1]):
+        if surfaces[one, k] != surfaces[other, k]:
+            return bool(surfaces[one, k] < surfaces[other, k])
+    return False
 
 
 def first_of_kind(lengths: FloatArray, edges: IntArray, points: FloatArray) -> NDArray[np.bool_]:

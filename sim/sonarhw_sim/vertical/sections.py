@@ -32,8 +32,8 @@ Receiver = tuple[float, float] | None  # position of the receiver, m; None: as t
 # m: sender and receiver up to this distance use patches of rough levels seen from midway between them. At a distance s,
 # a path of length L is then too short by s²/2L, 0.2 mm for 26 mm at 2 m. Farther apart, rough levels return no sound.
 SIDE_BY_SIDE = 0.1
-# Paths bent by an edge and by levels, in a room that sound can pass at several heights, are many and faint: those below
-# -40 dB, if the others are listed from -60 dB on, are omitted.
+# Paths bent by an edge and by levels, in a room that sound can pass at several heights, are many and faint: they are
+# listed 20 dB less far down than the others.
 _LOUDER = 10.0
 _MOST_SURFACES = 46_000  # with more, the number of an edge in sections exceeds 32 bits
 

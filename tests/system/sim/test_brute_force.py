@@ -33,6 +33,11 @@ def test_sound_that_grazes_a_post_is_not_lost(seed: int, thinnest: float) -> Non
     assert not compare(seed, 500, thinnest).wrong.any()
 
 
+@pytest.mark.parametrize("seed", [312, 351])
+def test_many_paths_far_below_the_threshold_decide_a_reading_together(seed: int) -> None:
+    assert not compare(seed, 500).wrong.any()
+
+
 @pytest.mark.timeout(36_000)
 def test_readings_between_floor_and_ceiling_are_those_of_images_in_space(count: Count) -> None:
     boxes = [compare_in_box(seed, 180) for seed in range(count(4, 24))]

@@ -49,9 +49,7 @@ from sonarhw_compare.fit.values.quantities import (
 
 MOST_ECHOES = 5  # maximum number of echoes that a scanner reports for one ping
 _ROUNDED = 1 / math.sqrt(12)  # standard deviation of the error of rounding to 1
-# dB. `loud_enough` keeps paths down to 20 dB below its threshold. In a fit, 10 dB below are enough, so it gets a
-# threshold that is higher by this amount.
-_THRESHOLD_RAISE = 10.0
+_KEPT_BELOW_THRESHOLD = 14.0  # dB; each path is weighed alone, and the threshold may change by some decibels
 _OVERLAPPING = 1.0  # dB, least error of levels where overlapping echoes are modelled as single ones
 
 
@@ -185,9 +183,7 @@ class Problem:
         for place in places:
             found_here = paths_from(room, _axis(board, place), search, None, board.aperture_radius)
             paths = with_reverses(with_summed_patches(found_here, room, board), board)
-            paths = paths.select(
-                loud_enough(room, replace(board, threshold_db=board.threshold_db + _THRESHOLD_RAISE), paths)
-            )
+            paths = paths.select(loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD))
             found.append(echo_paths(paths, room, materials, walls))
         return Objective(self, values.copy(), room, places, tuple(found))
 

@@ -78,8 +78,10 @@ def test_too_many_pairs_of_paths_at_an_edge_are_not_listed(monkeypatch: pytest.M
     edges = room_of([(0, 0, 1, 0)]).edges
     to_edge = EdgePaths(np.zeros(20, np.int32), np.linspace(1, 2, 20), np.ones(20), np.full(20, 0.1), np.zeros(20))
     diffraction = EdgeDiffraction(wavelength=0.007, faintest=0.0)
-    monkeypatch.setattr(path_table, "MOST_POINTS", 3 * 400)
+    # each pair is computed once and listed with its reverse
+    once = 20 * 21 // 2
+    monkeypatch.setattr(path_table, "MOST_POINTS", 3 * once)
     assert len(join_at_edges(to_edge, to_edge, edges, np.ones((2, 2)), diffraction, 4.0)[0]) == 400
-    monkeypatch.setattr(path_table, "MOST_POINTS", 3 * 400 - 1)
-    with pytest.raises(InputError, match="400 or more, with up to 3 points each"):
+    monkeypatch.setattr(path_table, "MOST_POINTS", 3 * once - 1)
+    with pytest.raises(InputError, match="210 or more, with up to 3 points each"):
         join_at_edges(to_edge, to_edge, edges, np.ones((2, 2)), diffraction, 4.0)
