@@ -4,7 +4,9 @@ Counts wrong readings, 180 in each of 24 random boxes and 24 L-shaped rooms with
 (`tests/oracles/brute/spatial.py`). Then how many paths over and under low walls a search misses, and its time.
 
 Compares mirror paths up to 21.4 m with those of a search with eight times as many slopes. This one can miss paths too,
-so the numbers are a lower bound. The time is that of processors, relative to a search in the plan of the same room.
+so the numbers are a lower bound. *loud* are those that `polaroid-6500` can detect at some heading, *changed* the
+readings at 360 headings, of each receiver, that differ by more than 1 cm with the paths of the thorough search. The
+time is that of processors, relative to a search in the plan of the same room.
 """
 
 import time
@@ -12,6 +14,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Receiver
+from sonarhw_sim.predict.levels import loud_enough
+from sonarhw_sim.predict.prediction import PredictionOptions, weigh_paths
 from sonarhw_sim.rays import passing
 from sonarhw_sim.rays.paths import Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
@@ -23,6 +29,9 @@ from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape
 ROOMS, HEADINGS = 24, 180
 SEARCH = PathSearch(21.4, 0.00695, diffraction=False)
 NEAR = 8.0  # m
+BOARD = load_board("polaroid-6500")
+ALL_ROUND = np.radians(np.arange(360.0))
+DIFFERENT = 0.01  # m
 FURNISHED = """
 name = "furnished"
 [materials.hard]
@@ -65,23 +74,37 @@ def wrong_readings(compare: Callable[[int, int], Compared]) -> str:
 
 
 def missed(room: Room, place: Place) -> str:
-    """Return a row: paths found by the thorough search, missed by the usual one, and both up to 8 m."""
-    usual = _lengths(paths_from(room, place, SEARCH))
+    """Return a row: paths found by the thorough search and missed by the usual one: all, up to 8 m, loud; readings."""
+    usual = paths_from(room, place, SEARCH)
     slopes = passing.SLOPES
     passing.SLOPES = 8 * slopes
     try:
-        thorough = _lengths(paths_from(room, place, SEARCH))
+        thorough = paths_from(room, place, SEARCH)
     finally:
         passing.SLOPES = slopes
-    lost = [length for path, length in thorough.items() if path not in usual]
-    near = sum(length < NEAR for length in thorough.values())
-    return f"{len(thorough):8d} {len(lost):8d} {near:8d} {sum(length < NEAR for length in lost):8d}"
+    known, found = _rows(usual), _rows(thorough)
+    all_of = set(found.values())
+    lost = {row for path, row in found.items() if path not in known}
+    near = set(np.flatnonzero(thorough.lengths < NEAR).tolist()) & all_of
+    loud = set(loud_enough(room, BOARD, thorough, 0.0).tolist()) & all_of
+    counts = (len(rows) for kind in (all_of, near, loud) for rows in (kind, kind & lost))
+    return " ".join(f"{count:8d}" for count in (*counts, _changed(room, place, usual, thorough)))
 
 
-def _lengths(paths: Paths) -> dict[tuple[object, ...], float]:
-    """Return the length (m) of each path, by its surfaces and direction."""
-    columns = zip(paths.surfaces.tolist(), paths.departures.tolist(), paths.lengths.tolist(), strict=True)
-    return {(*(k for k in touched if k >= 0), round(angle, 5)): length for touched, angle, length in columns}
+def _rows(paths: Paths) -> dict[tuple[object, ...], int]:
+    """Return the row of each path, by its surfaces and direction."""
+    columns = enumerate(zip(paths.surfaces.tolist(), paths.departures.tolist(), strict=True))
+    return {(*(k for k in touched if k >= 0), round(angle, 5)): row for row, (touched, angle) in columns}
+
+
+def _changed(room: Room, place: Place, usual: Paths, thorough: Paths) -> int:
+    """Return how many readings of both receivers differ between these paths."""
+    changed = 0
+    for receiver in Receiver:
+        options = PredictionOptions(receiver=receiver)
+        one, other = (weigh_paths(room, place, BOARD, ALL_ROUND, paths, options).ranges for paths in (usual, thorough))
+        changed += int(((np.abs(one - other) > DIFFERENT) | (np.isnan(one) != np.isnan(other))).sum())
+    return changed
 
 
 def relative_time(room: Room, place: Place) -> float:
@@ -105,7 +128,8 @@ def main() -> None:
     """Print the counts and the table."""
     print(f"boxes: {wrong_readings(compare_in_box)}", flush=True)
     print(f"L-shaped rooms with a table: {wrong_readings(compare_in_l_shape)}", flush=True)
-    print(f"{'':22}   found   missed  up to 8 m  missed   time/plan")
+    heads = ("found", "missed", "to 8 m", "missed", "loud", "missed", "changed")
+    print(f"{'':22} {' '.join(f'{head:>8}' for head in heads)}  time/plan")
     doorstep, furnished = load_room("doorstep"), parse_room(FURNISHED, "furnished")
     for room, name in ((furnished, "here"), (doorstep, "robot"), (doorstep, "tripod")):
         place = room.places[name]
