@@ -246,6 +246,7 @@ class _Scanners:
             if is_plugin(url):
                 return open_scanner(url)
             if not found:
+                self._exit_stack.close()  # ends an earlier fake scanner, whose connection is closed
                 found.append(self._exit_stack.enter_context(resolve(url)))
             return Scanner.open(url, find=found[0])
 

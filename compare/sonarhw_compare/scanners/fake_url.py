@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlencode
 
-from sonarhw_sim.board.profile import Board, board_names, load_board
+from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import DEFAULT_BOARD
 from sonarhw_sim.room.doubts import place_doubts, room_doubts
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -44,10 +44,10 @@ def is_fake(url: str) -> bool:
     return url.startswith(f"{SCHEME}:")
 
 
-def fake_url(room: str, place: str, board: str) -> str:
-    """Return the URL of a fake scanner in a room, given by name or file; `board` is left out if it is not shipped."""
-    known = {"board": board} if board in board_names() else {}
-    return f"{SCHEME}:{room}?{urlencode({'place': place} | known)}"
+def moved_fake_url(url: str, room: str, place: str, board: str) -> str:
+    """Return the URL with another room (name or file), place and shipped board; the other settings stay."""
+    values = dict(parse_qsl(url.partition("?")[2], keep_blank_values=True))
+    return f"{SCHEME}:{room}?{urlencode(values | {'place': place, 'board': board})}"
 
 
 def read_fake_url(url: str) -> FakeUrl:

@@ -1,21 +1,23 @@
-"""The place of the scanner, which does not change when the window moves the sensor or opens another room."""
+"""The place of the scanner. A fake scanner follows the window; any other stays where it is."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonarhw_compare.scanners.fake_url import fake_url, is_fake, read_fake_url
+from sonarhw_compare.scanners.fake_url import is_fake, moved_fake_url, read_fake_url
+from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.errors import InputError
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene import Scene, first_place
 from sonarhw_gui.shown.notices import Notice
 
 
 @dataclass(frozen=True)
-class ConnectScanner:
-    """An accepted offer to connect another scanner."""
+class ScanRoom:
+    """An accepted offer to scan with a fake scanner in another room."""
 
-    url: str
+    url: str  # of the fake scanner
+    room: str  # name or file
 
 
 class ScannerPlace:
@@ -38,8 +40,41 @@ class ScannerPlace:
         self._scene, self._elsewhere = opened, _fake_elsewhere(url, path, opened)
         return self._elsewhere
 
-    def doubt(self, shown: Scene) -> Notice | None:
-        """Return why a scan may not fit the scene that is shown, if it may not; a moved sensor only once."""
+    def moved_fake(self, offer: ScanRoom, shown: Scene) -> str:
+        """Return the URL of the fake scanner in the room of the offer. Raises InputError if the room is invalid."""
+        first = first_place(load_room(offer.room))
+        self._elsewhere = None
+        return self.follow(moved_fake_url(offer.url, offer.room, first.name, read_fake_url(offer.url).board), shown)
+
+    def follow(self, url: str, shown: Scene) -> str:
+        """Return the URL of a fake scanner with the place and the board that are shown, as far as a URL can name them.
+
+        That is a place of the room file, and a shipped board. The URL of any other scanner does not change.
+        """
+        if not is_fake(url):
+            return url
+        try:
+            fake = read_fake_url(url)
+            room = load_room(fake.room)
+            here = room.place(fake.place)
+        except InputError:
+            return url  # its file has been removed or edited since
+        if shown.room is None or shown.place is None or shown.room.name != room.name:
+            return url
+        place = room.places.get(shown.place.name, here)
+        if place == shown.place:
+            self._scene = shown
+        else:
+            place = here
+        board = shown.board.name if _is_shipped(shown.board) else fake.board
+        same = (place, board) == (here, fake.board)
+        return url if same else moved_fake_url(url, fake.room, place.name, board)
+
+    def doubts(self, url: str, shown: Scene) -> tuple[Notice, ...]:
+        """Return why a scan may not fit the scene that is shown; a moved sensor only once."""
+        return tuple(filter(None, (_other_board(url, shown), self._other_place(shown))))
+
+    def _other_place(self, shown: Scene) -> Notice | None:
         was, now = self._scene.pose, shown.pose
         if self._elsewhere is not None or (was.position, was.heading) == (now.position, now.heading):
             return self._elsewhere
@@ -47,8 +82,19 @@ class ScannerPlace:
         return Notice("the sensor was moved only in the window; readings are predicted from the place shown")
 
 
+def _is_shipped(board: Board) -> bool:
+    return board.name in board_names() and load_board(board.name) == board
+
+
+def _other_board(url: str, shown: Scene) -> Notice | None:
+    """Return a warning if a fake scanner has another board than the one shown."""
+    if not is_fake(url) or (its_board := read_fake_url(url).board) == shown.board.name:
+        return None
+    return Notice(f"the fake scanner has board {its_board!r}; its readings are predicted for {shown.board.name!r}")
+
+
 def _fake_elsewhere(url: str, path: Path | None, opened: Scene) -> Notice | None:
-    """Return an offer to connect a fake scanner in the opened room, if the one at `url` is a fake in another room."""
+    """Return an offer to scan with a fake scanner in the opened room, if the one at `url` is a fake in another room."""
     if not is_fake(url) or opened.room is None:
         return None
     try:
@@ -57,6 +103,5 @@ def _fake_elsewhere(url: str, path: Path | None, opened: Scene) -> Notice | None
         return None  # its file has been removed or edited since
     if its_room.text == opened.room.text:
         return None
-    room = str(path.absolute()) if path else Path(opened.room_file).stem
-    connected = ConnectScanner(fake_url(room, opened.pose.name, opened.board.name))
-    return Notice(f"the fake scanner is still in {its_room.name!r}, not in the room shown", "Scan this room", connected)
+    offer = ScanRoom(url, str(path.absolute()) if path else Path(opened.room_file).stem)
+    return Notice(f"the fake scanner is still in {its_room.name!r}, not in the room shown", "Scan this room", offer)

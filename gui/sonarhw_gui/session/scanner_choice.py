@@ -55,14 +55,16 @@ class ScannerChoice(QObject):
     @Slot(str)
     def choose(self, url: str) -> None:
         """Choose the scanner at `url`: emits `chosen`, or `failed` for an invalid URL."""
-        if self._find_scanner is None:
-            return
+        if (target := self.find(url)) is not None:
+            self.chosen.emit(target)
+
+    def find(self, url: str) -> ScannerTarget | None:
+        """Return the scanner at `url`. Emits `failed` and returns None for an invalid URL."""
         try:
-            target = self._find_scanner(url)
+            return self._find_scanner(url) if self._find_scanner is not None else None
         except SonarError as error:
             self.failed.emit(str(error))
-        else:
-            self.chosen.emit(target)
+            return None
 
     def remember(self, target: ScannerTarget) -> None:
         """Store that this scanner is used now."""

@@ -19,7 +19,7 @@ from sonarhw_gui.finding.find_control import FindControl
 from sonarhw_gui.fitting.fit_control import FitControl
 from sonarhw_gui.fitting.fit_request import FitSettings
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
-from sonarhw_gui.live.scanner_place import ConnectScanner, ScannerPlace
+from sonarhw_gui.live.scanner_place import ScannerPlace, ScanRoom
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scans.scan_list import ScanList
@@ -50,6 +50,7 @@ from sonarhw_gui.store.open_requests import (
 TICK = 30  # ms
 _DRAG_TICK = 15  # ms: a draft that waits for its tick is late for the hand
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
+_BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
 
 
@@ -140,8 +141,23 @@ class WindowSession(QObject):
         self._scan_due = False
         if self.live.possible and not self.live.running:
             self._begin()
-            self._notify(self._scanner_place.doubt(self.shown.scene))
+            self._move_fake(self._scanner_place.follow(self.scanners.url, self.shown.scene))
+            for doubt in self._scanner_place.doubts(self.scanners.url, self.shown.scene):
+                self.noticed.emit(doubt)
             self._source.scan(self.shown.scene)
+
+    def _scan_room(self, offer: ScanRoom) -> None:
+        if self.live.running:
+            self.warned.emit(_BUSY)
+        else:
+            self._move_fake(self._scanner_place.moved_fake(offer, self.shown.scene))
+            self.scan()
+
+    def _move_fake(self, url: str) -> None:
+        """Use the fake scanner at another URL from now on; the scene shown stays."""
+        if url != self.scanners.url and (target := self.scanners.find(url)) is not None:
+            self.scanners.remember(target)
+            self.live.use(target.opener)
 
     def scan_when_predicted(self) -> None:
         """Scan as soon as there is a prediction, so that the readings appear over it; without a room, at once."""
@@ -255,7 +271,7 @@ class WindowSession(QObject):
         self.documents.submit(request)
 
     @Slot(object)
-    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ConnectScanner | OpenRequest) -> None:
+    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ScanRoom | OpenRequest) -> None:
         """Carry out the answer to a notice."""
         try:
             match answer:
@@ -265,8 +281,8 @@ class WindowSession(QObject):
                     self.unsaved.discard(answer)
                 case ReloadBoard():
                     self.open_board(str(answer.path))
-                case ConnectScanner():
-                    self.scanners.choose(answer.url)
+                case ScanRoom():
+                    self._scan_room(answer)
                 case _:
                     self.reopen(answer)
         except SonarError as error:
@@ -285,7 +301,7 @@ class WindowSession(QObject):
     @Slot(object)
     def _use(self, target: ScannerTarget) -> None:
         if self.live.running:
-            self.warned.emit("a scan is running; stop it before you connect another scanner")
+            self.warned.emit(_BUSY)
             return
         self.leave_replay()
         self.scanners.remember(target)

@@ -1,0 +1,116 @@
+"""The log of a scan with a fake scanner names the place and the board that the fake really has."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_cli.window.gui_command import _Scanners
+from sonarhw_compare.scanners.fake_url import read_fake_url
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import with_sensor_at
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.log import Log, read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import ended, until
+
+FAKE = "fake:simple?place=figure7&board=polaroid-6500&seed=3&pace=max"
+
+
+@pytest.fixture
+def scanners() -> Iterator[_Scanners]:
+    with ExitStack() as during:
+        yield _Scanners(during)
+
+
+@pytest.fixture
+def window(open_with: OpenWith, scanners: _Scanners) -> MainWindow:
+    """Open a window on a fake scanner in the room `simple`, as `sonarhw gui FAKE` does."""
+    room = load_room("simple")
+    scene = Scene(room, room.place("figure7"), load_board("polaroid-6500"), "simple.toml")
+    return open_with(scene=scene, source=scanners.opener(FAKE), url=FAKE, find_scanner=scanners.find)
+
+
+def scan(qtbot: QtBot, window: MainWindow) -> Log:
+    """Scan, and return the log."""
+    before = window.session.status.recording
+    window.session.scan()
+    return scanned(qtbot, window, before)
+
+
+def scanned(qtbot: QtBot, window: MainWindow, before: Path | None = None) -> Log:
+    """Return the log of the scan that has begun; `before`: the log of an earlier scan."""
+    until(qtbot, lambda: ended(window) and window.session.status.recording not in (None, before))
+    return read_log(window.session.status.recording)
+
+
+def choose(window: MainWindow, place: str, board: str) -> None:
+    """Choose a place and a board in the window."""
+    window.docks.show("Room")
+    window.toolbar.place.textActivated.emit(place)
+    window.room.model.board.textActivated.emit(board)
+    assert (window.session.shown.scene.pose.name, window.session.shown.scene.board.name) == (place, board)
+
+
+def is_of(log: Log, url: str) -> bool:
+    """Return whether a log names the room, place and board of a fake scanner; the fake itself reports its board."""
+    fake, named = read_fake_url(url), log.metadata
+    settings = load_room(fake.room).text, fake.place, fake.board, fake.board
+    return settings == (named.room_text, named.place, named.board, log.info.board)
+
+
+def test_the_next_scan_moves_the_fake_to_the_place_and_board_that_are_chosen(qtbot: QtBot, window: MainWindow) -> None:
+    session = window.session
+    first = scan(qtbot, window)
+    assert session.scanners.url == FAKE
+    assert is_of(first, FAKE)
+    choose(window, "figure9", "paper")
+    second = scan(qtbot, window)
+    assert (second.metadata.place, second.metadata.board) == ("figure9", "paper")
+    assert is_of(second, session.scanners.url)
+    assert (read_fake_url(session.scanners.url).seed, window.banner.message) == (3, "")
+    assert [one.range for one in first.readings] != [one.range for one in second.readings]
+
+
+def test_a_board_that_no_fake_has_is_named_in_the_banner(qtbot: QtBot, window: MainWindow) -> None:
+    scene = window.session.shown.scene
+    window.session.showing.edit(replace(scene, board=replace(scene.board, name="mine")), "choosing a board")
+    scan(qtbot, window)
+    assert "the fake scanner has board 'polaroid-6500'" in window.banner.message
+    assert window.session.scanners.url == FAKE
+
+
+def test_scan_this_room_scans_from_the_place_and_with_the_board_that_are_shown(
+    qtbot: QtBot, open_with: OpenWith, scanners: _Scanners
+) -> None:
+    url = "fake:corridor?place=end&pace=max"
+    room = load_room("corridor")
+    scene = Scene(room, room.place("end"), load_board("polaroid-6500"), "corridor.toml")
+    window = open_with(scene=scene, source=scanners.opener(url), url=url, find_scanner=scanners.find)
+    {action.text(): action for action in window.files.shipped.actions()}["simple"].trigger()
+    until(qtbot, lambda: window.banner.accept_button.isVisible())
+    choose(window, "figure9", "paper")
+    shown = window.session.shown.scene
+    assert window.banner.accept_button.text() == "Scan this room"
+    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
+    log = scanned(qtbot, window)
+    assert window.session.shown.scene is shown
+    assert (log.metadata.place, log.metadata.board) == ("figure9", "paper")
+    assert is_of(log, window.session.scanners.url)
+    assert window.banner.message == ""
+
+
+def test_a_dragged_sensor_leaves_the_fake_where_it_is_and_is_named_in_the_banner(
+    qtbot: QtBot, window: MainWindow
+) -> None:
+    session = window.session
+    session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
+    scan(qtbot, window)
+    assert "the sensor was moved only in the window" in window.banner.message
+    assert session.scanners.url == FAKE
