@@ -24,9 +24,9 @@ WITHOUT_WINDOW := tests --ignore tests/system/gui
 .PHONY: setup tools demo check lint test collected window-tests other-tests coverage soak mutation firmware board docs fresh lock audit clean
 
 # the product with its window; `tools` adds the development tools
-setup: $(VENV)/installed
+setup: $(VENV)/installed $(VENV)/compiled
 
-tools: $(VENV)/tools
+tools: $(VENV)/tools $(VENV)/compiled
 
 $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/base.txt requirements/gui.txt setup/debian_packages.sh
 	setup/debian_packages.sh demo
@@ -34,6 +34,10 @@ $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/b
 	$(call locked,build)
 	$(call locked,base gui)
 	$(INSTALL) --no-deps --editable .
+	touch $@
+
+# apart, so that `make test` compiles while it installs the tools
+$(VENV)/compiled: $(VENV)/installed
 	$(BIN)/python setup/compile_kernels.py
 	touch $@
 
@@ -56,10 +60,10 @@ board: setup firmware
 	$(BIN)/sonarhw board
 
 # lint, import layers, types, and the tests without ports, processes and windows
-check: lint
+check: lint $(VENV)/compiled
 	$(BIN)/pytest tests/unit $(AT_ONCE) --numprocesses 2
 
-lint: tools
+lint: $(VENV)/tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
@@ -68,11 +72,11 @@ lint: tools
 # packages first: two jobs cannot install at once
 test:
 	setup/debian_packages.sh demo firmware test
-	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware collected
+	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware $(VENV)/compiled collected
 	$(MAKE) --no-print-directory --jobs 2 window-tests other-tests
 
 # pytest compiles the tests when it collects them; otherwise each of its processes would compile them all
-collected: tools
+collected: $(VENV)/tools
 	@mkdir -p build
 	@$(BIN)/pytest tests --collect-only --quiet >build/collected.txt || { tail -n 50 build/collected.txt; exit 1; }
 
