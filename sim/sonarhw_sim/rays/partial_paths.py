@@ -105,17 +105,30 @@ def with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
     return np.vstack((straight, candidates[(bounces > 0) | (target == 0)]))
 
 
-def shortest_first(paths: PartialPaths, by_points: bool = True) -> PartialPaths:
+def shortest_first(paths: PartialPaths) -> PartialPaths:
     """Sort paths by length and drop duplicates.
 
-    These are paths with equal points: through a vertex, several sequences describe one path. Without `by_points`, only
-    paths with equal surfaces are dropped.
+    These are paths with equal points: through a vertex, several sequences describe one path.
     """
     order = _in_order(paths)
-    if not by_points:
-        table = np.column_stack((paths.edges, paths.bends, paths.surfaces))
-        return paths.select(order[_first_of_equal(table[order])])
     return paths.select(order[first_of_kind(paths.lengths[order], paths.edges[order], paths.points[order])])
+
+
+def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
+    """Sort paths by length and drop those with the surfaces of another one.
+
+    With `both_ways`, paths between one place and itself are listed in the reverse direction, too.
+    """
+    count = (paths.surfaces >= 0).sum(axis=1)
+    table = np.column_stack((paths.edges, paths.bends, paths.surfaces))
+    if both_ways:
+        turned = _turned(paths.surfaces, count)
+        table = np.vstack((table, np.column_stack((paths.edges, _bends_back(paths, count), turned))))
+    kept = _first_of_equal(table)
+    own, back = kept[kept < len(paths)], kept[kept >= len(paths)] - len(paths)
+    # most reverses are known
+    paths = PartialPaths.join([paths.select(own), _reversed(paths.select(back))])
+    return paths.select(_in_order(paths))
 
 
 def _first_of_equal(table: IntArray) -> NDArray[np.intp]:
@@ -129,16 +142,21 @@ def _first_of_equal(table: IntArray) -> NDArray[np.intp]:
     return np.sort(np.delete(order, repeated))
 
 
-def reversed_paths(paths: PartialPaths) -> PartialPaths:
+def _reversed(paths: PartialPaths) -> PartialPaths:
     """Return paths between one place and itself in the reverse direction."""
     count = (paths.surfaces >= 0).sum(axis=1)
     points = np.isfinite(paths.points[:, :, 0]).sum(axis=1)
     return replace(
         paths,
         surfaces=_turned(paths.surfaces, count),
-        bends=(count - np.where(paths.edges < 0, 0, paths.bends)).astype(np.int32),
+        bends=_bends_back(paths, count),
         points=_turned(paths.points, points),
     )
+
+
+def _bends_back(paths: PartialPaths, count: NDArray[np.intp]) -> IntArray:
+    """Return `bends` of the reversed paths, which have `count` (n,) surfaces."""
+    return np.asarray(count - np.where(paths.edges < 0, 0, paths.bends), dtype=np.int32)
 
 
 def _turned(table: NDArray[Any], count: NDArray[np.intp]) -> NDArray[Any]:

@@ -14,7 +14,7 @@ from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
-from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, reversed_paths, shortest_first
+from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, sequences_once, shortest_first
 from sonarhw_sim.rays.passing import Passing, at_heights
 from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.posts.cylinder import with_thin_posts
@@ -143,11 +143,9 @@ def find_paths(
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
     touching = post_paths(room, source, end, chains, back_ways, longest, bounces, faintest, passing)
     found = [straight, diffracted, with_thin_posts(room, touching, search.wavelength)]
-    if passing is not None and receiver is None:
-        # rays with slopes leave gaps, which are seldom the same for a path and its reverse
-        found += [reversed_paths(paths) for paths in found]
-    paths = shortest_first(PartialPaths.join(found), by_points=passing is None)
-    return _paths_of(paths)
+    paths = PartialPaths.join(found)
+    # rays with slopes leave gaps, which are seldom the same for a path and its reverse
+    return _paths_of(shortest_first(paths) if passing is None else sequences_once(paths, both_ways=receiver is None))
 
 
 def _fan(search: PathSearch, back: bool) -> FloatArray:

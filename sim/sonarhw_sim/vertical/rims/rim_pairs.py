@@ -33,6 +33,11 @@ class Halves(NamedTuple):
     approaches: IntArray  # (h,): row
     sequences: IntArray  # (h,): row
 
+    def by_parts(self) -> tuple["Halves", NDArray[np.intp]]:
+        """Return the same in order of rim and of the begin of the part, and the row here of each."""
+        order = np.lexsort((self.lows, self.rims))
+        return Halves._make(column[order] for column in self), order
+
 
 def pairs_of(
     out: Halves,
@@ -46,16 +51,21 @@ def pairs_of(
     `wedges` (r,) are the openings of the rims over π; `limits` are the wavelength, the longest
     path, the faintest amplitude and the most reflections. Raises InputError if these are too many for the memory.
     """
+    # two parts that do not overlap have no point in common
+    same = back is out
+    out, rows_out = out.by_parts()
+    back, rows_back = (out, rows_out) if same else back.by_parts()
     starts = np.searchsorted(back.rims, out.rims)
     most = path_table.MOST_POINTS // _FEWEST_POINTS
     count = path_table.ROOM_FOR_PAIRS
     while True:
         rows, at = np.empty((count, 2), np.intp), np.empty(count)
-        count = _pair(out, back, back is out, starts, wedges, limits, strength, most, rows, at)
+        count = _pair(out, back, same, starts, wedges, limits, strength, most, rows, at)
         path_table.check_size(count, _FEWEST_POINTS)
         if count <= len(rows):
-            order = np.lexsort(rows[:count].T[::-1])
-            return rows[order, 0], rows[order, 1], at[order]
+            first, second = rows_out[rows[:count, 0]], rows_back[rows[:count, 1]]
+            order = np.lexsort((second, first))
+            return first[order], second[order], at[order]
 
 
 @compiled
@@ -81,10 +91,11 @@ def _pair(
         rim, loud = out.rims[i], out.gains[i] * out.beams[i]
         low, high, start, near = out.lows[i], out.highs[i], out.axial[i], out.radial[i]
         for j in range(i if same else starts[i], back.rims.shape[0]):
-            radial = near + back.radial[j]
-            if back.rims[j] != rim or radial > max_length:
+            # parts that begin behind this one do not overlap it
+            if back.rims[j] != rim or back.lows[j] >= high:
                 break
-            if loud * heard[j] < faintest:
+            radial = near + back.radial[j]
+            if back.highs[j] <= low or radial > max_length or loud * heard[j] < faintest:
                 continue
             axial = back.axial[j] - start
             point = start + axial * near / max(radial, 1e-300)
