@@ -164,7 +164,7 @@ def gained(found: Sequence[HeldOut], sensor: str, since: str, now: str) -> str:
     sounding = np.concatenate([one.sounding for one in before])
     draws = drawn_blocks(len(sounding), BLOCK, np.random.default_rng(0))
     changes = [_shares(after, sounding, rows) - _shares(before, sounding, rows) for rows in (np.ones((1, 1)), draws)]
-    errors = changes[1].std(axis=1)
+    errors = np.nanstd(changes[1], axis=1)  # a draw may have no silence
     return "".join(f"{change:+9.3f} ± {error:.3f}" for change, error in zip(changes[0][:, 0], errors, strict=True))
 
 
