@@ -97,7 +97,7 @@ def map_logs(
         if finds or plan_next:
             shown = _room_of_scans(scans, moved, given, spreads, plan_next, show)
             room, scans = shown.room, shown.scans
-        found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
+        found = map_scans(scans, shown.board if shown else moved, room, lambda share: show(share, "mapping"))
     doubts = list(_doubts(found, room_name is not None, shown))
     for doubt in doubts:
         warn(doubt)
@@ -216,7 +216,13 @@ def _room_of_scans(
     plan_next: bool,
     show: Callable[[float, str], None],
 ) -> _RoomOfScans:
-    from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, open_ends
+    from sonarhw_compare.room_finding.evidence import with_offset
+    from sonarhw_compare.room_finding.found_room_file import (
+        assumptions,
+        found_room,
+        found_room_figures,
+        open_ends,
+    )
     from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
     from sonarhw_sim.air import Air
 
@@ -229,11 +235,13 @@ def _room_of_scans(
         f"{counted(len(open_ends(found)), 'open end')}; "
         f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts"
     )
+    lines += assumptions(found, board)
     figures = found_room_figures(found) | {
         "poses": {title: [_pose_figures(pose) for pose in poses] for title, poses in placed.poses.items()},
         "left_out": list(placed.left_out),
     }
     room = found_room(found, placed.scans, board)
+    board = with_offset(board, found.draft)
     if plan_next:
         from sonarhw_compare.room_finding.next_place import next_places
 

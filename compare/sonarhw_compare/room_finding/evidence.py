@@ -9,16 +9,18 @@ from numpy.typing import NDArray
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import Problem, make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft, post_name, wall_name
 
 REFLECTANCE = 0.9  # of found walls, assumed
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
+PRICE = 10.0  # log-likelihood that a wall or post must add
 _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
 _CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks for or against a wall
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
@@ -61,18 +63,28 @@ class Evidence:
         """Return the log-likelihood of each reading, (n,) for each scan."""
         self.course.check()
         room = draft.room(REFLECTANCE, self.air)
-        return [self.of_scan(room, draft.places[scan], scan, noise) for scan in range(len(self.problems))]
+        return [self.of_scan(draft, room, scan, noise) for scan in range(len(self.problems))]
 
-    def of_scan(self, room: Room, place: Place, scan: int, noise: ReadingNoise) -> FloatArray:
-        """Return the log-likelihood of each reading of one scan, (n,)."""
-        problem = replace(self.problems[scan], room=room, places=(place,))
+    def of_scan(self, draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> FloatArray:
+        """Return the log-likelihood of each reading of one scan, (n,); `room` is that of the draft."""
+        board = with_offset(self.problems[scan].board, draft)
+        problem = replace(self.problems[scan], room=room, places=(draft.places[scan],), board=board)
         values = problem.with_noise(np.empty(0), noise)
         return problem.near(values).by_reading(values, 0)
 
     def log_prior(self, draft: RoomDraft) -> float:
-        """Return the logarithm of the prior of the places, 0 at those of the first draft."""
+        """Return the logarithm of the prior of directions, places and range offset; 0 where they are as expected."""
         errors = [error for scan in range(len(self.spreads)) for error in self.pose_errors(draft, scan)]
-        return -0.5 * sum((away / spread) ** 2 for away, spread in errors if spread > 0)
+        errors.append((draft.offset, self.offset_spread))
+        return right_angles.log_prior(draft) - 0.5 * sum((away / sd) ** 2 for away, sd in errors if sd > 0)
+
+    @property
+    def offset_spread(self) -> float:
+        """Standard deviation of the range offset, m: the spread of ranges that the profile states, 0 if it states none.
+
+        A profile with a spread describes a population, of which the scans show one sensor.
+        """
+        return self.problems[0].board.range_sd
 
     def refuses(self, one: DraftWall | DraftPost) -> bool:
         """Return whether a wall or post is almost one that was refused."""
@@ -118,6 +130,11 @@ class Scored:
 
     draft: RoomDraft
     score: float
+
+
+def with_offset(board: Board, draft: RoomDraft) -> Board:
+    """Return a board with the range offset of a draft."""
+    return replace(board, range_offset=board.range_offset + draft.offset) if draft.offset else board
 
 
 def scored(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise = ROUGH) -> Scored:

@@ -14,6 +14,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.room_finding.draft import MATERIAL, post_name, wall_name
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
+from sonarhw_compare.room_finding.right_angles import SHARE, SPREAD, at_right_angles
 from sonarhw_compare.room_finding.room_search import FoundRoom
 
 _DIGITS = 5  # of metres
@@ -52,6 +53,9 @@ def found_room_figures(found: FoundRoom) -> dict[str, Any]:
     return {
         "echoes": found.echoes,
         "explained": found.explained,
+        "offset_m": round(found.draft.offset, _DIGITS),
+        "offset_sd_m": found.offset_deviation,
+        "right_angled": at_right_angles(found.draft),
         "walls": [
             {
                 "points_m": [[x, y], [x2, y2]],
@@ -70,6 +74,21 @@ def found_room_figures(found: FoundRoom) -> dict[str, Any]:
     }
 
 
+def assumptions(found: FoundRoom, board: Board) -> list[str]:
+    """Return a line for each value that was expected to be near a known one, and what was found."""
+    of, walls = at_right_angles(found.draft), len(found.draft.walls)
+    lines = [
+        f"assumed that {SHARE:.0%} of the walls are parallel or at right angles within {math.degrees(SPREAD):.0f}°; "
+        f"{of} of {walls} are"
+    ]
+    if found.offset_deviation is not None:
+        lines.append(
+            f"range offset of the sensor: {found.draft.offset * 1000:.0f} ± {found.offset_deviation * 1000:.0f} mm "
+            f"beside that of board {board.name!r}; 0 ± {board.range_sd * 1000:.0f} mm was expected (its range_sd)"
+        )
+    return lines
+
+
 def open_ends(found: FoundRoom) -> list[tuple[float, float]]:
     """Return the ends of walls (m) beyond which the scans show nothing."""
     ends = []
@@ -86,6 +105,7 @@ def _header(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> list
         f"{found.explained} of {found.echoes} echoes are within 5 cm of one that this room predicts.",
         "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
     ]
+    lines += [f"{line[0].upper()}{line[1:]}." for line in assumptions(found, board)]
     ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(found))
     if ends:
         lines.append(f"The walls may continue beyond these points (m): {ends}")

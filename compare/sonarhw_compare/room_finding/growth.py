@@ -9,12 +9,11 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, scored
+from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, scored
 from sonarhw_compare.room_finding.surface_candidates import RADII, post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import cornered, joined, with_better_ends
 
 _USUAL = 5  # walls and posts that a room usually has, for the progress
-PRICE = 10.0  # log-likelihood that a wall or post must add
 _TRIED = 8  # candidates at a time
 _COMPLETED = 2  # of them, whose ends are tried at other walls
 _CORNERS = 4  # points at which a corner is tried

@@ -47,7 +47,7 @@ def next_places(
 
     `room` is the found room with its places. `tick` receives the completed share, 0..1.
     """
-    moves = [move for move in found.deviations if move.what != "place" and found.deviations[move] > 0]
+    moves = [move for move in found.deviations if move.what in ("wall", "post") and found.deviations[move] > 0]
     rooms = [(move, move.of(found.draft, move.step).room(REFLECTANCE, room.air)) for move in moves]
     spreads = np.minimum([found.deviations[move] for move in moves], _LARGEST)
     tried = []

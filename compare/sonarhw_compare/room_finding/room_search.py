@@ -12,10 +12,22 @@ from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import FINE, ROUGH, Course, Evidence, PoseSpread, Scored, evidence_of, scored
-from sonarhw_compare.room_finding.growth import PRICE, grown, pruned
+from sonarhw_compare.room_finding.evidence import (
+    FINE,
+    PRICE,
+    ROUGH,
+    Course,
+    Evidence,
+    PoseSpread,
+    Scored,
+    evidence_of,
+    scored,
+    with_offset,
+)
+from sonarhw_compare.room_finding.growth import grown, pruned
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
+from sonarhw_compare.room_finding.refining.squaring import squared
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
@@ -33,6 +45,11 @@ class FoundRoom:
     deviations: dict[Move, float]  # m or rad: standard deviations
     touches: Touches
     echoes: int  # of all scans
+
+    @property
+    def offset_deviation(self) -> float | None:
+        """Standard deviation of the range offset, m; None if the board states none, so that it is exact."""
+        return next((deviation for move, deviation in self.deviations.items() if move.what == "offset"), None)
 
     @property
     def explained(self) -> int:
@@ -66,19 +83,31 @@ def find_room(
     for turn in range(_ROUNDS):
         tick(turn / (_ROUNDS + 1))
         placed = [replace(scan, place=place) for scan, place in zip(scans, best.draft.places, strict=True)]
-        longer = pruned(evidence, grown(evidence, arcs_of_scans(placed, board), best, _part(tick, turn)))
+        arcs = arcs_of_scans(placed, with_offset(board, best.draft))
+        longer = pruned(evidence, grown(evidence, arcs, best, _part(tick, turn)))
         if longer.draft == best.draft:
             break
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
+        best = squared(evidence, best)
         best = _cut_back(evidence, with_better_ends(evidence, pruned(evidence, best)), scans, board)
-    tick(_ROUNDS / (_ROUNDS + 1))
-    draft = refined(evidence, pruned(evidence, best).draft, ROUGH, _STEPS).draft
-    end, deviations = _determined(evidence, refined(evidence, draft, FINE, _LAST_STEPS).draft)
+    end, deviations = _finished(evidence, best, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
     found = FoundRoom(end, deviations, touches_of(scans, end, board, air), echoes)
     tick(1.0)
     return found
+
+
+def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -> tuple[RoomDraft, dict[Move, float]]:
+    """Return the best draft, refined without haste, and its deviations."""
+    tick(0.0)
+    kept = pruned(evidence, best).draft
+    tick(1 / 4)
+    draft = refined(evidence, kept, ROUGH, _STEPS).draft
+    tick(2 / 4)
+    draft = refined(evidence, draft, FINE, _LAST_STEPS).draft
+    tick(3 / 4)
+    return _determined(evidence, draft)
 
 
 def _determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[Move, float]]:
@@ -109,5 +138,11 @@ def _part(tick: Callable[[float], None], turn: int) -> Callable[[float], None]:
 def _cut_back(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
     """Return the draft without the parts of walls that sound has not touched, unless they matter to the scans."""
     touches = touches_of(scans, best.draft, board, evidence.air)
+    least = best.score - PRICE
     cut = scored(evidence, trimmed(best.draft, touches, evidence.first))
-    return with_gaps(evidence, cut if cut.score > best.score - PRICE else best, touches.walls)
+    if cut.score <= least:
+        cut = best
+        for key in touches.walls:
+            tried = scored(evidence, trimmed(cut.draft, touches, evidence.first, key))
+            cut = tried if tried.score > least else cut
+    return with_gaps(evidence, cut, touches.walls)

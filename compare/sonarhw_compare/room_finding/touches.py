@@ -11,7 +11,9 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, with_offset
+
+_BEFORE = 0.99  # share of the way to a corner, before which a wall hides it
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Touches:
 
 def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air: Air) -> Touches:
     """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
-    room = draft.room(REFLECTANCE, air)
+    room, board = draft.room(REFLECTANCE, air), with_offset(board, draft)
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, unexplained = [0] * len(draft.posts), []
     for scan, place in zip(scans, draft.places, strict=True):
@@ -56,21 +58,43 @@ def _on(draft: RoomDraft, key: int, point: FloatArray) -> float | None:
     return at if abs(float(away @ wall.normal)) < 1e-6 and first - 1e-6 <= at <= last + 1e-6 else None
 
 
-def trimmed(draft: RoomDraft, touches: Touches, first: RoomDraft) -> RoomDraft:
+def _is_hidden(draft: RoomDraft, key: int, which: int) -> bool:
+    """Return whether other walls are between an end of a wall and every place."""
+    point = draft.segment(key)[2 * which : 2 * which + 2]
+    starts, along = draft.segments[:, :2], draft.segments[:, 2:] - draft.segments[:, :2]
+    for place in draft.places:
+        sight = point - place.position
+        away = starts - place.position
+        across = sight[0] * along[:, 1] - sight[1] * along[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):  # walls along the line of sight
+            on_sight = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / across
+            on_wall = (away[:, 0] * sight[1] - away[:, 1] * sight[0]) / across
+        before = (on_sight > 0) & (on_sight < _BEFORE) & (on_wall >= 0) & (on_wall <= 1)
+        if not before.any():
+            return False
+    return True
+
+
+def trimmed(draft: RoomDraft, touches: Touches, first: RoomDraft, only: int | None = None) -> RoomDraft:
     """Return the draft with free ends moved back to the outermost touches; what has no touches is removed.
 
-    The walls and posts of `first` stay as they are.
+    A corner that no place sees counts as a free end.
+    The walls and posts of `first` stay as they are. `only`: the key of the one wall that is changed.
     """
     for key in sorted(draft.walls.keys() - first.walls.keys()):
+        if only not in (None, key):
+            continue
         at = touches.walls[key]
         if not len(at):
             draft = draft.without_wall(key)
             continue
         wall = draft.walls[key]
         for which, outermost in ((0, float(at.min())), (1, float(at.max()))):
-            if draft.is_free(key, which):
+            if draft.is_free(key, which) or _is_hidden(draft, key, which):
                 wall = wall.with_end(which, DraftEnd(outermost))
         draft = draft.with_wall(key, wall)
+    if only is not None:
+        return draft
     kept = len(first.posts)
     touched = zip(draft.posts[kept:], touches.posts[kept:], strict=True)
     return replace(draft, posts=(*draft.posts[:kept], *(post for post, count in touched if count)))

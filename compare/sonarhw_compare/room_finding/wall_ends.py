@@ -8,13 +8,14 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, meeting
-from sonarhw_compare.room_finding.evidence import Evidence, Scored, scored
+from sonarhw_compare.room_finding.evidence import PRICE, Evidence, Scored, scored
 
 _FARTHEST = 3.0  # m, by which a wall is extended at most to meet another one
 _JUNCTION = 0.3  # m: an end that meets another wall farther than this from its ends does not make a corner
 _WIDEST_CLOSED = 0.4  # m without a touch; wider, a wall may have a gap
 _BESIDE, _AT_END = 0.1, 0.3  # m: from a corner to the line of its wall, and from the end of this wall inwards
 _BEGUN = 0.3  # m, length of a wall of which only the corner shows
+_AT_TOUCH = 0.02  # m, between an end and a touch of this end
 _CLOSED = 1.0  # log-likelihood by which an end at another wall may be worse than one beyond or before it
 
 
@@ -58,11 +59,22 @@ def with_better_ends(evidence: Evidence, best: Scored) -> Scored:
     for key in list(best.draft.walls):
         for which in (0, 1):
             for other in _neighbours(best.draft, key, which):
-                moved = scored(evidence, met(best.draft, key, which, other))
+                moved = _better_of(evidence, _meetings(best.draft, key, which, other))
                 if moved.score > best.score - _CLOSED:
                     best = moved
                     break
     return best
+
+
+def _better_of(evidence: Evidence, drafts: Sequence[RoomDraft]) -> Scored:
+    return max((scored(evidence, draft) for draft in drafts), key=lambda one: one.score)
+
+
+def _meetings(draft: RoomDraft, key: int, which: int, other: int) -> list[RoomDraft]:
+    """Return the draft with an end of a wall at another one, whose nearer end moves there too, or stays."""
+    corner, wall = met(draft, key, which, other), draft.walls[key]
+    alone = draft.with_wall(key, wall.with_end(which, DraftEnd(wall.ends[which].at, other)))
+    return [corner] if corner.walls == alone.walls else [corner, alone]
 
 
 def _neighbours(draft: RoomDraft, key: int, which: int) -> list[int]:
@@ -102,12 +114,27 @@ def with_gaps(evidence: Evidence, best: Scored, touched: dict[int, FloatArray]) 
     `touched` has the touches of each wall, m along it.
     """
     for key, at in touched.items():
+        best = _without_lone_ends(evidence, best, key, np.sort(at))
         for before, behind in pairwise(np.sort(at).tolist() if key in best.draft.walls else []):
             if behind - before > _WIDEST_CLOSED:
                 opened = scored(evidence, _opened(best.draft, key, before, behind))
                 best = opened if opened.score > best.score else best
                 if key not in best.draft.walls or opened is best:
                     break
+    return best
+
+
+def _without_lone_ends(evidence: Evidence, best: Scored, key: int, at: FloatArray) -> Scored:
+    """Return the draft with a free end moved to the next of the sorted touches `at`, if all between is untouched.
+
+    The end alone then returns sound. It stays if it is worth as much as a wall.
+    """
+    for which, (outer, inner) in ((0, at[:2]), (1, at[-2:][::-1])) if len(at) > 1 and key in best.draft.walls else ():
+        at_end = abs(best.draft.extent(key)[which] - outer) < _AT_TOUCH and best.draft.is_free(key, which)
+        if at_end and abs(outer - inner) > _WIDEST_CLOSED:
+            wall = best.draft.walls[key].with_end(which, DraftEnd(float(inner)))
+            cut = scored(evidence, best.draft.with_wall(key, wall))
+            best = cut if cut.score > best.score - PRICE else best
     return best
 
 

@@ -14,9 +14,9 @@ _THINNEST = 0.005  # m, radius of a post
 
 @dataclass(frozen=True)
 class Move:
-    """A way to change a draft: a part of a wall, of a post, or of the place of a scan."""
+    """A way to change a draft: a part of a wall, of a post, of the place of a scan, or the range offset."""
 
-    what: str  # "wall", "post" or "place"
+    what: str  # "wall", "post", "place" or "offset"
     which: int  # key of the wall, or number of the post or scan
     part: int  # wall: to its left, turned, first and second end along it; post: x, y, radius; place: x, y, heading
     step: float  # m or rad, a small one
@@ -41,6 +41,8 @@ class Move:
                 values[self.part] += by
                 posts[self.which] = DraftPost((values[0], values[1]), max(values[2], _THINNEST))
                 return replace(draft, posts=tuple(posts))
+            case "offset":
+                return replace(draft, offset=draft.offset + by)
             case _:
                 places = list(draft.places)
                 places[self.which] = _moved_place(places[self.which], self.part, by)
@@ -69,4 +71,4 @@ def moves_of(evidence: Evidence, draft: RoomDraft) -> list[Move]:
     for scan, spread in enumerate(evidence.spreads):
         moves += [Move("place", scan, part, _LENGTH) for part in (0, 1) if spread.xy > 0]
         moves += [Move("place", scan, 2, _TURN)] if spread.heading > 0 else []
-    return moves
+    return [*moves, Move("offset", 0, 0, _LENGTH)] if evidence.offset_spread > 0 else moves

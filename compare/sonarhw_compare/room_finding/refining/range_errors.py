@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Room
@@ -17,7 +18,7 @@ from sonarhw_sim.room.model import Room
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Evidence
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Evidence, with_offset
 from sonarhw_compare.room_finding.refining.moves import Move
 
 RANGE = 0.01  # m, standard deviation of a range
@@ -88,29 +89,44 @@ def _of_scan(
     evidence: Evidence, draft: RoomDraft, scan: int, room: Room, moves: Sequence[Move], shifts: _Shifts
 ) -> tuple[list[Row], list[Row]]:
     """Return the errors of ranges, and those of bearings."""
-    problem = evidence.problems[scan]
-    place = problem.board.faced(draft.places[scan])
-    arrays = problem.scans[0]
-    headings = np.asarray(place.heading + problem.board.turned(arrays.angles))
-    predicted = predict_scan(room, place, problem.board, headings, FOLLOWED)
-    residuals = np.where(arrays.counts > 0, arrays.ranges[:, 0], np.nan) - predicted.ranges
+    board, arrays = with_offset(evidence.problems[scan].board, draft), evidence.problems[scan].scans[0]
+    place = board.faced(draft.places[scan])
+    headings = np.asarray(place.heading + board.turned(arrays.angles))
+    predicted = predict_scan(room, place, board, headings, FOLLOWED)
+    measured = np.where(arrays.counts > 0, arrays.ranges[:, 0], np.nan)
+    residuals = measured - predicted.ranges
+    of_offset = np.array([float(move.what == "offset") for move in moves])
     explained = np.abs(residuals) <= TOLERANCE  # False where there is no echo
     slopes: dict[int, FloatArray] = {}
     bearings: list[Row] = []
     for path in np.unique(predicted.winners[explained]).tolist():
         outline = predicted.paths.outline(path)
         ends = _end_shifts(draft, scan, moves, outline)
-        slopes[path] = _length_slope(outline, ends, shifts) / 2 / RANGE
+        slopes[path] = (_length_slope(outline, ends, shifts) / 2 + of_offset) / RANGE
         turned = _bearing_slope(predicted, path, ends[0], shifts)
-        own = headings[explained & (predicted.winners == path)]
-        if turned is not None and len(own) >= _LEAST_READINGS:
-            departure = float(predicted.paths.departures[path])
-            mean = float(np.mean(np.remainder(own - departure + np.pi, math.tau) - np.pi))
+        away = np.remainder(headings - predicted.paths.departures[path] + np.pi, math.tau) - np.pi
+        mean = None if turned is None else _middle(away, explained & (predicted.winners == path), measured)
+        if turned is not None and mean is not None:
             turned = turned - [float(move.is_of("place", scan) and move.part == 2) for move in moves]
             bearings.append((mean / BEARING, turned / BEARING))
     rows = np.flatnonzero(explained)
     ranges = [(float(residuals[row]) / RANGE, slopes[int(predicted.winners[row])]) for row in rows]
     return ranges, bearings
+
+
+def _middle(away: FloatArray, own: NDArray[np.bool_], measured: FloatArray) -> float | None:
+    """Return the mean angle (rad) between the `own` readings and the direction of their path, from -π..π `away` (n,).
+
+    Where a nearer echo ends these readings, they are not centred about that direction: the answer is None.
+    """
+    if own.sum() < _LEAST_READINGS:
+        return None
+    order = np.argsort(away)
+    rows = np.flatnonzero(own[order])
+    beside = order[[rows[0] - 1, (rows[-1] + 1) % len(order)]]
+    if (measured[beside] < np.median(measured[own]) + TOLERANCE).any():  # False where there is no echo
+        return None
+    return float(away[own].mean())
 
 
 def _length_slope(outline: FloatArray, ends: tuple[FloatArray, FloatArray], shifts: _Shifts) -> FloatArray:
@@ -162,7 +178,9 @@ def _end_shifts(
 def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
     of_segments, of_posts = [], []
     for move in moves:
-        ahead, behind = (draft if move.what == "place" else move.of(draft, by) for by in (move.step, -move.step))
+        ahead, behind = (
+            draft if move.what in ("place", "offset") else move.of(draft, by) for by in (move.step, -move.step)
+        )
         of_segments.append((ahead.segments - behind.segments) / (2 * move.step))
         of_posts.append((_posts(ahead) - _posts(behind)) / (2 * move.step))
     turns = [[float(move.is_of("wall", key) and move.part == 1) for key in draft.walls] for move in moves]

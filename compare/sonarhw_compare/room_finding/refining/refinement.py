@@ -16,6 +16,7 @@ from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
 from sonarhw_compare.room_finding.evidence import Evidence, Scored
 from sonarhw_compare.room_finding.refining.moves import Move, moves_of
 from sonarhw_compare.room_finding.refining.range_errors import range_errors
+from sonarhw_compare.room_finding.right_angles import pulls
 
 UNKNOWN, UNKNOWN_TURN = 0.3, math.radians(5)  # m, rad: standard deviations of what no range determines
 _MOST, _MOST_TURN = 0.03, math.radians(3)  # m, rad: by which a value moves at once
@@ -80,6 +81,15 @@ def _normal_equations(evidence: Evidence, draft: RoomDraft, moves: Sequence[Move
             away, spread = evidence.pose_errors(draft, move.which)[move.part]
             information[row, row] += 1 / spread**2
             ascent[row] -= away / spread**2
+        elif move.what == "offset":
+            information[row, row] += 1 / evidence.offset_spread**2
+            ascent[row] -= draft.offset / evidence.offset_spread**2
+    rows = {move.which: row for row, move in enumerate(moves) if move.what == "wall" and move.is_turn}
+    for key, common, away, weight in pulls(draft):
+        turned = np.zeros(len(moves))
+        turned[rows[key]], turned[rows[common]] = 1.0, -1.0
+        information += weight * np.outer(turned, turned)
+        ascent -= weight * away * turned
     return information, ascent
 
 

@@ -149,3 +149,28 @@ def test_a_place_that_is_off_returns(part: int) -> None:
     found = refined(evidence, draft, ROUGH, 8).draft.places[1]
     assert math.dist(found.position, PLACES[1].position) < 0.006
     assert abs(found.heading) < math.radians(1)
+
+
+def test_an_echo_that_a_nearer_one_cuts_off_says_nothing_of_directions() -> None:
+    places = (Place("near the wall", (2.6, 0.95)), *PLACES)
+    scans = scans_of(ROOM, places, BOARD, 0.0, 0)
+    evidence = evidence_of(scans, [PoseSpread()] * len(scans), BOARD, ROOM.air)
+    true = replace(draft_of_room(ROOM), places=places)
+    found = range_errors(evidence, true, moves_of(evidence, true))
+    bearings = found.errors[found.of_range :]
+    assert len(bearings) > 10
+    assert np.abs(bearings).max() < 1.5  # standard deviations of 2°; headings are 4° apart
+
+
+def test_a_range_offset_is_found_if_the_board_describes_a_population() -> None:
+    of_population, exact = (replace(BOARD, range_sd=spread) for spread in (0.016, 0.0))
+    true = replace(draft_of_room(ROOM), places=PLACES)
+    scans = scans_of(ROOM, PLACES, replace(BOARD, range_offset=0.015), 0.005, 3)
+    errors = []
+    for board in (of_population, exact):
+        evidence = evidence_of(scans, [PoseSpread()] * len(scans), board, ROOM.air)
+        found = refined(evidence, true, ROUGH, 8).draft
+        errors.append(max(abs(off(found, true, key)[0]) for key in true.walls))
+        assert found.offset == pytest.approx(0.015 if board is of_population else 0.0, abs=0.004)
+    assert errors[0] < 0.006
+    assert errors[1] > 0.01

@@ -1,0 +1,98 @@
+"""Walls are expected at right angles, unless the scans contradict."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.room_finding import right_angles
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
+from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, PoseSpread, evidence_of, scored
+from sonarhw_compare.room_finding.refining.squaring import squared
+from sonarhw_compare.room_finding.wall_ends import with_gaps
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, parse_room
+
+from sonarhw.readings import Reading
+
+BOARD = load_board("polaroid-6500")
+ANGLES = np.arange(0.0, math.tau, math.radians(4))
+
+
+def walls(*degrees: float) -> RoomDraft:
+    """Return a draft of separate walls with these directions."""
+    ends = (DraftEnd(-0.5), DraftEnd(0.5))
+    made = {key: DraftWall((2.0 * key, 0.0), math.radians(one), ends) for key, one in enumerate(degrees)}
+    return RoomDraft((), made)
+
+
+def room_of(points: Sequence[tuple[float, float]]) -> Room:
+    corners = [list(point) for point in points]
+    return parse_room(
+        f'name = "r"\n[materials.w]\nreflectance = 0.9\n[[walls]]\nname = "w"\npoints = {corners}\nclosed = true\n'
+        'material = "w"\n',
+        "r",
+    )
+
+
+def case(points: Sequence[tuple[float, float]], *places: tuple[float, float]) -> tuple[Evidence, RoomDraft]:
+    """Return exact scans of a room as evidence, and the room as a draft."""
+    room, scans = room_of(points), []
+    speed = room.air.speed_of_sound
+    for number, at in enumerate(places):
+        place = Place(str(number), at)
+        ranges = predict_scan(room, place, BOARD, ANGLES, FOLLOWED).ranges.tolist()
+        readings = [
+            Reading(k, 0, 0, angle, 0.1 * k, () if math.isnan(one) else (2 * one / speed,), speed)
+            for k, (angle, one) in enumerate(zip(ANGLES.tolist(), ranges, strict=True))
+        ]
+        scans.append(PlacedScan(readings, place, place.name))
+    evidence = evidence_of(scans, [PoseSpread()] * len(scans), BOARD, room.air)
+    return evidence, replace(draft_of_room(room), places=tuple(scan.place for scan in scans))
+
+
+def test_directions_are_as_probable_as_they_are_near_right_angles() -> None:
+    square, near, oblique = (right_angles.log_prior(walls(10.0, 100.0, -80.0, one)) for one in (190.0, 192.0, 220.0))
+    assert square == pytest.approx(0.0, abs=1e-9)
+    assert square > near > oblique > -10.0  # any direction remains possible
+
+
+def test_a_wall_near_right_angles_is_pulled_and_an_oblique_one_is_left_alone() -> None:
+    pulled = {key: (away, weight) for key, _, away, weight in right_angles.pulls(walls(10.0, 100.0, 191.0, 220.0))}
+    assert math.degrees(pulled[2][0]) == pytest.approx(1.0)
+    assert pulled[2][1] == pytest.approx(1 / right_angles.SPREAD**2, rel=0.1)
+    assert pulled[3][1] < 1e-6 * pulled[2][1]
+    assert right_angles.at_right_angles(walls(10.0, 100.0, 191.0, 220.0)) == 3
+
+
+def test_a_wall_that_one_place_faces_is_turned_to_right_angles() -> None:
+    evidence, true = case([(0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0)], (0.5, 1.0))
+    # the east wall alone, turned about the place by 15°: its range is the same
+    turned = DraftWall((0.5 + 1.5 * math.cos(0.26), 1.0 + 1.5 * math.sin(0.26)), math.pi / 2 + 0.26, WIDE)
+    draft = true.without_only(1).with_wall(1, turned)
+    found = squared(evidence, scored(evidence, draft)).draft
+    assert math.degrees(math.remainder(found.walls[1].angle, math.pi / 2)) == pytest.approx(0.0, abs=1.0)
+    assert abs(found.segment(1)[[0, 2]] - 2.0).max() < 0.02
+
+
+WIDE = (DraftEnd(-0.9), DraftEnd(0.9))
+
+
+def test_an_oblique_wall_that_several_places_face_stays_oblique() -> None:
+    evidence, true = case([(0.0, 0.0), (2.4, 0.0), (1.8, 3.0), (0.0, 3.0)], (0.5, 1.0), (1.0, 1.8), (1.4, 0.6))
+    assert math.degrees(right_angles.SPREAD) * 10 < math.degrees(math.atan2(0.6, 3.0)) < 30  # it is tried
+    found = squared(evidence, scored(evidence, true)).draft
+    assert found.walls[1].angle == pytest.approx(true.walls[1].angle, abs=math.radians(0.3))
+
+
+def test_a_free_end_of_which_nothing_is_touched_but_the_end_itself_is_cut_back() -> None:
+    evidence, true = case([(0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0)], (0.5, 1.0), (1.4, 2.0))
+    # the south wall reaches 1 m beyond the east wall, out of sight
+    draft = true.with_wall(0, true.walls[0].with_end(1, DraftEnd(2.0)))
+    touched = {0: np.array([-0.9, 0.0, 1.0, 2.0])}
+    assert with_gaps(evidence, scored(evidence, draft), touched).draft.extent(0)[1] == pytest.approx(1.0)
+    near = {0: np.array([-0.9, 0.9, 1.7, 2.0])}  # touched every 80 cm at most: no gap at the end
+    assert with_gaps(evidence, scored(evidence, draft), near).draft.extent(0)[1] == pytest.approx(2.0)
