@@ -1,6 +1,6 @@
 """The panel "Causes": changes of the room that explain misfits, worst first. Each can be tried, and undone.
 
-A click on a cause selects its readings and draws the proposed change in the plan.
+A click on a cause selects its first misfit and draws the proposed change in the plan.
 """
 
 from typing import TYPE_CHECKING
@@ -34,7 +34,7 @@ class CausesPanel(QWidget):
     edited = Signal(object, str, object)  # Scene, label for Undo, gesture
     undone = Signal()
     proposed = Signal(object)  # Proposal, or None
-    picked = Signal(int)  # the first reading of a cause
+    picked = Signal(int)  # the first misfit of a cause
 
     def __init__(self) -> None:
         super().__init__()
@@ -117,7 +117,7 @@ class CausesPanel(QWidget):
 
     @Slot()
     def _select(self) -> None:
-        """Draw the proposal of the current cause, and select its first reading."""
+        """Draw the proposal of the current cause, and select its first misfit."""
         cause, shown, answer = self._cause, self._shown, self._state.answer
         if cause is None or shown is None or answer is None or shown.scene.room is None:
             return
@@ -129,7 +129,9 @@ class CausesPanel(QWidget):
             changed = cause.change.applied(shown.scene.room)
         except (InputError, ValueError):
             changed = shown.scene.room  # the room was edited since the search
-        self.picked.emit(numbers[0])
+        kinds = {row.index: row.kind for row in answer.found.before.rows}
+        misfits = (row for row in cause.readings if kinds[row] not in (Kind.MATCH, Kind.BOTH_SILENT))
+        self.picked.emit(answer.request.first + next(misfits, cause.readings[0]))
         self.proposed.emit(proposal_of(shown.scene.room, changed, numbers, surface))
         self._enable()
 

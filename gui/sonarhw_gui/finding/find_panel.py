@@ -5,6 +5,7 @@ A click on a wall highlights it in the plan, with the readings that speak for an
 
 from dataclasses import replace
 
+import numpy as np
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import (
@@ -24,7 +25,7 @@ from sonarhw_sim.room.model import Room
 
 from sonarhw.errors import InputError
 from sonarhw_gui.finding.find_control import FindState
-from sonarhw_gui.finding.find_request import ACCURACIES, Accuracy
+from sonarhw_gui.finding.find_request import ACCURACIES, Accuracy, LoadedScan
 from sonarhw_gui.finding.found_marks import drawing_of, next_text, row_texts
 from sonarhw_gui.finding.loaded_scans import loaded_scans, share_readings
 from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
@@ -35,6 +36,7 @@ from sonarhw_gui.shown.shown import Shown
 
 ACCEPTING, REJECTING = "accepting the found room", "rejecting"  # labels of Undo
 _LEAST_WIDTH = 290  # pixels
+_ONE_PLACE = 0.05  # m; positions this close are one place
 _HINT = (
     "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
     "(F12). This takes up to minutes."
@@ -215,11 +217,10 @@ class FindPanel(QWidget):
 
     def _enable(self) -> None:
         shown, state = self._shown, self._state
-        count = len(loaded_scans(shown, "")) if shown is not None else 0
+        scans = loaded_scans(shown, "") if shown is not None else ()
+        count = len(scans)
         free, some = not state.running, state.hypotheses is not None
-        self.scans.setText(
-            f"Scans: {count} (the one shown, the visible ones of the panel Scans)" if count else "No scan"
-        )
+        self.scans.setText(_scans_text(scans))
         self.begin.setEnabled(free and count > 0)
         self.begin.setToolTip("" if count else "Needs a scan with readings")
         self.go_on.setEnabled(free and some and count > 0)
@@ -237,6 +238,17 @@ class FindPanel(QWidget):
         self.next.setVisible(bool(self.next.text()))
         self.note.setText(_KEY if self.list.currentRow() >= 0 else "" if some else _HINT)
         self.note.setVisible(bool(self.note.text()))
+
+
+def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
+    """Return the number of the scans, and a warning if all have one place."""
+    if not scans:
+        return "No scan"
+    text = f"Scans: {len(scans)} (the one shown, the visible ones of the panel Scans)"
+    positions = np.array([scan.place.position for scan in scans])
+    if len(scans) > 1 and (not all(scan.known for scan in scans) or np.ptp(positions, axis=0).max() > _ONE_PLACE):
+        return text
+    return f"{text}\n⚠ One place alone does not determine a room: walls and posts may be false. Add a scan of another."
 
 
 def _step_text(state: FindState) -> str:

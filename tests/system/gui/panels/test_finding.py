@@ -173,8 +173,12 @@ def test_the_room_is_accepted_undone_edited_and_searched_further(
 ) -> None:
     window = open_with(scene=Scene(None, None, load_board("polaroid-6500")))
     panel, session, controller = window.finding, window.session, window.views.plan.drawing.controller
-    add_scans(qtbot, window, folder / "a.mcap", folder / "b.mcap")
-    assert "Scans: 2" in panel.scans.text()
+    add_scans(qtbot, window, folder / "a.mcap")
+    assert "Scans: 1" in panel.scans.text()
+    assert "One place alone does not determine a room" in panel.scans.text()
+    session.add_scan(str(folder / "b.mcap"))
+    until(qtbot, lambda: "Scans: 2" in panel.scans.text())
+    assert "One place alone" not in panel.scans.text()
     find(qtbot, window)
     qtbot.mouseClick(panel.accept, LEFT)
     room = session.shown.scene.room
