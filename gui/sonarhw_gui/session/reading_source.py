@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from PySide6.QtCore import QObject
 
@@ -31,6 +32,14 @@ class ReplayedLog:
     def lost(self) -> int:
         """The number of readings missing in its scans."""
         return sum(map(lost_in, self.log.scans))
+
+
+class RecordedIn(NamedTuple):
+    """The setting in which readings were recorded; empty parts are unknown."""
+
+    room_text: str = ""
+    room_file: str = ""
+    place: str = ""
 
 
 class ReadingSource:
@@ -85,6 +94,31 @@ class ReadingSource:
     def recorded(self) -> Log | Path | None:
         """The log of the readings shown, or its file; None if there is none."""
         return self.replayed.log if self.replayed else self.recording
+
+    @property
+    def recorded_in(self) -> RecordedIn:
+        """The setting of the readings shown; empty without readings."""
+        replayed, scene = self.replayed, self.scan_scene
+        if not self.all_readings:
+            return RecordedIn()
+        if replayed is not None:
+            metadata = replayed.log.metadata
+            return RecordedIn(metadata.room_text, metadata.room_file, metadata.place)
+        if scene is None or scene.room is None:
+            return RecordedIn()
+        return RecordedIn(scene.room.text, scene.room_file, scene.pose.name)
+
+    def doubt_in(self, scene: Scene) -> str:
+        """Return a warning if the readings were recorded in another room or at another place than this; else ""."""
+        text, name, place = self.recorded_in
+        if not text or scene.room is None:
+            return ""
+        if text != scene.room.text:
+            other = f"{'an earlier version of ' if name == scene.room_file else ''}{name or 'another room'}"
+            return f"these readings were recorded in {other}; they are now compared with {scene.room_file}"
+        if place and place != scene.pose.name:
+            return f"these readings were recorded at place {place}; they are now compared from {scene.pose.name}"
+        return ""
 
     def begin(self) -> None:
         """Reset the rate: other readings are shown from now on."""

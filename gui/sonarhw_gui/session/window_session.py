@@ -396,9 +396,9 @@ class WindowSession(QObject):
             self._take_grown(opened)
             return
         if isinstance(opened, RoomOpened):
-            scene = opened.at_place_of(self.shown.scene)
+            scene = opened.at_known_place(self.shown.scene, self._source.recorded_in.place)
             self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
-            self._warn_if_other_room(scene)
+            self._warn_if_recorded_elsewhere(scene)
             self.set_scene(scene)
             self.files.watch(WatchedFile.ROOM, opened.path)
             self.room_opened.emit()
@@ -410,6 +410,8 @@ class WindowSession(QObject):
         board = opened.scene.board if metadata.board or metadata.board_text else here.board
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
         self.show_log(opened.log, opened.path.name, opened.path)
+        if opened.scene.room_file != metadata.room_file:  # restored; edits of the own room need no warning
+            self._warn_if_recorded_elsewhere(opened.scene)
 
     def _take_grown(self, grown: LogGrown) -> None:
         now, replayed = time.monotonic(), self._source.replayed
@@ -438,18 +440,9 @@ class WindowSession(QObject):
             again = OpenRoomRequest(path, board) if what is WatchedFile.ROOM else ReloadBoard(path)
             self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
 
-    def _warn_if_other_room(self, opened: Scene) -> None:
-        replayed, scan_scene = self._source.replayed, self._source.scan_scene
-        if replayed is not None:
-            text, name = replayed.log.metadata.room_text, replayed.log.metadata.room_file
-        elif scan_scene is not None and scan_scene.room is not None:
-            text, name = scan_scene.room.text, scan_scene.room_file
-        else:
-            return
-        if self._source.all_readings and text and opened.room and text != opened.room.text:
-            other_room = f"{'an earlier version of ' if name == opened.room_file else ''}{name or 'another room'}"
-            now = opened.room_file
-            self.warned.emit(f"these readings were recorded in {other_room}; they are now compared with {now}")
+    def _warn_if_recorded_elsewhere(self, scene: Scene) -> None:
+        if doubt := self._source.doubt_in(scene):
+            self.warned.emit(doubt)
 
     def _notify(self, notice: Notice | None) -> None:
         if notice is not None:

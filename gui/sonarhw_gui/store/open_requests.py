@@ -97,12 +97,16 @@ class RoomOpened:
     path: Path | None  # None: a shipped room
     scene: Scene
 
-    def at_place_of(self, here: Scene) -> Scene:
-        """Return the scene; at the place of `here` if that is the same room, which was reloaded."""
-        room = self.scene.room
-        if room is None or here.room is None or here.room_file != self.scene.room_file:
-            return self.scene
-        return replace(self.scene, place=room.place(here.pose.name)) if here.pose.name in room.places else self.scene
+    def at_known_place(self, here: Scene, recorded: str) -> Scene:
+        """Return the scene at the place of `here` if that is the same room, which was reloaded.
+
+        Else at the place where the readings were recorded, if the room has a place of this name.
+        """
+        room, reloaded = self.scene.room, here.room is not None and here.room_file == self.scene.room_file
+        for name in (here.pose.name if reloaded else "", recorded):
+            if room is not None and name in room.places:
+                return replace(self.scene, place=room.place(name))
+        return self.scene
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import Unit
+from sonarhw_sim.room.model import load_room
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw.host.scanner import Scanner
@@ -110,6 +111,19 @@ def test_a_fitted_place_and_an_edited_room_are_restored_with_their_log(
     assert (there.place, there.room.text, there.options) == (edited.place, edited.room.text, edited.options)
     assert (there.board.range_offset, there.room.air.temperature_c) == (0.02, 3.0)
     assert len(window.session.shown.readings) == ORDER.readings
+    assert window.banner.message == ""  # edits of the own room need no warning
+
+
+def test_a_restored_log_that_was_recorded_in_another_room_is_shown_with_a_warning(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
+) -> None:
+    corridor = load_room("corridor")
+    elsewhere = Scene(corridor, corridor.place("start"), shipped.board, "corridor.toml")
+    memory = tmp_path / "window.ini"
+    write_memory(memory, Memory(scene=SceneMemory.of(elsewhere), log=str(recorded)))
+    window = reopened(open_with, memory, shipped)
+    until(qtbot, lambda: window.session.replay.loaded)
+    assert "recorded in simple.toml; they are now compared with corridor.toml" in window.banner.message
 
 
 def test_after_closing_during_a_scan_the_recording_is_restored_and_nothing_moves(

@@ -1,5 +1,6 @@
 """Files are opened by drag and drop and from the recent files; errors are reported."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.store.open_requests import OpenRoomRequest
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
@@ -48,6 +50,33 @@ def test_a_log_dropped_with_a_room_is_shown_in_this_room(
     until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
     assert len(window.session.shown.readings) == ORDER.readings
     assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
+
+
+def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    places = ROOM.read_text().index("[places.figure9]")
+    without = tmp_path / "without.toml"
+    without.write_text(ROOM.read_text()[:places])
+    window = open_with()
+    session = window.session
+    session.open_file(str(recorded))
+    until(qtbot, lambda: session.replay.loaded)
+    for room, place in ((without, "figure7"), (ROOM, "figure9")):  # figure7 is the first place of both
+        session.open_file(str(room))
+        until(qtbot, lambda room=room: session.shown.scene.room_file == room.name)
+        assert session.shown.scene.pose.name == place
+
+
+def test_a_log_of_a_place_that_its_room_does_not_name_is_compared_with_a_warning(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    log = read_log(recorded)
+    moved = replace(log, metadata=replace(log.metadata, place="0.3,0.3"))
+    window = open_with(source=moved)
+    window.session.reopen(OpenRoomRequest("simple", window.session.shown.scene.board))
+    until(qtbot, lambda: window.banner.message != "")
+    assert "recorded at place 0.3,0.3; they are now compared from figure9" in window.banner.message
 
 
 def test_a_room_is_saved_under_a_new_name_and_overwrites_only_after_a_question(
