@@ -9,10 +9,14 @@ from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.parts.plain_label import PlainLabel
 
 _LASTS = 120_000  # ms
-_MEASURED = "Orange marks: measured by the sonar."
-_FAKE = "Orange marks: from a fake scanner, which hides one post."
+_MARKS = {
+    Origin.MEASURED: "Orange marks: measured by the sonar.",
+    Origin.FAKE: "Orange marks: from a fake scanner, which hides one post.",
+    Origin.SIMULATED: "Orange marks: simulated readings.",
+    Origin.IMPORTED: "Orange marks: readings imported from a CSV file.",
+}
 _STEPS = (
-    ("1", "measured", _MEASURED),
+    ("1", "measured", _MARKS[Origin.MEASURED]),
     ("2", "predicted", "Blue line: predicted by the model."),
     ("3", "chosen", "Click a mark: the sentence below says why."),
 )
@@ -46,7 +50,7 @@ class Hint(QFrame):
 
     def show_origin(self, origin: Origin) -> None:
         """Name what made the marks."""
-        self.labels[0].setText(f"1  {_FAKE if origin is Origin.FAKE else _MEASURED}")
+        self.labels[0].setText(f"1  {_MARKS[origin]}")
 
     def show_look(self, look: Look) -> None:
         """Give each step the colour of what it describes."""

@@ -41,3 +41,5 @@ def test_title_legend_table_and_tooltip_name_the_origin_of_a_log(
         fake = origin == "fake"
         until(qtbot, lambda fake=fake: window.status_bar.fake.isVisible() == fake)
         assert ("hides one post" in window.hint.labels[0].text()) == fake
+        assert origin in window.hint.labels[0].text()
+        assert "measured" not in window.hint.labels[0].text()
