@@ -87,13 +87,11 @@ def _swept(problem: Problem, values: FloatArray) -> FloatArray:
     best = problem.with_noise(values, MODERATE)
     for words in _SWEEPS:
         grids = [(rows, _STEPS[word]) for word in words if (rows := _rows_named(problem, word))]
-        candidates = [best]
-        for shifts in product(*(steps for _, steps in grids)):
-            candidate = best.copy()
-            for (rows, _), shift in zip(grids, shifts, strict=True):
-                candidate[rows] += shift
-            candidates.append(candidate)
-        best = max(candidates, key=objective)
+        combinations = list(product(*(steps for _, steps in grids)))
+        candidates = np.tile(best, (1 + len(combinations), 1))
+        for (rows, _), shifts in zip(grids, zip(*combinations, strict=True), strict=True):
+            candidates[1:, rows] += np.array(shifts)[:, None]
+        best = candidates[objective.many(candidates).argmax()]
     return best
 
 

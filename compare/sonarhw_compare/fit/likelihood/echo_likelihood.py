@@ -20,11 +20,13 @@ from sonarhw_sim.board.weighing import beam
 from sonarhw_sim.compiled import array_part, compiled, compiled_part
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.likelihood.echo_paths import BENT, ODD, displaced
+from sonarhw_compare.fit.likelihood.echo_paths import BENT, ODD, Point, displaced
 
 LATENESS_STEP = 0.5  # dB, between nodes of a lateness table
 _FAR = 6.0  # standard deviations beyond which a normal distribution is 0
+_HOPELESS = -40.0  # log-likelihood of silence to which further paths add nothing, because a ping can be lost
 _ASIDE = 0.05  # cosine of the largest angle from the axis at which echoes are detected
+_PER_DB = math.log(10.0) / 20.0  # the logarithm of an amplitude by its level
 _ROOT_2 = math.sqrt(2.0)
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 
@@ -50,8 +52,8 @@ class BoardValues(NamedTuple):
     dead: float  # m, dead zone after an echo
     stretch: float  # reported range by true range
     offset: float  # m, added to the stretched range
-    sender: tuple[float, float]  # m, ahead and to the left of the turning axis
-    listener: tuple[float, float]
+    sender: Point  # m, ahead and to the left of the turning axis
+    listener: Point
 
 
 class ReadingNoise(NamedTuple):
@@ -80,6 +82,7 @@ class PathArrays(NamedTuple):
 def log_likelihoods(
     scan: ScanArrays,
     paths: PathArrays,
+    by: Point,
     board: BoardValues,
     noise: ReadingNoise,
     table: FloatArray,
@@ -87,15 +90,16 @@ def log_likelihoods(
 ) -> FloatArray:
     """Return the log-likelihood of each reading, (n,); `table` is the beam table (`sonarhw_sim.board.weighing`).
 
+    The place has moved by the vector `by` (m) since `paths` were searched.
     `lateness` (l,) m is the error in range of late detection at 0, 0.5, 1, ... dB over the threshold; empty for none.
     """
     angles, echoes, counts, ended = scan.angles, scan.ranges, scan.counts, scan.ends
     out, back, rise, turn = paths.out, paths.back, paths.rise, paths.turn
     kinds, levels = paths.kind, paths.level_db
-    reported, nearest, leaving, arriving = _on_axis(out, back, rise, turn, kinds, board)
+    reported, nearest, leaving, arriving = _on_axis(paths, by, board)
     aside = board.sender != (0.0, 0.0) or board.listener != (0.0, 0.0)
     reach = _reach(board) * board.stretch
-    needed = 10.0 ** ((board.threshold_db - _FAR * noise.level - levels) / 20.0)
+    needed = np.exp((board.threshold_db - _FAR * noise.level - levels) * _PER_DB)
     likelihoods, densities = np.empty(angles.shape[0]), np.empty(echoes.shape[1])
     for i in range(angles.shape[0]):
         count, ranges = counts[i], echoes[i]
@@ -104,7 +108,7 @@ def log_likelihoods(
         farthest = last + _FAR * noise.range + reach
         heading = board.heading + board.scale * angles[i]
         hx, hy = math.cos(heading), math.sin(heading)
-        sender, listener = _turned(board.sender, hx, hy), _turned(board.listener, hx, hy)
+        sender, listener = _turned(board.sender, by, hx, hy), _turned(board.listener, by, hx, hy)
         densities[:] = noise.stray
         undetected = 0.0
         for k in range(reported.shape[0]):
@@ -118,8 +122,8 @@ def log_likelihoods(
             found = reported[k]
             if aside:
                 one = displaced(out[k], back[k], turn[k], kinds[k], sender, listener)
-                there, on, bx, by = _legs(one, rise[k], turn[k], kinds[k])
-                ahead, home = (one[0] * hx + one[1] * hy) / there, bx * hx + by * hy
+                there, on, back_x, back_y = _legs(one, rise[k], turn[k], kinds[k])
+                ahead, home = (one[0] * hx + one[1] * hy) / there, back_x * hx + back_y * hy
                 found = (there + on) / 2 * board.stretch + board.offset
             amplitude = beam(ahead, board.ka, table)
             if amplitude < needed[k]:
@@ -133,6 +137,8 @@ def log_likelihoods(
             chance = (1.0 - noise.missed) * _normal(over / noise.level)
             silence = 1.0 - chance * _mass(found, ranges, count, ends, board, noise.range)
             undetected += math.log(silence)
+            if count == 0 and undetected < _HOPELESS:
+                break  # the ping was lost
             for e in range(count):
                 away = (ranges[e] - found) / noise.range
                 if abs(away) < _FAR:
@@ -148,17 +154,16 @@ def log_likelihoods(
 
 
 @array_part
-def _on_axis(
-    out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], board: BoardValues
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _on_axis(paths: PathArrays, by: Point, board: BoardValues) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return reported ranges (k,), the smallest one from each row on (k,), and directions, for a sensor on the axis.
 
     The directions of departure and towards the arriving sound, (k, 2) each, are horizontal parts of unit vectors.
     """
+    out, back, rise, turn, kinds = paths.out, paths.back, paths.rise, paths.turn, paths.kind
     count = out.shape[0]
     reported, nearest, leaving, arriving = np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2))
     for k in range(count):
-        one = (out[k, 0], out[k, 1], back[k, 0], back[k, 1])
+        one = displaced(out[k], back[k], turn[k], kinds[k], by, by)
         there, on, arriving[k, 0], arriving[k, 1] = _legs(one, rise[k], turn[k], kinds[k])
         leaving[k, 0], leaving[k, 1] = one[0] / there, one[1] / there
         reported[k] = (there + on) / 2 * board.stretch + board.offset
@@ -185,9 +190,9 @@ def _legs(
 
 
 @compiled_part
-def _turned(from_axis: tuple[float, float], x: float, y: float) -> tuple[float, float]:
+def _turned(from_axis: Point, axis: Point, x: float, y: float) -> Point:
     """Return a point given ahead and to the left of the axis, m, in room coordinates; the head points along x, y."""
-    return from_axis[0] * x - from_axis[1] * y, from_axis[0] * y + from_axis[1] * x
+    return axis[0] + from_axis[0] * x - from_axis[1] * y, axis[1] + from_axis[0] * y + from_axis[1] * x
 
 
 @compiled_part

@@ -215,16 +215,3 @@ def displaced(
     y = -listener[1] if kind == ODD else listener[1]
     x_image, y_image = turn[0] * listener[0] - turn[1] * y, turn[0] * y + turn[1] * listener[0]
     return out[0] + x_image - sender[0], out[1] + y_image - sender[1], 0.0, 0.0
-
-
-@compiled
-def moved(
-    out: FloatArray, back: FloatArray, turn: FloatArray, kind: NDArray[np.int8], by: Point
-) -> tuple[FloatArray, FloatArray]:
-    """Return `out` and `back` (k, 2) of paths after the place has moved by the vector `by`, m."""
-    new_out, new_back = np.empty_like(out), np.empty_like(back)
-    for k in range(out.shape[0]):
-        new_out[k, 0], new_out[k, 1], new_back[k, 0], new_back[k, 1] = displaced(
-            out[k], back[k], turn[k], kind[k], by, by
-        )
-    return new_out, new_back

@@ -6,6 +6,7 @@ Where the scan shows no mismatch, the small ones are more probable, and the inte
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +27,18 @@ class TolerancePrior:
     middle: FloatArray  # (t,)
     widest: FloatArray  # (t,), standard deviations as stated
 
-    def __call__(self, values: FloatArray) -> float:
-        """Return the logarithm of the density relative to the widest normal one at its middle."""
-        if not len(self.rows):
-            return 0.0
-        squares = self.groups @ (((values[self.rows] - self.middle) / self.widest) ** 2)
-        counts = self.groups.sum(axis=1)
-        logs = -0.5 * squares[:, None] / LEVELS**2 - counts[:, None] * np.log(LEVELS) + np.log(PROBABILITIES)
-        most = logs.max(axis=1, keepdims=True)
-        sums = most[:, 0] + np.log(np.exp(logs - most).sum(axis=1))
-        return float(sums.sum())
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Return the logarithm of the density of vectors (m, size) relative to the widest normal one's middle, (m,)."""
+        squares = (((values[:, self.rows] - self.middle) / self.widest) ** 2) @ self.groups.T
+        logs = -0.5 * squares[:, :, None] / LEVELS**2 + self._weights
+        most = logs.max(axis=2, keepdims=True)
+        sums = most[:, :, 0] + np.log(np.exp(logs - most).sum(axis=2))
+        return np.asarray(sums.sum(axis=1))
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """The logarithm of the weight of each level of each group, (g, levels)."""
+        return np.asarray(np.log(PROBABILITIES) - self.groups.sum(axis=1)[:, None] * np.log(LEVELS))
 
 
 def tolerance_prior(parameters: Sequence[Parameter]) -> TolerancePrior:

@@ -94,19 +94,21 @@ def widths_of(objective: Objective, top: FloatArray, units: FloatArray | None = 
     """
     if units is None:
         return widths_of(objective, top, np.diag(objective.problem.steps)) * objective.problem.steps
-    best, widths = objective(top), np.empty(len(units))
-    for row, unit in enumerate(units):
-        width = 0.05
-        while width < _WIDEST and _lost(objective, top, width * unit, best) < 0.5:
-            width *= 1.5
-        widths[row] = width
+    best, widths = objective(top), np.full(len(units), 0.05)
+    wider = np.ones(len(units), np.bool_)
+    while wider.any():
+        lost = best - _both(objective, top, widths[wider, None] * units[wider])
+        # sides out of bounds are ignored
+        most = np.where(np.isfinite(lost), lost, -np.inf).max(axis=0)
+        wider[wider] = np.isfinite(lost).any(axis=0) & (most < 0.5)
+        widths[wider] *= 1.5
+        wider &= widths < _WIDEST
     return widths
 
 
-def _lost(objective: Objective, top: FloatArray, by: FloatArray, best: float) -> float:
-    """Return the larger loss of log-likelihood at `by` to either side of the maximum, ignoring sides out of bounds."""
-    losses = [loss for loss in (best - objective(top + by), best - objective(top - by)) if np.isfinite(loss)]
-    return max(losses, default=np.inf)
+def _both(objective: Objective, values: FloatArray, steps: FloatArray) -> FloatArray:
+    """Return the log-likelihood at `values` (size,) plus and minus each of `steps` (k, size), (2, k)."""
+    return objective.many(np.concatenate((values + steps, values - steps))).reshape(2, -1)
 
 
 def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
@@ -135,18 +137,15 @@ def directions_of(objective: Objective, values: FloatArray, rows: NDArray[np.int
 
 def _principal(objective: Objective, values: FloatArray, units: FloatArray) -> FloatArray:
     """Return the principal directions (k, size) from the curvature over the distances `units` (k, size)."""
-    best = objective(values)
-
-    def bent(step: FloatArray) -> float:
-        ends = objective(values + step), objective(values - step)
-        # outside a bound there is one end only
-        finite = [end for end in ends if np.isfinite(end)]
-        return 2 * (sum(finite) / len(finite) - best) if finite else -1.0
-
-    alone = [bent(unit) for unit in units]
+    first, second = np.tril_indices(len(units), -1)
+    ends = _both(objective, values, np.concatenate((units, units[first] + units[second])))
+    inside = np.isfinite(ends)
+    # outside a bound there is one end only, or none
+    counts = inside.sum(axis=0)
+    means = np.where(inside, ends, 0.0).sum(axis=0) / np.maximum(counts, 1)
+    bent = np.where(counts > 0, 2 * (means - objective(values)), -1.0)
+    alone, together = np.split(bent, [len(units)])
     curvature = np.diag(alone)
-    for i in range(len(units)):
-        for j in range(i):
-            curvature[i, j] = curvature[j, i] = (bent(units[i] + units[j]) - alone[i] - alone[j]) / 2
+    curvature[first, second] = curvature[second, first] = (together - alone[first] - alone[second]) / 2
     strengths, vectors = np.linalg.eigh(-curvature)
     return np.asarray((vectors / np.sqrt(np.maximum(strengths, _FLATTEST))).T @ units)

@@ -14,7 +14,6 @@ from sonarhw_compare.fit.likelihood.echo_paths import (
     displaced,
     echo_paths,
     growth_by_wall,
-    moved,
     with_reverses,
 )
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
@@ -54,7 +53,8 @@ def same_paths(some: Paths, others: Paths, there: Room = ARENA) -> list[tuple[in
 def test_moved_paths_equal_those_of_a_new_search() -> None:
     here, there = find_paths(ARENA, HERE, SEARCH), find_paths(ARENA, THERE, SEARCH)
     one = echo_paths(here, ARENA, [], [])
-    out, back = moved(one.out, one.back, one.turn, one.kind, BY)
+    moved = [displaced(one.out[k], one.back[k], one.turn[k], one.kind[k], BY, BY) for k in range(len(here))]
+    out, back = np.split(np.array(moved), 2, axis=1)
     pairs = same_paths(here, there)
     assert len(pairs) > 0.9 * len(there)
     for row, other in pairs:

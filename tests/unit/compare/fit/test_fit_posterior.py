@@ -30,6 +30,9 @@ class Target:
         inside = ((values >= lower) & (values <= upper)).all()
         return float(-0.5 * values @ self.precision @ values) if inside else -np.inf
 
+    def many(self, values: FloatArray) -> FloatArray:
+        return np.array([self(one) for one in values])
+
 
 class Box(Target):
     """A uniform distribution between its bounds."""

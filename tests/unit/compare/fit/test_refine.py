@@ -36,6 +36,9 @@ class Normal:
             float(5.0 - away @ self.precision @ away / 2) if ((values >= lower) & (values <= upper)).all() else -np.inf
         )
 
+    def many(self, values: FloatArray) -> FloatArray:
+        return np.array([self(one) for one in values])
+
     @property
     def objective(self) -> Objective:
         return cast(Objective, self)

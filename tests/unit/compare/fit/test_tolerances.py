@@ -45,7 +45,8 @@ def test_the_prior_is_a_mixture_of_normal_distributions_with_one_deviation_for_a
     values = np.array([3.0, 0.002, -0.001, 1.004])
     walls = [np.prod([np.exp(-0.5 * (w / (0.005 * k)) ** 2) / k for w in values[1:3]]) for k in LEVELS]
     scale = [np.exp(-0.5 * (0.004 / (0.01 * k)) ** 2) / k for k in LEVELS]
-    assert prior(values) == pytest.approx(float(np.log(PROBABILITIES @ walls) + np.log(PROBABILITIES @ scale)))
+    expected = float(np.log(PROBABILITIES @ walls) + np.log(PROBABILITIES @ scale))
+    assert prior(values[None]) == pytest.approx([expected])
 
 
 def test_the_average_over_deviations_has_the_moments_of_a_direct_calculation() -> None:
