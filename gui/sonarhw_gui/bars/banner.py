@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QSizePolicy, QTo
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.plain_label import PlainLabel
-from sonarhw_gui.shown.notices import Notice, Notices
+from sonarhw_gui.shown.notices import Notice, Notices, Until
 
 
 class Banner(QFrame):
@@ -86,12 +86,23 @@ class Banner(QFrame):
     @Slot(str)
     def show_connection_error(self, message: str) -> None:
         """Show an error that ends when a scanner is connected."""
-        self.show_notice(Notice(message, error=True, until_connected=True))
+        self.show_notice(Notice(message, error=True, until=Until.CONNECTED))
 
     @Slot()
     def end_connection_errors(self) -> None:
         """Remove the errors of earlier attempts: a scanner is connected."""
-        self._notices.end_connection_errors()
+        self._notices.end(Until.CONNECTED)
+        self._show()
+
+    @Slot(str)
+    def show_search_error(self, message: str) -> None:
+        """Show an error that ends when the scans or the scene of the search change."""
+        self.show_notice(Notice(message, error=True, until=Until.SEARCH_CHANGED))
+
+    @Slot()
+    def end_search_errors(self) -> None:
+        """Remove the errors of a search whose scans or scene have changed."""
+        self._notices.end(Until.SEARCH_CHANGED)
         self._show()
 
     @Slot()

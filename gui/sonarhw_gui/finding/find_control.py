@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject, Slot
+from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.room_edit import remove_surface
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.model import Room
@@ -21,6 +21,8 @@ from sonarhw_gui.finding.find_request import (
 )
 from sonarhw_gui.finding.loaded_scans import loaded_scans
 from sonarhw_gui.run_control import RunControl
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.overlaid_scan import OverlaidScan
 from sonarhw_gui.shown.shown import Shown
 
 if TYPE_CHECKING:
@@ -62,6 +64,7 @@ class FindControl(RunControl):
     """At most one search at a time."""
 
     state: FindState
+    settled = Signal()  # the scans or the scene of a search that has failed were changed
 
     def __init__(self, shown: Callable[[], Shown], name: Callable[[], str], parent: QObject) -> None:
         """`shown` returns what the window shows, `name` the name of the scan in it."""
@@ -69,6 +72,24 @@ class FindControl(RunControl):
         self._shown, self._name = shown, name
         self._newest: Hypotheses | None = None  # that `state` has
         self._request: FindRequest | None = None  # the newest search
+        self._failed_with: tuple[Scene, tuple[OverlaidScan, ...]] | None = None
+        self.failed.connect(self._note_failure)
+
+    def tick(self) -> None:
+        """Emit progress and result, and whether the cause of a failure may be gone."""
+        super().tick()
+        failed, now = self._failed_with, self._searched
+        if failed is not None and any(one is not other for one, other in zip(failed, now, strict=True)):
+            self._failed_with = None
+            self.settled.emit()
+
+    @Slot()
+    def _note_failure(self) -> None:
+        self._failed_with = self._searched
+
+    @property
+    def _searched(self) -> tuple[Scene, tuple[OverlaidScan, ...]]:
+        return self._shown().scene, self._shown().overlays
 
     @Slot(object)
     def start(self, accuracy: Accuracy) -> None:

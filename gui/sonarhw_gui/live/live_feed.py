@@ -15,7 +15,7 @@ from sonarhw_gui.live.scanner_jobs import (
 )
 from sonarhw_gui.live.scanner_state import JobState, LinkState, Phase, trouble
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shown.notices import Notice
+from sonarhw_gui.shown.notices import Notice, Until
 
 _IDLE = JobState(Phase.DONE)
 
@@ -139,8 +139,8 @@ class LiveFeed:
         if not status.ended or self._end_reported:
             return len(fresh), None
         self._end_reported = True
-        text = _error_text(status)
-        return len(fresh), Notice(text, error=True, until_connected=self._device.leaving) if text else None
+        text, until = _error_text(status), Until.CONNECTED if self._device.leaving else None
+        return len(fresh), Notice(text, error=True, until=until) if text else None
 
     def _submit(self, job: ScannerJob) -> None:
         if self._opener is None or self.running:

@@ -113,8 +113,10 @@ def connect_banner(banner: Banner, session: WindowSession) -> None:
     """Connect the banner with errors, warnings and offers of the session."""
     session.warned.connect(banner.show_message)
     session.failed.connect(banner.show_error)
-    for part in (session.fitting, session.causes, session.scans, session.finding, session.saver):
+    for part in (session.fitting, session.causes, session.scans, session.saver):
         part.failed.connect(banner.show_error)
+    session.finding.failed.connect(banner.show_search_error)
+    session.finding.settled.connect(banner.end_search_errors)
     session.scanners.failed.connect(banner.show_connection_error)
     session.connected.connect(banner.end_connection_errors)
     session.noticed.connect(banner.show_notice)

@@ -5,8 +5,16 @@ The current state comes first, then errors, then warnings and offers; of each ki
 
 from collections import deque
 from dataclasses import dataclass
+from enum import Enum, auto
 
 _MOST = 20  # a user who has not read the first of them does not need more
+
+
+class Until(Enum):
+    """What ends a message."""
+
+    CONNECTED = auto()  # a scanner is connected
+    SEARCH_CHANGED = auto()  # the scans or the scene of a search for the room change
 
 
 @dataclass(frozen=True)
@@ -19,7 +27,7 @@ class Notice:
     decline_text: str = ""  # of a second button
     decline_value: object = None  # sent when the second button is pressed
     error: bool = False  # False: a warning or an offer
-    until_connected: bool = False  # whether it ends as soon as a scanner is connected
+    until: Until | None = None  # what ends it; None: only the user, or a new scan
 
 
 NOTHING = Notice("")
@@ -76,9 +84,9 @@ class Notices:
         else:
             self._dismissed = bool(self._state)
 
-    def end_connection_errors(self) -> None:
-        """Remove the messages that end when a scanner is connected."""
-        for notice in [notice for notice in self._events if notice.until_connected]:
+    def end(self, until: Until) -> None:
+        """Remove the messages that this ends."""
+        for notice in [notice for notice in self._events if notice.until is until]:
             self._events.remove(notice)
 
     def clear(self) -> None:

@@ -223,9 +223,13 @@ def test_what_cannot_be_searched_is_reported(qtbot: QtBot, window: MainWindow, f
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, lambda: "contain the same readings" in window.banner.message)
     assert not window.session.finding.state.running
+    window.session.scans.remove(1)
+    until(qtbot, lambda: window.banner.message == "")
     window.session.showing.edit(*with_board(window.session.shown.scene, load_board("hc-sr04")))
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, lambda: "is of board 'hc-sr04'" in window.banner.message)
+    window.session.showing.undo()
+    until(qtbot, lambda: window.banner.message == "")
 
 
 def test_a_place_that_is_off_is_found_with_the_room(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
