@@ -21,11 +21,7 @@ from sonarhw_gui.shown.overlaid_scan import SHOWN
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 
-_HINT = (
-    "There is no second scan to compare with.\n\n"
-    "Open the panel Scans (F12). “Add log…” loads a second scan. “Keep this scan” keeps the readings shown now, "
-    "to compare them with the next scan or log."
-)
+_HINT = "no scan to compare with: add a log, or keep this scan, in the panel Scans (F12)"
 _SYMBOLS = {
     ScanChange.SAME: "o",
     ScanChange.NEARER: "t",
@@ -48,6 +44,7 @@ class DifferenceView(QWidget):
         self.plot = new_plot()
         self.canvas = Canvas(self.plot)
         self.summary = PlainLabel(wordWrap=True)
+        self.summary.setAlignment(Qt.AlignmentFlag.AlignLeft)
         self.summary.setContentsMargins(8, 2, 8, 2)
         self.difference: ScanDifference | None = None
         self._shown: Shown | None = None
@@ -106,15 +103,8 @@ class DifferenceView(QWidget):
         for change, marks in self.marks.items():
             at = [(math.degrees(row.heading), row.difference or 0.0) for row in rows if row.change is change]
             marks.setData(*np.array(at, dtype=np.float64).reshape(-1, 2).T)
-        self._say(text)
-        self.fit()
-
-    def _say(self, text: str) -> None:
-        """Show a line above the plot; without differences, text in the place of the empty plot."""
         self.summary.setText(text)
-        empty = self.difference is None
-        self.summary.setAlignment(Qt.AlignmentFlag.AlignCenter if empty else Qt.AlignmentFlag.AlignLeft)
-        self.canvas.setVisible(not empty)
+        self.fit()
 
     def _move(self, place: QPointF | None) -> None:
         """Link the cursor of all views: point at the second scan's reading at this heading."""

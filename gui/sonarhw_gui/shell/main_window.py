@@ -215,8 +215,7 @@ class MainWindow(TabbedWindow):
         self.setWindowModified(session.unsaved.changed)
 
     def _update_texts_soon(self) -> None:
-        status = self.session.status
-        if not (status.scanning or status.predicting):
+        if not (self.session.status.scanning or self.session.showing.forecast.dragging):
             self._text_timer.stop()
             self._update_texts()
         elif not self._text_timer.isActive():
