@@ -5,7 +5,7 @@ timer it fetches the results of all threads from their queues.
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
@@ -36,7 +36,7 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.sound.sound_control import SoundControl
 from sonarhw_gui.store.csv_preview import ReadCsvRequest
 from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.file_watch import FileWatch, WatchedFile, is_being_written
+from sonarhw_gui.store.file_watch import FileWatch, ReloadBoard, WatchedFile, is_being_written
 from sonarhw_gui.store.open_requests import (
     FollowLogRequest,
     LogGrown,
@@ -52,13 +52,6 @@ _DRAG_TICK = 15  # ms: a draft that waits for its tick is late for the hand
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
 _BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
-
-
-@dataclass(frozen=True)
-class ReloadBoard:
-    """An accepted offer to read the board profile again."""
-
-    path: Path
 
 
 class WindowSession(QObject):

@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -20,6 +21,13 @@ class WatchedFile(StrEnum):
     LOG = "log"
     ROOM = "room"
     BOARD = "board"
+
+
+@dataclass(frozen=True)
+class ReloadBoard:
+    """An accepted offer to read a changed board profile again."""
+
+    path: Path
 
 
 class FileWatch:
