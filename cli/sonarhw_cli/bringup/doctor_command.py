@@ -27,9 +27,10 @@ def doctor(
     ] = None,
     distance: Annotated[float | None, typer.Option(help="Distance of this plate from the transducer, metres.")] = None,
 ) -> None:
-    """Check a new scanner step by step: line, firmware, ranging board, turntable, and a first plate.
+    """Check a new scanner step by step.
 
-    Each check is a line: pass, FAIL or skip, what was found, and what to do. Exit status 1 if any check fails.
+    The steps are line, firmware, ranging board, turntable, and a first plate. Each check is a line: pass, FAIL or skip,
+    what was found, and what to do. Exit status 1 if any check fails.
     """
     from sonarhw.bringup.doctor import examine
 

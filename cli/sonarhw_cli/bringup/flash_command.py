@@ -24,10 +24,11 @@ def flash(
         bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
     ] = False,
 ) -> None:
-    """Write the firmware that comes with sonarhw to a board with avrdude, verify it, and print who answers.
+    """Write the firmware to a board, and verify it.
 
-    A board is recognised by its USB identity, or by a scanner firmware that runs on it. No compiler is needed.
-    A Nano with a new bootloader is flashed as an Uno.
+    avrdude writes the firmware that comes with sonarhw. Then the identity that the board answers is printed. A board is
+    recognised by its USB identity, or by a scanner firmware that runs on it. No compiler is needed. A Nano with a new
+    bootloader is flashed as an Uno.
     """
     from sonarhw.bringup import flashing
 

@@ -98,7 +98,7 @@ def calibrate(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Calibrate a board with a flat plate, or with scans of a known room, and write a profile.
+    """Write the profile of a board, from a plate or a known room.
 
     A URL: scan the plate, and measure range offset and home angle. Logs of a plate at several distances: find aperture,
     gain steps, threshold, swelling, ring-down and blanking. Logs with --room: find threshold, aperture, their spreads,

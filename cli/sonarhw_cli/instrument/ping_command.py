@@ -45,9 +45,10 @@ def ping(
     ] = False,
     force: Force = False,
 ) -> None:
-    """Ping at the present angle, and print each reading as it arrives.
+    """Ping at the present angle, and print the readings.
 
-    The turntable is not homed or turned and its motor stays off, so a ranging board alone is enough.
+    Each is printed as it arrives. The turntable is not homed or turned and its motor stays off, so a ranging board
+    alone is enough.
     """
     from sonarhw_sim.board.profile import MOST_RANGE, load_board
 

@@ -28,7 +28,7 @@ def new(file: NewFile) -> None:
 
 @app.command("schema")
 def schema() -> None:
-    """Print the JSON Schema of board profiles, for completion and checks in an editor."""
+    """Print the JSON Schema of board profiles, for editors."""
     from sonarhw_sim.board.profile import BoardFile
     from sonarhw_sim.toml_file import json_schema
 

@@ -41,7 +41,7 @@ def new(file: NewFile) -> None:
 
 @app.command("schema")
 def schema() -> None:
-    """Print the JSON Schema of room files, for completion and checks in an editor."""
+    """Print the JSON Schema of room files, for editors."""
     from sonarhw_sim.room.room_file import RoomFile
     from sonarhw_sim.toml_file import json_schema
 
@@ -59,10 +59,10 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
     force: Force = False,
 ) -> int:
-    """Check a room for probable mistakes, such as a wrong unit or walls that nearly meet.
+    """Check a room for probable mistakes.
 
-    Prints one line for each finding. Exit status: 0 without findings, 1 with findings, 2 if the other commands would
-    refuse the file.
+    Examples are a wrong unit and walls that nearly meet. Prints one line for each finding. Exit status: 0 without
+    findings, 1 with findings, 2 if the other commands would refuse the file.
     """
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.check.room_check import check_room, refusals_of
