@@ -36,7 +36,7 @@ class Commands:
         self.connect_scanner = self._add("Connect…", "Ctrl+K", "Choose a scanner: a port of this computer, or a URL")
         self.help = self._add("Help", "F1", "All keys on one page")
         self.first_steps = self._add("First steps", "Shift+F1", "What is measured, what is predicted, where to click")
-        self.palette = self._add("Commands…", "Ctrl+Shift+A", "Search all commands by name, and run one")
+        self.palette = self._add("Commands…", "Ctrl+Shift+A", "Search all commands by words, and run one")
         self.copy_view = self._add("Copy picture", "Ctrl+Shift+C", "Copy the large view as a picture")
         self.print_view = self._add("Print…", "Ctrl+Alt+Shift+P", "Print the large view, after a preview")
         self.reset_layout = self._add("Reset layout", "Ctrl+Alt+0", "Put all views back in their places")

@@ -1,4 +1,4 @@
-"""The command palette: type a part of a command's name, and run it with Enter."""
+"""The command palette: type words of a command's name or of its description, and run it with Enter."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ _STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown
 
 
 class CommandPalette(QDialog):
-    """Lists the enabled commands whose names contain all typed words. Not modal."""
+    """Lists the enabled commands with all typed words: first those with the words in their names. Not modal."""
 
     def __init__(self, actions: Sequence[QAction], parent: QWidget) -> None:
         super().__init__(parent)
@@ -47,11 +47,14 @@ class CommandPalette(QDialog):
     @Slot(str)
     def _filter(self, text: str) -> None:
         self.list.clear()
-        for name, action in self._actions.items():
-            if all(word in name.casefold() for word in text.casefold().split()):
-                item = QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
-                item.setData(Qt.ItemDataRole.UserRole, name)
-                self.list.addItem(item)
+        words = text.casefold().split()
+        in_name = [name for name in self._actions if _has(name, words)]
+        in_tip = [name for name, action in self._actions.items() if _has(f"{name} {action.toolTip()}", words)]
+        for name in dict.fromkeys((*in_name, *in_tip)):
+            action = self._actions[name]
+            item = QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
+            item.setData(Qt.ItemDataRole.UserRole, name)
+            self.list.addItem(item)
         self.list.setCurrentRow(0)
 
     @Slot()
@@ -62,6 +65,10 @@ class CommandPalette(QDialog):
         action = self._actions[item.data(Qt.ItemDataRole.UserRole)]
         self.close()
         action.trigger()
+
+
+def _has(text: str, words: Sequence[str]) -> bool:
+    return all(word in text.casefold() for word in words)
 
 
 def plain_name(action: QAction) -> str:

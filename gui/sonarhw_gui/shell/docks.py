@@ -39,11 +39,11 @@ class _VerticalScrollArea(QScrollArea):
 class _Dock(QDockWidget):
     """A dock with an action that opens it, brings it to the front, or closes it."""
 
-    def __init__(self, name: str, key: str, window: QMainWindow) -> None:
+    def __init__(self, name: str, key: str, about: str, window: QMainWindow) -> None:
         super().__init__(name, window)
         self.setObjectName(name)  # key of the stored layout
         self.opener = QAction(name, self, checkable=True, shortcut=QKeySequence(key))  # checked: it is in front
-        self.opener.setToolTip(f"Open or close this panel ({key})")
+        self.opener.setToolTip(f"{about} ({key})")
         self.opener.triggered.connect(self._open_or_close)
         self.visibilityChanged.connect(self.opener.setChecked)
 
@@ -64,10 +64,10 @@ class Docks:
         self._docks: list[_Dock] = []
         self._panels: list[Panel] = []
 
-    def add(self, name: str, key: str, panel: Panel) -> QDockWidget:
-        """Return a new dock with `panel`; `key` opens and closes it."""
+    def add(self, name: str, key: str, about: str, panel: Panel) -> QDockWidget:
+        """Return a new dock with `panel`; `key` opens and closes it, and `about` says what it is for."""
         self._panels.append(panel)
-        dock = _Dock(name, key, self._window)
+        dock = _Dock(name, key, about, self._window)
         dock.setWidget(_VerticalScrollArea(cast(QWidget, panel)))
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
         if self._docks:

@@ -123,15 +123,15 @@ class MainWindow(TabbedWindow):
             column.addWidget(part, stretch=1 if part is self.views else 0)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
-        for name, key, panel in (
-            ("Device", "F7", self.device),
-            ("Room", "F8", self.room),
-            ("Fit", "F9", self.fit_panel),
-            ("Causes", "F11", self.causes),
-            ("Scans", "F12", self.scans),
-            ("Find the room", "Ctrl+M", self.finding),
+        for name, key, about, panel in (
+            ("Device", "F7", "Connect, scan, turn and home the scanner", self.device),
+            ("Room", "F8", "Materials, air, board and model", self.room),
+            ("Fit", "F9", "Find pose, board and room values from the scan", self.fit_panel),
+            ("Causes", "F11", "Find missing objects and other causes of misfits", self.causes),
+            ("Scans", "F12", "Show several scans, and compare two", self.scans),
+            ("Find the room", "Ctrl+M", "Find walls from scans, and the next place to scan", self.finding),
         ):
-            self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
+            self.docks.add(name, key, about, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
         fill_menus(
             self.menuBar(),

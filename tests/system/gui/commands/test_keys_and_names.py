@@ -62,9 +62,19 @@ def test_the_palette_runs_a_command_by_a_part_of_its_name(qtbot: QtBot, window: 
     until(qtbot, palette.isVisible)
     assert len(palette.names) > 50
     qtbot.keyClicks(palette.words, "side by")
-    assert palette.names == ["Side by side"]
+    assert palette.names[0] == "Side by side"
     qtbot.keyClick(palette.words, Qt.Key.Key_Return)
     assert window.views.large_view is window.views.side_by_side
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [("next place", "Find the room"), ("missing", "Causes"), ("compare two", "Scans"), ("home scanner", "Device")],
+)
+def test_the_palette_finds_a_panel_by_its_purpose(qtbot: QtBot, window: MainWindow, words: str, name: str) -> None:
+    window.commands.palette.trigger()
+    qtbot.keyClicks(window.help.palette.words, words)
+    assert window.help.palette.names == [name]
 
 
 def test_undo_steps_are_listed_and_undone_together(qtbot: QtBot, window: MainWindow) -> None:
