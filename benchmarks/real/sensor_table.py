@@ -9,6 +9,7 @@ import hashlib
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -27,6 +28,7 @@ from sonarhw_sim.choices import Model
 from sonarhw_sim.room.model import Place
 
 from benchmarks.real.judged_scans import NEARBY, ON_THE_SPOT, ROOM, Judged, RealScan, figures_of, judge, judged_of
+from sonarhw.atomic_file import atomic_file
 from sonarhw.readings import FloatArray
 
 KEPT = Path("build/real_scans")
@@ -121,19 +123,25 @@ def _tested(scan: RealScan, board: Board, free: frozenset[str]) -> Tested:
 def kept(name: str, scans: Sequence[RealScan], compute: Callable[[], Result], more: str = "") -> Result:
     """Return a result of scans, from the folder of results if it was computed by the same code, or computed now."""
     read = [(scan.name, scan.spot, [(one.angle, one.range) for one in scan.readings]) for scan in scans]
-    together = hashlib.sha256(repr((read, more)).encode())
+    key = hashlib.sha256(repr((read, more, _code())).encode()).hexdigest()[:16]
+    file = KEPT / f"{name}-{key}.pickle"
+    if file.is_file():
+        result: Result = pickle.loads(file.read_bytes())
+        return result
+    found = compute()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(file) as out:
+        pickle.dump(found, out)
+    return found
+
+
+@cache
+def _code() -> str:
+    """Return a checksum of the code of the predictions."""
+    together = hashlib.sha256()
     for source in sorted(path for folder in SOURCES for path in folder.rglob("*") if path.suffix in {".py", ".toml"}):
         together.update(source.read_bytes())
-    file = KEPT / f"{name}-{together.hexdigest()[:16]}.pickle"
-    if not file.is_file():
-        found = compute()
-        file.parent.mkdir(parents=True, exist_ok=True)
-        part = file.with_suffix(".part")
-        part.write_bytes(pickle.dumps(found))
-        part.replace(file)
-        return found
-    result: Result = pickle.loads(file.read_bytes())
-    return result
+    return together.hexdigest()
 
 
 def held_out_places(
@@ -142,7 +150,7 @@ def held_out_places(
     """Return the results of all places of the sensors `tested`, and the profile of each sensor from all its scans."""
     whole = {}
     for name, scans in sensors.items():
-        whole[name] = kept(f"{name}-whole", scans, lambda scans=scans: calibrated(scans))  # type: ignore[misc]
+        whole[name] = kept(f"{name}-whole", scans, partial(calibrated, scans))
         print(f"sensor {name} calibrated", flush=True)
     found = []
     for sensor in tested:
@@ -150,7 +158,7 @@ def held_out_places(
         for spot in dict.fromkeys(scan.spot for scan in sensors[sensor]):
             job = Job(tuple(sensors[sensor]), spot, others)
             name = f"{sensor}-{spot}"
-            found.append(kept(name, job.scans, lambda job=job: tested_place(job), repr(others)))  # type: ignore[misc]
+            found.append(kept(name, job.scans, partial(tested_place, job), repr(others)))
             print(f"sensor {sensor} tested at {spot}", flush=True)
     return found, whole
 
