@@ -16,7 +16,7 @@ from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 from sonarhw_compare.explain.contest import WallChange, steps, wall_changes
 from sonarhw_compare.explain.sentences import LengthText, in_metres, receiver_change
 
-FAINTEST_DB = 20.0  # below the threshold; the prediction contains no fainter paths
+FAINTEST_DB = 20.0  # below the threshold; no arrival begins with a fainter path
 _SAME_LENGTH = 1e-6  # m
 _CENTIMETRES_PER_DB = 1.0  # of the ranking: sentences mention margins below 1 dB and below 1 cm
 

@@ -4,8 +4,8 @@ Echoes that the room explains say nothing about the carrier, so they are not giv
 if nearly all places have the same range there, and if the other echoes, turned against each other at random, hardly
 ever have a run as long.
 
-Places in one line may be equally far from a wall that the room lacks, so two places are not enough to tell such a wall
-from the carrier.
+The room file may lack a wall that is equally far from two places. Its echoes look like those of the carrier, so scans
+from two places are not enough.
 """
 
 import math

@@ -28,7 +28,7 @@ def at_right_angles(draft: RoomDraft) -> int:
     away = _away(draft)
     if not len(away):
         return 0
-    common = int(_logarithms(away).sum(axis=1).argmax())
+    common = _common(away)
     return int((np.abs(away[common]) < 3 * SPREAD).sum())
 
 
@@ -40,7 +40,7 @@ def pulls(draft: RoomDraft) -> Iterator[tuple[int, int, float, float]]:
     away, keys = _away(draft), list(draft.walls)
     if len(keys) < 2 or draft.base is not None:
         return
-    common = int(_logarithms(away).sum(axis=1).argmax())
+    common = _common(away)
     near = _core(away[common])
     weights = near / (near + (1 - SHARE) * _ANY) / SPREAD**2
     for row, key in enumerate(keys):
@@ -53,6 +53,11 @@ def _away(draft: RoomDraft) -> FloatArray:
     angles = np.array([wall.angle for wall in draft.walls.values()])
     quarter = math.pi / 2
     return np.asarray(np.remainder(angles - angles[:, None] + quarter / 2, quarter) - quarter / 2)
+
+
+def _common(away: FloatArray) -> int:
+    """Return the row of the wall that makes the directions of all walls most probable."""
+    return int(_logarithms(away).sum(axis=1).argmax())
 
 
 def _core(away: FloatArray) -> FloatArray:
