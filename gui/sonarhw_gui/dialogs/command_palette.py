@@ -48,10 +48,8 @@ class CommandPalette(QDialog):
     def _filter(self, text: str) -> None:
         self.list.clear()
         words = text.casefold().split()
-        in_name = [name for name in self._actions if _has(name, words)]
-        in_tip = [name for name, action in self._actions.items() if _has(f"{name} {action.toolTip()}", words)]
-        for name in dict.fromkeys((*in_name, *in_tip)):
-            action = self._actions[name]
+        found = [one for one in self._actions.items() if _has(f"{one[0]} {one[1].toolTip()}", words)]
+        for name, action in sorted(found, key=lambda one: not _has(one[0], words)):
             item = QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
             item.setData(Qt.ItemDataRole.UserRole, name)
             self.list.addItem(item)

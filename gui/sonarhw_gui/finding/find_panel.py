@@ -5,7 +5,6 @@ A click on a wall highlights it in the plan, with the readings that speak for an
 
 from dataclasses import replace
 
-import numpy as np
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import (
@@ -36,7 +35,6 @@ from sonarhw_gui.shown.shown import Shown
 
 ACCEPTING, REJECTING = "accepting the found room", "rejecting"  # labels of Undo
 _LEAST_WIDTH = 290  # pixels
-_ONE_PLACE = 0.05  # m; positions this close are one place
 _HINT = (
     "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
     "(F12). This takes up to minutes."
@@ -245,8 +243,10 @@ def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
     if not scans:
         return "No scan"
     text = f"Scans: {len(scans)} (the one shown, the visible ones of the panel Scans)"
-    positions = np.array([scan.place.position for scan in scans])
-    if len(scans) > 1 and (not all(scan.known for scan in scans) or np.ptp(positions, axis=0).max() > _ONE_PLACE):
+    from sonarhw_compare.known_room.own_body_search import place_numbers  # not needed at the start of the window
+
+    places = place_numbers([scan.place.position for scan in scans])
+    if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.known for scan in scans)):
         return text
     return f"{text}\n⚠ One place alone does not determine a room: walls and posts may be false. Add a scan of another."
 
