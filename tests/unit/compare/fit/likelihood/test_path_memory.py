@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_pro
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.room.model import Place, Room, load_room
 from sonarhw_sim.vertical.sections import paths_from
 
 from sonarhw.readings import Reading
@@ -33,9 +35,9 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[Place]:
     """Return a list that grows with each search of paths."""
     found: list[Place] = []
 
-    def counted(room: object, place: Place, *others: object) -> object:
+    def counted(room: Room, place: Place, *others: Any) -> Paths:
         found.append(place)
-        return paths_from(room, place, *others)  # type: ignore[arg-type]
+        return paths_from(room, place, *others)
 
     monkeypatch.setattr("sonarhw_compare.fit.likelihood.objective.paths_from", counted)
     return found
