@@ -104,19 +104,24 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+ShowVersion = Annotated[
+    bool, typer.Option("--version", "-v", help="Print the version.", is_eager=True, callback=_show_version)
+]
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="Print no warnings, progress or closing lines; only results and errors."),
+]
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", help="Also print what is read and chosen, and the class of an error."),
+]
+
+
 @app.callback()
 def sonarhw(
-    show_version: Annotated[
-        bool, typer.Option("--version", "-v", help="Print the version.", is_eager=True, callback=_show_version)
-    ] = False,
-    quiet: Annotated[
-        bool,
-        typer.Option("--quiet", "-q", help="Print no warnings, progress or closing lines; only results and errors."),
-    ] = False,
-    verbose: Annotated[
-        bool,
-        typer.Option("--verbose", help="Also print what is read and chosen, and the class of an error."),
-    ] = False,
+    show_version: ShowVersion = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Scan a room with an ultrasonic ranging board, and compare the scan with its prediction."""
     choose_verbosity(quiet=quiet, verbose=verbose)

@@ -17,15 +17,20 @@ if TYPE_CHECKING:
 _WIDTH = 14  # characters of the name of a check
 
 
+WithTurning = Annotated[
+    bool, typer.Option("--turn/--no-turn", help="Also check motor and home switches; the table turns.")
+]
+PlateAngle = Annotated[
+    float | None, typer.Option(help="Turntable angle of a plate, degrees, counter-clockwise.", metavar="DEG")
+]
+PlateDistance = Annotated[float | None, typer.Option(help="Distance of this plate from the transducer, metres.")]
+
+
 def doctor(
     url: ScannerUrl,
-    turn: Annotated[
-        bool, typer.Option("--turn/--no-turn", help="Also check motor and home switches; the table turns.")
-    ] = True,
-    plate: Annotated[
-        float | None, typer.Option(help="Turntable angle of a plate, degrees, counter-clockwise.", metavar="DEG")
-    ] = None,
-    distance: Annotated[float | None, typer.Option(help="Distance of this plate from the transducer, metres.")] = None,
+    turn: WithTurning = True,
+    plate: PlateAngle = None,
+    distance: PlateDistance = None,
 ) -> None:
     """Check a new scanner step by step.
 

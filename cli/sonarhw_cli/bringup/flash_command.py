@@ -8,21 +8,27 @@ from sonarhw.bringup.controllers import Combination, Controller, Ranging, Turnin
 from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import print_line, print_note
 
+FlashedPort = Annotated[str, typer.Argument(help="Serial port of the board, such as /dev/ttyACM0.", metavar="PORT")]
+ControllerChoice = Annotated[
+    Controller | None, typer.Option(help="Controller of the board; default: the one that is recognised.")
+]
+RangingChoice = Annotated[
+    Ranging | None, typer.Option(help=f"Ranging board; default: as the board answers, else {Ranging.POLAROID}.")
+]
+TurningChoice = Annotated[
+    Turning | None, typer.Option(help=f"Turntable; default: as the board answers, else {Turning.STEP_DIR}.")
+]
+ForceUnknown = Annotated[
+    bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
+]
+
 
 def flash(
-    port: Annotated[str, typer.Argument(help="Serial port of the board, such as /dev/ttyACM0.", metavar="PORT")],
-    controller: Annotated[
-        Controller | None, typer.Option(help="Controller of the board; default: the one that is recognised.")
-    ] = None,
-    ranging: Annotated[
-        Ranging | None, typer.Option(help=f"Ranging board; default: as the board answers, else {Ranging.POLAROID}.")
-    ] = None,
-    turning: Annotated[
-        Turning | None, typer.Option(help=f"Turntable; default: as the board answers, else {Turning.STEP_DIR}.")
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Also flash a board that is not recognised; needs --controller.")
-    ] = False,
+    port: FlashedPort,
+    controller: ControllerChoice = None,
+    ranging: RangingChoice = None,
+    turning: TurningChoice = None,
+    force: ForceUnknown = False,
 ) -> None:
     """Write the firmware to a board, and verify it.
 

@@ -23,22 +23,25 @@ class WiredPart(StrEnum):
     MOTOR = "motor"
 
 
+Inverted = Annotated[
+    list[WiredPart] | None, typer.Option(help="Invert this switch or the direction of the motor; repeatable.")
+]
+NotInverted = Annotated[list[WiredPart] | None, typer.Option(help="Do not invert this part any more; repeatable.")]
+OneSwitch = Annotated[
+    bool | None,
+    typer.Option(
+        "--one-switch/--no-one-switch",
+        help="Home by the mark alone, without a cam. The table then turns less than half a turn from zero. Put it "
+        "within 45 degrees of zero, with the cable in its middle, before the first home.",
+    ),
+]
+
+
 def wiring(
     url: ScannerUrl,
-    invert: Annotated[
-        list[WiredPart] | None, typer.Option(help="Invert this switch or the direction of the motor; repeatable.")
-    ] = None,
-    normal: Annotated[
-        list[WiredPart] | None, typer.Option(help="Do not invert this part any more; repeatable.")
-    ] = None,
-    one_switch: Annotated[
-        bool | None,
-        typer.Option(
-            "--one-switch/--no-one-switch",
-            help="Home by the mark alone, without a cam. The table then turns less than half a turn from zero. Put it "
-            "within 45 degrees of zero, with the cable in its middle, before the first home.",
-        ),
-    ] = None,
+    invert: Inverted = None,
+    normal: NotInverted = None,
+    one_switch: OneSwitch = None,
 ) -> None:
     """Print the levels of the inputs and what is inverted. The scanner keeps what the options set.
 

@@ -45,6 +45,44 @@ if TYPE_CHECKING:
     from sonarhw_compare.pictures.range_shading import RangeShading
 
 
+Explained = Annotated[
+    bool,
+    typer.Option("--explain", help="With --json: add every reading, all its echoes and what would change it."),
+]
+ComparisonPicture = Annotated[
+    Path | None,
+    typer.Option(
+        help="Draw the measured scan over the prediction, and shade ranges by their probability if the profile has "
+        "a spread.",
+        metavar=PICTURE_FILE,
+    ),
+]
+FindMissing = Annotated[
+    bool,
+    typer.Option(
+        "--find-missing", help="Find changes of the room that explain misfits: new posts and walls, moved walls."
+    ),
+]
+ChangedRoom = Annotated[
+    Path | None, typer.Option(help="With --find-missing: write the changed room.", metavar="FILE.toml")
+]
+OtherLog = Annotated[
+    Path | None,
+    typer.Option("--with", help="Compare with another scan, by heading and without a room.", metavar="LOG"),
+]
+Sweep = Annotated[int | None, typer.Option(help="With --with or --with-sweep: only this sweep of LOG, from 1.", min=1)]
+OtherSweep = Annotated[
+    int | None,
+    typer.Option(
+        "--with-sweep", help="Only this sweep of the other scan, from 1; without --with: of LOG itself.", min=1
+    ),
+]
+DifferenceFile = Annotated[
+    str | None,
+    typer.Option(help="Write the differences of two scans by heading, or - to standard output.", metavar="FILE.csv"),
+]
+
+
 def compare(
     log_file: LogFile,
     room_name: RoomOfLog = None,
@@ -54,48 +92,16 @@ def compare(
     model: ModelChoice = Model.RAY_FOLLOWING,
     fit: FitOption = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    explained: Annotated[
-        bool,
-        typer.Option("--explain", help="With --json: add every reading, all its echoes and what would change it."),
-    ] = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            help="Draw the measured scan over the prediction, and shade ranges by their probability if the profile has "
-            "a spread.",
-            metavar=PICTURE_FILE,
-        ),
-    ] = None,
+    explained: Explained = False,
+    plot: ComparisonPicture = None,
     pings: PingsOfMedian = None,
     room_tolerance: RoomTolerance = None,
-    missing: Annotated[
-        bool,
-        typer.Option(
-            "--find-missing", help="Find changes of the room that explain misfits: new posts and walls, moved walls."
-        ),
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option(help="With --find-missing: write the changed room.", metavar="FILE.toml")
-    ] = None,
-    other: Annotated[
-        Path | None,
-        typer.Option("--with", help="Compare with another scan, by heading and without a room.", metavar="LOG"),
-    ] = None,
-    sweep: Annotated[
-        int | None, typer.Option(help="With --with or --with-sweep: only this sweep of LOG, from 1.", min=1)
-    ] = None,
-    other_sweep: Annotated[
-        int | None,
-        typer.Option(
-            "--with-sweep", help="Only this sweep of the other scan, from 1; without --with: of LOG itself.", min=1
-        ),
-    ] = None,
-    csv: Annotated[
-        str | None,
-        typer.Option(
-            help="Write the differences of two scans by heading, or - to standard output.", metavar="FILE.csv"
-        ),
-    ] = None,
+    missing: FindMissing = False,
+    out: ChangedRoom = None,
+    other: OtherLog = None,
+    sweep: Sweep = None,
+    other_sweep: OtherSweep = None,
+    csv: DifferenceFile = None,
     force: Force = False,
 ) -> None:
     """Compare a log with its prediction. The class and path of every reading are printed, with its note from the

@@ -34,73 +34,84 @@ if TYPE_CHECKING:
     from sonarhw_sim.room.model import Place, Room
 
 
+RoomOfFirstLog = Annotated[
+    str | None,
+    typer.Option("--room", help="Room: name or file; default: the room inside the first log.", metavar=ROOM_NAME),
+]
+PlacesOfLogs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--place",
+        help="Place, or X,Y in metres; once for each log. A free position is searched within 25 cm of it.",
+        metavar="P",
+    ),
+]
+FreeQuantities = Annotated[
+    str,
+    typer.Option(
+        help=f"Quantities to fit: {words_of()}.",
+        metavar="NAME,...",
+    ),
+]
+Priors = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--prior",
+        help="Prior of a quantity: NAME=VALUE+-DEVIATION (normal) or NAME=LOW..HIGH (bounds).",
+        metavar="NAME=...",
+    ),
+]
+WallTolerance = Annotated[
+    float,
+    typer.Option(
+        help="Standard deviation of the position of each wall that is not free, in metres; 0: exact walls.",
+        min=0.0,
+        max=0.1,
+    ),
+]
+Exact = Annotated[
+    bool,
+    typer.Option(
+        "--exact",
+        help="Take all that is not free as exact: walls, reflectances, threshold, aperture, turntable scale.",
+    ),
+]
+Samples = Annotated[
+    int,
+    typer.Option(
+        help="Samples drawn for the credible intervals; 0: use the curvature of the likelihood.",
+        min=0,
+        max=1_000_000,
+    ),
+]
+FittedRoomFile = Annotated[
+    Path | None,
+    typer.Option(help="Write the fitted room: places, materials, walls, air.", metavar="ROOM.toml"),
+]
+FittedBoardFile = Annotated[
+    Path | None,
+    typer.Option(
+        help=f"Write the fitted board profile: {words_of(BoardQuantity)}.",
+        metavar="BOARD.toml",
+    ),
+]
+
+
 def fit(
     log_files: LogFiles,
-    room_name: Annotated[
-        str | None,
-        typer.Option("--room", help="Room: name or file; default: the room inside the first log.", metavar=ROOM_NAME),
-    ] = None,
-    places: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--place",
-            help="Place, or X,Y in metres; once for each log. A free position is searched within 25 cm of it.",
-            metavar="P",
-        ),
-    ] = None,
+    room_name: RoomOfFirstLog = None,
+    places: PlacesOfLogs = None,
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
-    free: Annotated[
-        str,
-        typer.Option(
-            help=f"Quantities to fit: {words_of()}.",
-            metavar="NAME,...",
-        ),
-    ] = "position,heading",
-    priors: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--prior",
-            help="Prior of a quantity: NAME=VALUE+-DEVIATION (normal) or NAME=LOW..HIGH (bounds).",
-            metavar="NAME=...",
-        ),
-    ] = None,
-    room_tolerance: Annotated[
-        float,
-        typer.Option(
-            help="Standard deviation of the position of each wall that is not free, in metres; 0: exact walls.",
-            min=0.0,
-            max=0.1,
-        ),
-    ] = ROOM_TOLERANCE,
-    exact: Annotated[
-        bool,
-        typer.Option(
-            "--exact",
-            help="Take all that is not free as exact: walls, reflectances, threshold, aperture, turntable scale.",
-        ),
-    ] = False,
-    samples: Annotated[
-        int,
-        typer.Option(
-            help="Samples drawn for the credible intervals; 0: use the curvature of the likelihood.",
-            min=0,
-            max=1_000_000,
-        ),
-    ] = 8000,
+    free: FreeQuantities = "position,heading",
+    priors: Priors = None,
+    room_tolerance: WallTolerance = ROOM_TOLERANCE,
+    exact: Exact = False,
+    samples: Samples = 8000,
     seed: Annotated[int, typer.Option(help="Seed of the samples.", min=0, max=2**32 - 1)] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Write the fitted room: places, materials, walls, air.", metavar="ROOM.toml"),
-    ] = None,
-    board_out: Annotated[
-        Path | None,
-        typer.Option(
-            help=f"Write the fitted board profile: {words_of(BoardQuantity)}.",
-            metavar="BOARD.toml",
-        ),
-    ] = None,
+    out: FittedRoomFile = None,
+    board_out: FittedBoardFile = None,
     force: Force = False,
 ) -> None:
     """Fit place, heading, board and room to scans. Each value is printed with its credible interval."""

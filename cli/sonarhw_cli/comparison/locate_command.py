@@ -26,20 +26,22 @@ _ANY_HEADING = math.radians(90)  # standard deviation above which the heading co
 _RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
 
+Height = Annotated[
+    float | None,
+    typer.Option(help="Height of the transducer, metres; the prediction then includes floor and ceiling.", metavar="M"),
+]
+NearPlace = Annotated[
+    float, typer.Option(help="Distance within which a pose counts as a place of the room, metres.", min=0)
+]
+
+
 def locate(
     log_file: LogFile,
     room_name: RoomOfLog = None,
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            help="Height of the transducer, metres; the prediction then includes floor and ceiling.", metavar="M"
-        ),
-    ] = None,
-    near: Annotated[
-        float, typer.Option(help="Distance within which a pose counts as a place of the room, metres.", min=0)
-    ] = 0.1,
+    height: Height = None,
+    near: NearPlace = 0.1,
     out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar=PICTURE_FILE)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
     force: Force = False,

@@ -33,36 +33,42 @@ if TYPE_CHECKING:
     from sonarhw_sim.room.model import Place, Room
 
 
+PlacesOfLogs = Annotated[
+    list[str] | None,
+    typer.Option("--place", help="Place of the room, or X,Y in metres; once for each log.", metavar="P"),
+]
+PosesOfLogs = Annotated[
+    list[str] | None,
+    typer.Option("--pose", help="Position, and heading of turntable step 0; once for each log.", metavar="X,Y,DEG"),
+]
+RoomToFollow = Annotated[
+    str | None,
+    typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar=ROOM_NAME),
+]
+PosesFile = Annotated[
+    Path | None, typer.Option("--poses", help="Poses of all logs with their uncertainty.", metavar="FILE.csv")
+]
+MapFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Picture of the maps. ROOM.toml, or a report .html with the maps beside the room: find the room. "
+        "Once for each file.",
+        metavar=f"ROOM.toml|FILE.html|{PICTURE_FILE}",
+    ),
+]
+PlanNext = Annotated[bool, typer.Option("--next", help="Find the room, and where to scan next to learn most about it.")]
+
+
 def map_logs(
     log_files: LogFiles,
-    places: Annotated[
-        list[str] | None,
-        typer.Option("--place", help="Place of the room, or X,Y in metres; once for each log.", metavar="P"),
-    ] = None,
-    poses: Annotated[
-        list[str] | None,
-        typer.Option("--pose", help="Position, and heading of turntable step 0; once for each log.", metavar="X,Y,DEG"),
-    ] = None,
-    room_name: Annotated[
-        str | None,
-        typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar=ROOM_NAME),
-    ] = None,
+    places: PlacesOfLogs = None,
+    poses: PosesOfLogs = None,
+    room_name: RoomToFollow = None,
     board: BoardOfLog = None,
     offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
-    poses_file: Annotated[
-        Path | None, typer.Option("--poses", help="Poses of all logs with their uncertainty.", metavar="FILE.csv")
-    ] = None,
-    out: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Picture of the maps. ROOM.toml, or a report .html with the maps beside the room: find the room. "
-            "Once for each file.",
-            metavar=f"ROOM.toml|FILE.html|{PICTURE_FILE}",
-        ),
-    ] = None,
-    plan_next: Annotated[
-        bool, typer.Option("--next", help="Find the room, and where to scan next to learn most about it.")
-    ] = False,
+    poses_file: PosesFile = None,
+    out: MapFiles = None,
+    plan_next: PlanNext = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     force: Force = False,
 ) -> None:

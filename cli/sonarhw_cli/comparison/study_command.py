@@ -10,20 +10,25 @@ from sonarhw_cli.console.lines import print_error, print_line
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.progress import progress
 
+StudyFile = Annotated[Path, typer.Argument(help="Study file (*.toml).", metavar="SPEC")]
+StudyFolder = Annotated[
+    Path | None,
+    typer.Option(help="Folder to create; default: the study file's name, in this folder.", show_default=False),
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, max=1024, help="Number of processes; default: one for each core.", metavar="N")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(help="Predict on the Dask cluster of this scheduler.", metavar="tcp://HOST:PORT"),
+]
+
 
 def study(
-    spec: Annotated[Path, typer.Argument(help="Study file (*.toml).", metavar="SPEC")],
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder to create; default: the study file's name, in this folder.", show_default=False),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="Number of processes; default: one for each core.", metavar="N")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(help="Predict on the Dask cluster of this scheduler.", metavar="tcp://HOST:PORT"),
-    ] = None,
+    spec: StudyFile,
+    out: StudyFolder = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted study.")] = False,
 ) -> None:
     """Predict every scan of a study. The results do not depend on the number of workers."""

@@ -27,6 +27,7 @@ ScannerUrl = Annotated[
     ),
 ]
 RECONNECT = 30.0  # s
+Reconnect = Annotated[float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)]
 
 
 @contextmanager

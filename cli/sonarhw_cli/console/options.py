@@ -69,6 +69,27 @@ BoardOfLog = Annotated[
         autocompletion=complete_board,
     ),
 ]
+BoardToStore = Annotated[
+    str | None,
+    typer.Option(
+        "--board",
+        help="Board profile: name or file; stored in the log.",
+        metavar="NAME|FILE.toml",
+        autocompletion=complete_board,
+    ),
+]
+BoardOfScanner = Annotated[
+    str | None, typer.Option("--board", help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
+]
+MaxRange = Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")]
+PingsPerHeading = Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)]
+Temperature = Annotated[
+    float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")
+]
+TemperatureInRoom = Annotated[
+    float | None,
+    typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
+]
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
 ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; excluded.")]
 StepDegrees = Annotated[float, typer.Option("--step", help="Step from one heading to the next, degrees.")]

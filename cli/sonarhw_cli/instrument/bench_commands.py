@@ -30,13 +30,16 @@ def home(url: ScannerUrl) -> None:
     print_note(f"{url}: {_ended(outcome, 'the turntable is at its zero')}")
 
 
+Jog = Annotated[
+    bool, typer.Option("--jog", help="Turn by DEG, at most 10 degrees, from the present angle, without homing.")
+]
+
+
 def turn(
     url: ScannerUrl,
     degrees: Annotated[float, typer.Argument(help="Turntable angle, degrees, counter-clockwise.", metavar="DEG")],
     zero_here: ZeroHere = False,
-    jog: Annotated[
-        bool, typer.Option("--jog", help="Turn by DEG, at most 10 degrees, from the present angle, without homing.")
-    ] = False,
+    jog: Jog = False,
 ) -> None:
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
     if jog and zero_here:

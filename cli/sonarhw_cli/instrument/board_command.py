@@ -13,14 +13,16 @@ from sonarhw_cli.console.interruption import sigterm_exits
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.options import PtyLink
 
+Combination = Annotated[
+    str, typer.Option(help="Controller, ranging and turning, as the firmware is built.", metavar="NAME")
+]
+
 
 def board(
     pty: PtyLink = None,
     pace: Annotated[str, typer.Option(help="Real time, or N times faster.", metavar="real|N")] = "real",
     seed: Annotated[int, typer.Option(help="Seed of all random values in the room.", min=0)] = 0,
-    combination: Annotated[
-        str, typer.Option(help="Controller, ranging and turning, as the firmware is built.", metavar="NAME")
-    ] = "mega-polaroid-step-dir",
+    combination: Combination = "mega-polaroid-step-dir",
 ) -> None:
     """Run the firmware on an emulated board. The first line of standard output is its URL."""
     from sonarhw_sim.board.profile import load_board

@@ -21,6 +21,7 @@ from sonarhw_cli.console.options import (
     ROOM_NAME,
     BoardName,
     Force,
+    Temperature,
     check_temperature,
     checked_out,
     order_in_degrees,
@@ -38,64 +39,67 @@ PROFILE = ".toml"
 _LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
+Sources = Annotated[
+    list[str],
+    typer.Argument(help="URL of a scanner, which scans the plate now, or logs of scans of a plate.", metavar="URL|LOG"),
+]
+PlateDistances = Annotated[
+    list[float] | None,
+    typer.Option("--distance", help="From the transducer's face to the plate, metres; once for each log.", metavar="M"),
+]
+PlateDirections = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--direction",
+        help="Turntable angle that should face the plate, degrees; once, or once for each log. Default: 0.",
+        metavar="DEG",
+    ),
+]
+KnownRoom = Annotated[
+    str | None,
+    typer.Option(
+        "--room", help="Room that the logs are scans of: name or file, without --distance.", metavar=ROOM_NAME
+    ),
+]
+PlacesOfLogs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--place",
+        help="With --room: place, or X,Y in metres; once for each log. Default: those of the logs.",
+        metavar="P",
+    ),
+]
+PosesOfLogs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--pose",
+        help="In place of --place: X,Y in metres and the heading of the turntable's zero in degrees.",
+        metavar="X,Y,DEG",
+    ),
+]
+CalibrationPicture = Annotated[
+    Path | None,
+    typer.Option(help="With --room: picture of the scans and their predictions, before and after.", metavar="FILE.png"),
+]
+SectorWidth = Annotated[float, typer.Option(help="Sector to scan around the plate, degrees.", min=2, max=180)]
+SectorStep = Annotated[float, typer.Option(help="Step from one angle to the next, degrees.", min=0.05, max=10)]
+
+
 def calibrate(
     context: typer.Context,
-    sources: Annotated[
-        list[str],
-        typer.Argument(
-            help="URL of a scanner, which scans the plate now, or logs of scans of a plate.", metavar="URL|LOG"
-        ),
-    ],
+    sources: Sources,
     out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
-    distances: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--distance", help="From the transducer's face to the plate, metres; once for each log.", metavar="M"
-        ),
-    ] = None,
-    directions: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--direction",
-            help="Turntable angle that should face the plate, degrees; once, or once for each log. Default: 0.",
-            metavar="DEG",
-        ),
-    ] = None,
-    room_name: Annotated[
-        str | None,
-        typer.Option(
-            "--room", help="Room that the logs are scans of: name or file, without --distance.", metavar=ROOM_NAME
-        ),
-    ] = None,
-    places: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--place",
-            help="With --room: place, or X,Y in metres; once for each log. Default: those of the logs.",
-            metavar="P",
-        ),
-    ] = None,
-    poses: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--pose",
-            help="In place of --place: X,Y in metres and the heading of the turntable's zero in degrees.",
-            metavar="X,Y,DEG",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            help="With --room: picture of the scans and their predictions, before and after.", metavar="FILE.png"
-        ),
-    ] = None,
+    distances: PlateDistances = None,
+    directions: PlateDirections = None,
+    room_name: KnownRoom = None,
+    places: PlacesOfLogs = None,
+    poses: PosesOfLogs = None,
+    plot: CalibrationPicture = None,
     board: BoardName = DEFAULT_BOARD,
-    width: Annotated[float, typer.Option(help="Sector to scan around the plate, degrees.", min=2, max=180)] = 60.0,
-    step: Annotated[float, typer.Option(help="Step from one angle to the next, degrees.", min=0.05, max=10)] = 0.5,
+    width: SectorWidth = 60.0,
+    step: SectorStep = 0.5,
     pings: Annotated[int, typer.Option(help="Pings at each angle.", min=1, max=255)] = 3,
-    temperature: Annotated[
-        float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")
-    ] = None,
+    temperature: Temperature = None,
     force: Force = False,
 ) -> None:
     """Write the profile of a board, from a plate or a known room.

@@ -21,6 +21,12 @@ from sonarhw_cli.console.options import (
 )
 from sonarhw_cli.console.room_input import open_room
 
+Pace = Annotated[str, typer.Option(help="Real time, N times faster, or without waiting.", metavar="real|N|max")]
+Faults = Annotated[
+    str,
+    typer.Option(help="Faults, such as drop=1/5000,reset@r20; see docs/devices/faults.md.", metavar="SPEC"),
+]
+
 
 def fake(
     room_name: RoomName,
@@ -29,13 +35,8 @@ def fake(
     pty: PtyLink = None,
     tcp: TcpAddress = None,
     seed: Annotated[int, typer.Option(help="Seed of all random values.", min=0)] = 0,
-    pace: Annotated[
-        str, typer.Option(help="Real time, N times faster, or without waiting.", metavar="real|N|max")
-    ] = "real",
-    faults: Annotated[
-        str,
-        typer.Option(help="Faults, such as drop=1/5000,reset@r20; see docs/devices/faults.md.", metavar="SPEC"),
-    ] = "",
+    pace: Pace = "real",
+    faults: Faults = "",
 ) -> None:
     """Serve a fake scanner. The first line of standard output is its URL.
 

@@ -13,10 +13,9 @@ import typer
 from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.completions import complete_board
 from sonarhw_cli.console.lines import print_note
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import LOG, Force, PlaceName, RoomToStore, checked_out, chosen_place
+from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore, checked_out, chosen_place
 from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
 
@@ -37,56 +36,64 @@ class TurnDirection(StrEnum):
     CW = "cw"
 
 
+ForeignFile = Annotated[Path, typer.Argument(help=f"CSV file with a header line; or {formats_text()}.", metavar="FILE")]
+HeadingColumn = Annotated[
+    str | None, typer.Option("--heading", help="CSV: column of the turntable angle, degrees.", metavar="COL")
+]
+RangeColumn = Annotated[
+    str | None,
+    typer.Option("--range", help="CSV: column of the range; an empty field means no echo.", metavar="COL"),
+]
+RangeScale = Annotated[float, typer.Option(help="CSV: metres per unit of the range column.")]
+Turn = Annotated[TurnDirection, typer.Option(help="Direction in which these angles increase.")]
+HeadingZero = Annotated[
+    float, typer.Option("--heading-zero", help="Turntable angle for the angle 0 in the file, degrees.")
+]
+NoEcho = Annotated[float | None, typer.Option("--no-echo", help="Range in the file that means no echo.")]
+TimeColumn = Annotated[
+    str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.")
+]
+DecimalComma = Annotated[
+    bool,
+    typer.Option("--decimal-comma", help="CSV: decimal commas in numbers; semicolons or tabs between columns."),
+]
+EchoThreshold = Annotated[
+    float | None,
+    typer.Option(help="Traces: share of full scale, 0 to 1, of an echo; default: readings have no echo."),
+]
+Blanking = Annotated[float | None, typer.Option(help="Traces: earlier samples are no echo, s. Needs --threshold.")]
+SamplingRate = Annotated[float | None, typer.Option(help="Raw traces: sampling rate, Hz. A WAV file contains it.")]
+AngleStep = Annotated[
+    float | None,
+    typer.Option(help="Raw traces, ROS: angle from one trace or sensor to the next, degrees. Default: 0."),
+]
+Topic = Annotated[str | None, typer.Option(help="ROS: the only topic to read; default: all with ranges.")]
+SpeedOfSound = Annotated[
+    float | None,
+    typer.Option(help="Traces: speed of sound, m/s; default: that of air at 20 °C. In water about 1500."),
+]
+
+
 def import_csv(
-    file: Annotated[Path, typer.Argument(help=f"CSV file with a header line; or {formats_text()}.", metavar="FILE")],
+    file: ForeignFile,
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
-    heading: Annotated[
-        str | None, typer.Option("--heading", help="CSV: column of the turntable angle, degrees.", metavar="COL")
-    ] = None,
-    distance: Annotated[
-        str | None,
-        typer.Option("--range", help="CSV: column of the range; an empty field means no echo.", metavar="COL"),
-    ] = None,
-    scale: Annotated[float, typer.Option(help="CSV: metres per unit of the range column.")] = 1.0,
-    turn: Annotated[TurnDirection, typer.Option(help="Direction in which these angles increase.")] = TurnDirection.CCW,
-    heading_zero: Annotated[
-        float, typer.Option("--heading-zero", help="Turntable angle for the angle 0 in the file, degrees.")
-    ] = 0.0,
-    no_echo: Annotated[float | None, typer.Option("--no-echo", help="Range in the file that means no echo.")] = None,
-    time_column: Annotated[
-        str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.")
-    ] = None,
-    decimal_comma: Annotated[
-        bool,
-        typer.Option("--decimal-comma", help="CSV: decimal commas in numbers; semicolons or tabs between columns."),
-    ] = False,
-    threshold: Annotated[
-        float | None,
-        typer.Option(help="Traces: share of full scale, 0 to 1, of an echo; default: readings have no echo."),
-    ] = None,
-    blanking: Annotated[
-        float | None, typer.Option(help="Traces: earlier samples are no echo, s. Needs --threshold.")
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="Raw traces: sampling rate, Hz. A WAV file contains it.")] = None,
-    step: Annotated[
-        float | None,
-        typer.Option(help="Raw traces, ROS: angle from one trace or sensor to the next, degrees. Default: 0."),
-    ] = None,
-    topic: Annotated[str | None, typer.Option(help="ROS: the only topic to read; default: all with ranges.")] = None,
-    speed_of_sound: Annotated[
-        float | None,
-        typer.Option(help="Traces: speed of sound, m/s; default: that of air at 20 °C. In water about 1500."),
-    ] = None,
+    heading: HeadingColumn = None,
+    distance: RangeColumn = None,
+    scale: RangeScale = 1.0,
+    turn: Turn = TurnDirection.CCW,
+    heading_zero: HeadingZero = 0.0,
+    no_echo: NoEcho = None,
+    time_column: TimeColumn = None,
+    decimal_comma: DecimalComma = False,
+    threshold: EchoThreshold = None,
+    blanking: Blanking = None,
+    rate: SamplingRate = None,
+    step: AngleStep = None,
+    topic: Topic = None,
+    speed_of_sound: SpeedOfSound = None,
     room: RoomToStore = None,
     place: PlaceName = None,
-    board: Annotated[
-        str | None,
-        typer.Option(
-            help="Board profile: name or file; stored in the log.",
-            metavar="NAME|FILE.toml",
-            autocompletion=complete_board,
-        ),
-    ] = None,
+    board: BoardToStore = None,
     force: Force = False,
 ) -> None:
     """Convert a scan of another program to a log. The suffix of the file selects its format, by default CSV.

@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 _EXCHANGES = 20  # commands sent for the link statistics
 
 
+Watch = Annotated[bool, typer.Option("--watch", help="Also print the link statistics once a second, until Ctrl-C.")]
+
+
 def info(
     url: ScannerUrl,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Also print the link statistics once a second, until Ctrl-C.")
-    ] = False,
+    watch: Watch = False,
     as_json: AsJson = False,
 ) -> None:
     """Print identity, capabilities and link quality of a scanner."""

@@ -11,7 +11,15 @@ from sonarhw_cli.console.connect import ScannerUrl, board_of, connect_turntable
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_line, print_note
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import LOG, Force, check_temperature, checked_out
+from sonarhw_cli.console.options import (
+    LOG,
+    BoardOfScanner,
+    Force,
+    MaxRange,
+    Temperature,
+    check_temperature,
+    checked_out,
+)
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
@@ -27,22 +35,20 @@ LEVEL_DB = 5.0
 COLUMNS = 60  # characters of a trace
 
 
+PingCount = Annotated[int | None, typer.Option(help="Number of pings; default: until Ctrl-C.", min=1, max=MOST_PINGS)]
+ShowTraces = Annotated[
+    bool, typer.Option("--traces", help="Also show the receive signal of every ping, as one row of characters.")
+]
+
+
 def ping(
     url: ScannerUrl,
-    count: Annotated[
-        int | None, typer.Option(help="Number of pings; default: until Ctrl-C.", min=1, max=MOST_PINGS)
-    ] = None,
+    count: PingCount = None,
     out: Annotated[Path | None, typer.Option(help="Also write a log.", metavar="LOG.mcap")] = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
-    ] = None,
-    max_range: Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")] = None,
-    temperature: Annotated[
-        float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")
-    ] = None,
-    traces: Annotated[
-        bool, typer.Option("--traces", help="Also show the receive signal of every ping, as one row of characters.")
-    ] = False,
+    board: BoardOfScanner = None,
+    max_range: MaxRange = None,
+    temperature: Temperature = None,
+    traces: ShowTraces = False,
     force: Force = False,
 ) -> None:
     """Ping at the present angle, and print the readings.

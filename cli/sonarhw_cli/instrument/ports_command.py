@@ -12,15 +12,19 @@ if TYPE_CHECKING:
     from sonarhw.link.ports import Port
 
 
+AskAll = Annotated[
+    bool, typer.Option("--ask", help="Check every port for a scanner, not only those with known USB ids.")
+]
+Guess = Annotated[
+    bool,
+    typer.Option("--guess", help="Listen for text, and propose the URL of a device that prints readings."),
+]
+
+
 def ports(
     port: Annotated[list[str] | None, typer.Argument(help="Only these ports; default: all.", metavar="PORT...")] = None,
-    ask: Annotated[
-        bool, typer.Option("--ask", help="Check every port for a scanner, not only those with known USB ids.")
-    ] = False,
-    guess: Annotated[
-        bool,
-        typer.Option("--guess", help="Listen for text, and propose the URL of a device that prints readings."),
-    ] = False,
+    ask: AskAll = False,
+    guess: Guess = False,
     as_json: AsJson = False,
 ) -> None:
     """List serial ports and check them for a scanner. The check may reset the device at a port."""

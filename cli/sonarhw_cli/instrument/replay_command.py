@@ -10,12 +10,14 @@ from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.log_input import LogFile, open_log
 from sonarhw_cli.console.options import PtyLink, TcpAddress, check_one_line
 
+Speed = Annotated[
+    float, typer.Option(help="Factor on the recorded speed; inf: as fast as the client reads.", metavar="F")
+]
+
 
 def replay(
     log: LogFile,
-    speed: Annotated[
-        float, typer.Option(help="Factor on the recorded speed; inf: as fast as the client reads.", metavar="F")
-    ] = 1.0,
+    speed: Speed = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Repeat the log until the requested scan is complete.")] = False,
     pty: PtyLink = None,
     tcp: TcpAddress = None,

@@ -13,17 +13,21 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw.export.csv_rows import HEADER, row
-from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, board_of, connect
+from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_detail, print_error, print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
+    BoardOfScanner,
     Force,
     FromAngle,
+    MaxRange,
+    PingsPerHeading,
     PlaceName,
     RoomToStore,
     StepAngle,
+    TemperatureInRoom,
     ToAngle,
     ZeroHere,
     check_temperature,
@@ -73,36 +77,31 @@ class ScanRequest:
     turns_by_itself: bool  # the device takes no order, and the number of its readings is unknown
 
 
+Sweeps = Annotated[int, typer.Option(help="Number of sweeps, forwards and backwards.", min=1, max=65535)]
+PrintReadings = Annotated[
+    bool,
+    typer.Option("--print", help="Write each reading to standard output as CSV; heading_deg is the turntable angle."),
+]
+
+
 def scan(
     context: typer.Context,
     url: ScannerUrl,
     out: Annotated[Path, typer.Option(help="Log to write.", metavar="LOG.mcap")],
     room: RoomToStore = None,
     place: PlaceName = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
-    ] = None,
+    board: BoardOfScanner = None,
     start: FromAngle = 0.0,
     stop: ToAngle = 360.0,
     step: StepAngle = 5.0,
-    sweeps: Annotated[int, typer.Option(help="Number of sweeps, forwards and backwards.", min=1, max=65535)] = 1,
-    pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 1,
-    max_range: Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")] = None,
-    temperature: Annotated[
-        float | None,
-        typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
-    ] = None,
+    sweeps: Sweeps = 1,
+    pings: PingsPerHeading = 1,
+    max_range: MaxRange = None,
+    temperature: TemperatureInRoom = None,
     traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
-    show: Annotated[
-        bool,
-        typer.Option(
-            "--print", help="Write each reading to standard output as CSV; heading_deg is the turntable angle."
-        ),
-    ] = False,
+    show: PrintReadings = False,
     zero_here: ZeroHere = False,
-    reconnect: Annotated[
-        float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)
-    ] = RECONNECT,
+    reconnect: Reconnect = RECONNECT,
     force: Force = False,
 ) -> None:
     """Scan and record a log. With --print, each reading is also written to standard output as it arrives."""

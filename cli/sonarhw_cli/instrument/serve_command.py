@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, board_of, connect
+from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_line, print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
+    BoardOfScanner,
     Force,
     FromAngle,
+    MaxRange,
+    PingsPerHeading,
     PlaceName,
     RoomToStore,
     StepAngle,
+    TemperatureInRoom,
     ToAngle,
     ZeroHere,
     checked_out,
@@ -49,38 +53,36 @@ _MOST_SWEEPS = 65535  # largest number that fits into the scan command
 _ADDRESS = "127.0.0.1:8765"  # the port that Foxglove suggests
 
 
+OnFoxglove = Annotated[
+    bool, typer.Option("--foxglove", help="Publish on the WebSocket of Foxglove; needs the extra foxglove.")
+]
+FoxgloveAddress = Annotated[
+    str, typer.Option("--tcp", help="Address to listen on; port 0 selects a free port.", metavar="HOST:PORT")
+]
+SweepsServed = Annotated[
+    int | None, typer.Option(help="Number of sweeps; default: until Ctrl-C.", min=1, max=_MOST_SWEEPS)
+]
+
+
 def serve(
     context: typer.Context,
     url: ScannerUrl,
-    foxglove: Annotated[
-        bool, typer.Option("--foxglove", help="Publish on the WebSocket of Foxglove; needs the extra foxglove.")
-    ] = False,
-    tcp: Annotated[
-        str, typer.Option("--tcp", help="Address to listen on; port 0 selects a free port.", metavar="HOST:PORT")
-    ] = _ADDRESS,
+    foxglove: OnFoxglove = False,
+    tcp: FoxgloveAddress = _ADDRESS,
     out: Annotated[Path | None, typer.Option(help="Also write a log; needs --sweeps.", metavar="LOG.mcap")] = None,
     room: RoomToStore = None,
     place: PlaceName = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
-    ] = None,
+    board: BoardOfScanner = None,
     start: FromAngle = 0.0,
     stop: ToAngle = 360.0,
     step: StepAngle = 5.0,
-    sweeps: Annotated[
-        int | None, typer.Option(help="Number of sweeps; default: until Ctrl-C.", min=1, max=_MOST_SWEEPS)
-    ] = None,
-    pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 1,
-    max_range: Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")] = None,
-    temperature: Annotated[
-        float | None,
-        typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
-    ] = None,
+    sweeps: SweepsServed = None,
+    pings: PingsPerHeading = 1,
+    max_range: MaxRange = None,
+    temperature: TemperatureInRoom = None,
     traces: Annotated[bool, typer.Option("--traces", help="Publish the receive signal of every ping.")] = False,
     zero_here: ZeroHere = False,
-    reconnect: Annotated[
-        float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)
-    ] = RECONNECT,
+    reconnect: Reconnect = RECONNECT,
     force: Force = False,
 ) -> None:
     """Scan until Ctrl-C, and publish the readings for other programs. The first line of standard output is the address.

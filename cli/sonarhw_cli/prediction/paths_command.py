@@ -22,23 +22,27 @@ from sonarhw_cli.console.room_input import open_room
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 
 
+HalfLength = Annotated[
+    float | None,
+    typer.Option(min=0, max=1000, help="List paths up to twice this length, metres; default: the board's range."),
+]
+FaintestEdge = Annotated[
+    float,
+    typer.Option(
+        max=0,
+        help="Omit paths that are fainter than this after an edge, dB; each 10 dB less takes several times longer.",
+    ),
+]
+
+
 def paths(
     room_name: RoomName,
     place: PlaceName = None,
     max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="Largest number of reflections.")] = 64,
-    max_range: Annotated[
-        float | None,
-        typer.Option(min=0, max=1000, help="List paths up to twice this length, metres; default: the board's range."),
-    ] = None,
+    max_range: HalfLength = None,
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Omit paths around edges.")] = False,
     edge_strength: EdgeStrengthChoice = None,
-    faintest: Annotated[
-        float,
-        typer.Option(
-            max=0,
-            help="Omit paths that are fainter than this after an edge, dB; each 10 dB less takes several times longer.",
-        ),
-    ] = -60.0,
+    faintest: FaintestEdge = -60.0,
     out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
     force: Force = False,
 ) -> None:

@@ -48,14 +48,17 @@ def schema() -> None:
     print_json(json_schema(RoomFile))
 
 
+RoomPicture = Annotated[
+    Path | None,
+    typer.Option(help="Draw the room, with the findings marked.", metavar="FILE.png|.pdf|.svg"),
+]
+
+
 @app.command("check")
 def check(
     room_name: RoomName,
     board: BoardName = DEFAULT_BOARD,
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Draw the room, with the findings marked.", metavar="FILE.png|.pdf|.svg"),
-    ] = None,
+    plot: RoomPicture = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
     force: Force = False,
 ) -> int:

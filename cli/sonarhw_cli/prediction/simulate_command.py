@@ -61,6 +61,50 @@ _CSV = (".csv", STDOUT)
 _FORMATS = (".csv", ".npz", *PICTURES, LOG, *FILMS, STDOUT)
 
 
+FaceEffect = Annotated[Unit, typer.Option(help="Effect of the transducer's face on sound that passes it.")]
+Sections = Annotated[
+    int,
+    typer.Option(min=1, max=99, help="Horizontal sections across the face, for a place with a height."),
+]
+TracesToWrite = Annotated[
+    TraceForm | None,
+    typer.Option(
+        help="Write the receive signals: rf, with the carrier (.npz); sampled, as by an 8-bit converter at "
+        "76.9 kHz, 128 is full scale (.npz); envelope (.npz, .mcap)."
+    ),
+]
+TraceRate = Annotated[
+    float | None,
+    typer.Option(
+        help="Sampling rate of traces, Hz, 1000 to 1000000. Default: rf 1000000, sampled 76923, envelope 50000."
+    ),
+]
+ReceiverNoise = Annotated[
+    float, typer.Option(help="Receiver noise, rms, 0 to 1 (full scale). Needs --traces or --receiver board.")
+]
+RandomSeed = Annotated[
+    int | None,
+    typer.Option(min=0, help="Seed of random values; without one, --model nearest has no random errors."),
+]
+SpeckleSeed = Annotated[
+    int | None,
+    typer.Option(min=0, help="Seed of the speckle of rough surfaces; default: the mean power of all speckles."),
+]
+AsProbability = Annotated[
+    bool, typer.Option("--probability", help="Write the probability of each range, and of silence, as CSV.")
+]
+WithOwnBody = Annotated[
+    bool, typer.Option("--own-body", help="Also predict the echoes of the carrier's own body in the profile.")
+]
+PredictionFile = Annotated[
+    str,
+    typer.Option(
+        help="FILE.csv, .npz, .png, .pdf, .svg, .mcap; .gif, .mp4, .webm: a film of the sound at one heading; "
+        "- for CSV on standard output."
+    ),
+]
+
+
 def simulate(
     room_name: RoomName,
     place: PlaceName = None,
@@ -69,52 +113,20 @@ def simulate(
     step: StepDegrees = WHOLE_CIRCLE[2],
     board: BoardName = DEFAULT_BOARD,
     receiver: ReceiverChoice = None,
-    unit: Annotated[Unit, typer.Option(help="Effect of the transducer's face on sound that passes it.")] = (Unit.PASS),
+    unit: FaceEffect = (Unit.PASS),
     edge_strength: EdgeStrengthChoice = None,
-    sections: Annotated[
-        int,
-        typer.Option(min=1, max=99, help="Horizontal sections across the face, for a place with a height."),
-    ] = 1,
+    sections: Sections = 1,
     model: ModelChoice = Model.RAY_FOLLOWING,
-    traces: Annotated[
-        TraceForm | None,
-        typer.Option(
-            help="Write the receive signals: rf, with the carrier (.npz); sampled, as by an 8-bit converter at "
-            "76.9 kHz, 128 is full scale (.npz); envelope (.npz, .mcap)."
-        ),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            help="Sampling rate of traces, Hz, 1000 to 1000000. Default: rf 1000000, sampled 76923, envelope 50000."
-        ),
-    ] = None,
-    noise: Annotated[
-        float, typer.Option(help="Receiver noise, rms, 0 to 1 (full scale). Needs --traces or --receiver board.")
-    ] = 0.0,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Seed of random values; without one, --model nearest has no random errors."),
-    ] = None,
-    grain: Annotated[
-        int | None,
-        typer.Option(min=0, help="Seed of the speckle of rough surfaces; default: the mean power of all speckles."),
-    ] = None,
-    probability: Annotated[
-        bool, typer.Option("--probability", help="Write the probability of each range, and of silence, as CSV.")
-    ] = False,
+    traces: TracesToWrite = None,
+    rate: TraceRate = None,
+    noise: ReceiverNoise = 0.0,
+    seed: RandomSeed = None,
+    grain: SpeckleSeed = None,
+    probability: AsProbability = False,
     pings: PingsOfMedian = None,
     room_tolerance: RoomTolerance = None,
-    own_body: Annotated[
-        bool, typer.Option("--own-body", help="Also predict the echoes of the carrier's own body in the profile.")
-    ] = False,
-    out: Annotated[
-        str,
-        typer.Option(
-            help="FILE.csv, .npz, .png, .pdf, .svg, .mcap; .gif, .mp4, .webm: a film of the sound at one heading; "
-            "- for CSV on standard output."
-        ),
-    ] = "-",
+    own_body: WithOwnBody = False,
+    out: PredictionFile = "-",
     force: Force = False,
 ) -> None:
     """Predict a scan as CSV, NPZ, picture or log.

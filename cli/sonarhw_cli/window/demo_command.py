@@ -22,12 +22,15 @@ FILES = ("scan.mcap", "overlay.png", "summary.json")
 STEP_DEGREES = 3.0
 
 
+Headless = Annotated[
+    Path | None,
+    typer.Option(help=f"Without a window: write {FILES[0]}, {FILES[1]} and {FILES[2]} to DIR.", metavar="DIR"),
+]
+
+
 def demo(
     context: typer.Context,
-    headless: Annotated[
-        Path | None,
-        typer.Option(help=f"Without a window: write {FILES[0]}, {FILES[1]} and {FILES[2]} to DIR.", metavar="DIR"),
-    ] = None,
+    headless: Headless = None,
     force: ForceFiles = False,
 ) -> int:
     """Scan the demo room with a fake scanner and show the overlay.

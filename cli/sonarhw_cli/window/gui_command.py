@@ -43,19 +43,21 @@ class _Request:
 _NOTHING = _Request(None, None, None)
 
 
+Sources = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="Log, CSV scan, room (name or file), serial port, socket://HOST:PORT or 'fake:ROOM?place=NAME'.",
+        metavar="LOG|CSV|URL|ROOM",
+    ),
+]
+BoardShown = Annotated[str | None, typer.Option(help="Board profile; default: the log's.", metavar="NAME|FILE.toml")]
+
+
 def gui(
-    sources: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Log, CSV scan, room (name or file), serial port, socket://HOST:PORT or 'fake:ROOM?place=NAME'.",
-            metavar="LOG|CSV|URL|ROOM",
-        ),
-    ] = None,
+    sources: Sources = None,
     room: Annotated[str | None, typer.Option(help="Room: name or file; default: the log's.", metavar=ROOM_NAME)] = None,
     place: PlaceName = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile; default: the log's.", metavar="NAME|FILE.toml")
-    ] = None,
+    board: BoardShown = None,
 ) -> int:
     """Open the window on a log, a CSV scan, a room or a scanner.
 
