@@ -18,7 +18,7 @@ from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
 BoolArray = NDArray[np.bool_]
 
-_ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
+ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
 _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
 _ON_TARGET = 1e-12  # of the length
 _NEAR_TARGET = 1e-6  # m
@@ -38,7 +38,7 @@ def solve_candidates(
     longest: FloatArray,
     surfaces: Surfaces,
     to_receiver: Climbs | None = None,
-    beyond_ends: float = _ON_WALL,
+    beyond_ends: float = ON_WALL,
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Solve candidates (c, 3) of `follow_fan`; those to target 0 only if one of the climbs `to_receiver` is possible.
 
@@ -100,7 +100,7 @@ def _solve(
         if _touches_post(sequence, walls.shape[0]):
             solved, divergence = _refine(path, directions[ray], sequence, walls, posts)
         else:
-            solved = _unfold(path, sequence, walls, beyond_ends, images)
+            solved = unfold(path, sequence, walls, beyond_ends, images)
         if not solved:
             continue
         length = _length(path)
@@ -127,7 +127,7 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
 
 
 @compiled_part
-def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends: float, images: FloatArray) -> bool:
+def unfold(path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends: float, images: FloatArray) -> bool:
     """Fill in the points between path[0] and path[-1] with image sources; return whether each is on its wall.
 
     Up to `beyond_ends` m beyond the end of a wall is on it. `images` (b + 1, 2) or more rows are overwritten.
@@ -238,7 +238,7 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
         ex, ey = wall[2] - wall[0], wall[3] - wall[1]
         length = math.hypot(ex, ey)
         along = ((path[k + 1, 0] - wall[0]) * ex + (path[k + 1, 1] - wall[1]) * ey) / length
-        if not -_ON_WALL <= along <= length + _ON_WALL:
+        if not -ON_WALL <= along <= length + ON_WALL:
             return False
     return True
 

@@ -102,7 +102,7 @@ def _most_levels(levels: KernelLevels, search: PathSearch) -> int:
     return max(1, min(search.max_bounces, math.ceil(search.max_length / least) + 2))
 
 
-class _Passages(NamedTuple):
+class Passages(NamedTuple):
     """Room for the low surfaces that a way crosses in the plan, one row each."""
 
     surfaces: IntArray  # (c,)
@@ -144,7 +144,7 @@ def _fold(
 ) -> int:
     """Fill in `folded` (m,), and return how many rows it should have; its levels are all -1, its climbs all NaN."""
     deepest, most_visits = folded.levels.shape[1], obstacles.levels.heights.shape[0] * ways.at.shape[1]
-    passages, visits = _room_for_passages(ways, obstacles), _no_visits(most_visits)
+    passages, visits = room_for_passages(ways, obstacles), _no_visits(most_visits)
     numbers, choices = np.empty((4, deepest + 2)), np.empty((2, deepest + 2), np.int32)
     work = _Work(numbers[0], numbers[1], numbers[2], numbers[3], choices[0], choices[1])
     found = 0
@@ -152,7 +152,7 @@ def _fold(
         length = ways.at[row, ways.lasts[row]]
         if not _CLOSE < length <= max_length:
             continue
-        passed = _pass_low(ways, row, obstacles, passages)
+        passed = pass_low(ways, row, obstacles, passages)
         visited = _visit_levels(ways, row, obstacles.levels, visits)
         largest, most = math.sqrt(max_length * max_length - length * length), min(deepest, max_bounces - bounces[row])
         for first in range(2):
@@ -169,7 +169,7 @@ def _fold_along(
     height: float,
     largest_climb: float,
     most_levels: int,
-    seen: tuple[_Passages, int, _Visits, int],
+    seen: tuple[Passages, int, _Visits, int],
     obstacles: Obstacles,
     work: _Work,
     folded: Folded,
@@ -239,7 +239,7 @@ def are_clear(
     2), m, which are those of the departure, of each level, and of the arrival.
     """
     clear = np.empty(rows.shape[0], np.bool_)
-    _test(ways, rows, which, heights, climbs, sequences, obstacles, _room_for_passages(ways, obstacles), clear)
+    _test(ways, rows, which, heights, climbs, sequences, obstacles, room_for_passages(ways, obstacles), clear)
     return clear
 
 
@@ -252,27 +252,46 @@ def _test(
     climbs: FloatArray,
     sequences: IntArray,
     obstacles: Obstacles,
-    passages: _Passages,
+    passages: Passages,
     clear: BoolArray,
 ) -> None:
     """Fill in the result of `are_clear`."""
     passed = 0
     for k in range(rows.shape[0]):
-        row, q, count = rows[k], which[k], 0
         # often, several sequences in turn are for one way
-        if k == 0 or row != rows[k - 1]:
-            passed = _pass_low(ways, row, obstacles, passages)
-        while count < sequences.shape[1] and sequences[q, count] >= 0:
-            count += 1
-        clear[k] = ways.at[row, ways.lasts[row]] > _CLOSE and _is_clear(
-            ways, row, passages, passed, heights[q], climbs[q], sequences[q], count, obstacles
-        )
+        if k == 0 or rows[k] != rows[k - 1]:
+            passed = pass_low(ways, rows[k], obstacles, passages)
+        which_one = heights[which[k]], climbs[which[k]], sequences[which[k]]
+        clear[k] = can_take(ways, rows[k], passages, passed, *which_one, obstacles)
+
+
+@compiled_part
+def can_take(
+    ways: Ways,
+    row: int,
+    passages: Passages,
+    passed: int,
+    heights: FloatArray,
+    climbs: FloatArray,
+    sequence: IntArray,
+    obstacles: Obstacles,
+) -> bool:
+    """Return whether sound can take a way, which passes so many `passages`, with a sequence of levels (k,).
+
+    `heights` and `climbs` (k + 2,) are as in `are_clear`.
+    """
+    count = 0
+    while count < sequence.shape[0] and sequence[count] >= 0:
+        count += 1
+    far = ways.at[row, ways.lasts[row]] > _CLOSE
+    return far and _is_clear(ways, row, passages, passed, heights, climbs, sequence, count, obstacles)
 
 
 @array_part
-def _room_for_passages(ways: Ways, obstacles: Obstacles) -> _Passages:
+def room_for_passages(ways: Ways, obstacles: Obstacles) -> Passages:
+    """Return room for all low surfaces that a way can cross."""
     most = ways.at.shape[1] * np.sum(obstacles.low)
-    return _Passages(np.empty(most, np.int32), np.empty(most), np.empty(most))
+    return Passages(np.empty(most, np.int32), np.empty(most), np.empty(most))
 
 
 @array_part
@@ -281,7 +300,7 @@ def _no_visits(most: int) -> _Visits:
 
 
 @compiled_part
-def _pass_low(ways: Ways, row: int, obstacles: Obstacles, passages: _Passages) -> int:
+def pass_low(ways: Ways, row: int, obstacles: Obstacles, passages: Passages) -> int:
     """Fill in the low surfaces that a way crosses, and return their number."""
     surfaces, count = obstacles.surfaces, 0
     if surfaces.listing.numbers.shape[0] == 0:
@@ -369,7 +388,7 @@ def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -
 def _is_clear(
     ways: Ways,
     row: int,
-    passages: _Passages,
+    passages: Passages,
     passed: int,
     heights: FloatArray,
     climbs: FloatArray,

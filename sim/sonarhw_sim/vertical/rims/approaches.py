@@ -4,6 +4,7 @@ The walls of a sequence, mirrored in those that follow, are windows through whic
 part of the wall.
 """
 
+import math
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import fan, follow_fan
 from sonarhw_sim.rays.partial_paths import with_direct_paths
 from sonarhw_sim.rays.paths import SLACK, PathSearch
+from sonarhw_sim.rays.sequences import mirrored
 from sonarhw_sim.room.grid import IntArray, whole_numbers
 from sonarhw_sim.vertical.plan import Plan
 
@@ -56,9 +59,10 @@ def approaches_to(
     all_ = Approaches(to, before, bounces, images, gains, whole, whole)
     posts, walls = np.flatnonzero(to >= len(room.walls)), np.flatnonzero(to < len(room.walls))
     to_walls = all_.select(walls)
-    lows, highs = _visible(to_walls.images, to_walls.surfaces, to_walls.walls, room.walls)
+    seen = np.empty((len(walls), 2))
+    _look(to_walls.images, to_walls.surfaces, to_walls.bounces, to_walls.walls, room.walls, seen)
     parts: list[tuple[NDArray[Any], ...]] = [
-        _in_pieces(to_walls._replace(lows=lows, highs=highs)),
+        _in_pieces(to_walls._replace(lows=seen[:, 0], highs=seen[:, 1])),
         all_.select(posts),
     ]
     return Approaches._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -98,56 +102,74 @@ def _towards(
     return target - 1, before, bounces.astype(np.int32)
 
 
+@compiled
 def images_of(place: FloatArray, surfaces: IntArray, walls: FloatArray) -> FloatArray:
-    """Return a place mirrored in sequences of walls (n, b), (n, 2) m."""
-    images = np.tile(place, (len(surfaces), 1))
-    for step in range(surfaces.shape[1]):
-        rows = np.flatnonzero(surfaces[:, step] >= 0)
-        images[rows] = _mirrored(images[rows], walls[surfaces[rows, step]])
+    """Return a place mirrored in sequences of walls (n, b), padded with -1, (n, 2) m."""
+    images = np.empty((surfaces.shape[0], 2))
+    for row in range(surfaces.shape[0]):
+        x, y = place
+        for step in range(surfaces.shape[1]):
+            if surfaces[row, step] >= 0:
+                x, y = mirrored(x, y, walls[surfaces[row, step]])
+        images[row, 0], images[row, 1] = x, y
     return images
 
 
-def _mirrored(points: FloatArray, walls: FloatArray) -> FloatArray:
-    """Return points (n, ..., 2) mirrored in walls (n, 4), same shape."""
-    between = (slice(None), *[None] * (points.ndim - 2))
-    along = walls[:, 2:] - walls[:, :2]
-    across = (np.column_stack((along[:, 1], -along[:, 0])) / np.hypot(*along.T)[:, None])[between]
-    aside = ((points - walls[:, :2][between]) * across).sum(axis=-1, keepdims=True)
-    return np.asarray(points - 2 * aside * across)
+@compiled
+def _look(
+    images: FloatArray, surfaces: IntArray, bounces: IntArray, wall: IntArray, walls: FloatArray, parts: FloatArray
+) -> None:
+    """Fill in the part of each wall (n,) from which an image (n, 2) is visible through its windows, (n, 2) m along it.
+
+    An end before a begin: none.
+    """
+    windows = np.empty((surfaces.shape[1], 4))
+    for row in range(wall.shape[0]):
+        for step in range(bounces[row]):
+            mirror = walls[surfaces[row, step]]
+            for earlier in range(step):
+                one, other = windows[earlier, :2], windows[earlier, 2:]
+                one[0], one[1] = mirrored(one[0], one[1], mirror)
+                other[0], other[1] = mirrored(other[0], other[1], mirror)
+            for k in range(4):
+                windows[step, k] = mirror[k]
+        parts[row, 0], parts[row, 1] = _visible(images[row], walls[wall[row]], windows, bounces[row])
 
 
-def _visible(
-    images: FloatArray, surfaces: IntArray, wall: IntArray, walls: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the part of each wall (n,) from which an image (n, 2) is visible through its windows, (n,) m along it."""
-    windows = walls[surfaces].reshape(*surfaces.shape, 2, 2)
-    for step in range(1, surfaces.shape[1]):
-        rows = np.flatnonzero(surfaces[:, step] >= 0)
-        windows[rows, :step] = _mirrored(windows[rows, :step], walls[surfaces[rows, step]])
-    along = walls[wall, 2:] - walls[wall, :2]
-    length = np.hypot(*along.T)
-    along /= length[:, None]
-    left = np.column_stack((-along[:, 1], along[:, 0]))
-    away, there = images - walls[wall, :2], windows - walls[wall, None, None, :2]
-    axial, aside = (away * along).sum(axis=1)[:, None], (away * left).sum(axis=1)[:, None]
-    begin, end = np.moveaxis((there * along[:, None, None]).sum(axis=-1), 2, 0)
-    # distance from the wall over that of the image: sound passes a window between both
-    on_wall = np.abs(aside) <= _EDGE
-    near, far = np.moveaxis((there * left[:, None, None]).sum(axis=-1) / np.where(on_wall, 1.0, aside)[..., None], 2, 0)
-    slope = np.where(np.abs(far - near) <= _EDGE, _EDGE, far - near)
-    first, last = (_EDGE - near) / slope, (1.0 - _EDGE - near) / slope
-    low, high = np.maximum(np.minimum(first, last), 0.0), np.minimum(np.maximum(first, last), 1.0)
-    ends = []
-    for share in (low, high):
-        ahead = 1.0 - np.clip(near + share * (far - near), 0.0, 1.0 - _EDGE)
-        ends.append(axial + (begin + share * (end - begin) - axial) / ahead)
-    free = (surfaces < 0) | on_wall
-    lows = np.where(free, -np.inf, np.minimum(*ends))
-    highs = np.where(free, np.inf, np.where(low > high, -np.inf, np.maximum(*ends)))
-    return (
-        np.maximum(lows.max(axis=1, initial=-np.inf) - _EDGE, -_EDGE),
-        np.minimum(highs.min(axis=1, initial=np.inf) + _EDGE, length + _EDGE),
-    )
+@compiled_part
+def _visible(image: FloatArray, wall: FloatArray, windows: FloatArray, count: int) -> tuple[float, float]:
+    """Return the part of a wall from which an image (2,) is visible through the first `count` windows, m along it."""
+    along_x, along_y = wall[2] - wall[0], wall[3] - wall[1]
+    length = math.hypot(along_x, along_y)
+    along_x, along_y = along_x / length, along_y / length
+    x, y = image[0] - wall[0], image[1] - wall[1]
+    axial, aside = x * along_x + y * along_y, y * along_x - x * along_y
+    lowest, highest = -np.inf, np.inf
+    # a window is no limit for an image on the wall
+    for k in range(count if abs(aside) > _EDGE else 0):
+        begin_x, begin_y = windows[k, 0] - wall[0], windows[k, 1] - wall[1]
+        end_x, end_y = windows[k, 2] - wall[0], windows[k, 3] - wall[1]
+        begin, end = begin_x * along_x + begin_y * along_y, end_x * along_x + end_y * along_y
+        # distance from the wall over that of the image: sound passes a window between both
+        near = (begin_y * along_x - begin_x * along_y) / aside
+        far = (end_y * along_x - end_x * along_y) / aside
+        slope = far - near if abs(far - near) > _EDGE else _EDGE
+        first, last = (_EDGE - near) / slope, (1.0 - _EDGE - near) / slope
+        low, high = max(min(first, last), 0.0), min(max(first, last), 1.0)
+        if low > high:
+            return 0.0, -np.inf
+        one = _seen_at(begin, end, near, far, low, axial)
+        other = _seen_at(begin, end, near, far, high, axial)
+        lowest, highest = max(lowest, min(one, other)), min(highest, max(one, other))
+    return max(lowest - _EDGE, -_EDGE), min(highest + _EDGE, length + _EDGE)
+
+
+@inlined
+def _seen_at(begin: float, end: float, near: float, far: float, share: float, axial: float) -> float:
+    """Return where along a wall the image is visible through the point at a share of a window, m."""
+    ahead = 1.0 - min(max(near + share * (far - near), 0.0), 1.0 - _EDGE)
+    at: float = axial + (begin + share * (end - begin) - axial) / ahead
+    return at
 
 
 def _in_pieces(approaches: Approaches) -> Approaches:

@@ -17,14 +17,13 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.diffraction import edge_amplitudes
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
-from sonarhw_sim.room.edges import inside_wedge
-from sonarhw_sim.vertical.in_space import loudest_at
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches, approaches_to
+from sonarhw_sim.vertical.rims.rim_halves import halves_of
 from sonarhw_sim.vertical.rims.rim_pairs import Halves, pairs_of
 from sonarhw_sim.vertical.rims.rim_table import Rims
-from sonarhw_sim.vertical.rims.rim_ways import Bends, End, RimSequences, paths_by, sequences_to, ways_are_clear, ways_to
+from sonarhw_sim.vertical.rims.rim_ways import Bends, End, RimSequences, paths_by, sequences_to
 from sonarhw_sim.wedges.narrow_walls import Arriving, along_narrow_walls
 
 MOST_REFLECTIONS = 8  # before and after the rim together
@@ -88,88 +87,7 @@ def _end(
     """Return the ways from `position` (2,) to the rims, of paths that continue to `other` (2,)."""
     climbs = sequences.totals * np.where(sequences.signs[:, 0] < 0, -1.0, 1.0)
     approaches = approaches_to(plan, np.unique(rims.owners), position, other, climbs, search)
-    return _End(approaches, _halves(plan, levels, rims, sequences, approaches, position, search))
-
-
-def _halves(
-    plan: Plan,
-    levels: Levels,
-    rims: Rims,
-    sequences: RimSequences,
-    approaches: Approaches,
-    position: FloatArray,
-    search: PathSearch,
-) -> Halves:
-    """Return every approach to the wall of each rim together with every sequence of levels."""
-    parts = []
-    for row, (first, behind) in enumerate(sequences.of_rims.tolist()):
-        ways = np.flatnonzero(approaches.walls == rims.owners[row])
-        way, sequence = np.repeat(ways, behind - first), np.tile(np.arange(first, behind), len(ways))
-        parts.append((np.full(len(way), row), way, sequence))
-    rim, way, sequence = (np.concatenate(column) for column in zip(*parts, strict=True))
-    start, along = rims.walls[rim, :2], rims.walls[rim, 2:] - rims.walls[rim, :2]
-    length = np.hypot(*along.T)
-    along /= length[:, None]
-    away = approaches.images[way] - start
-    axial, aside = (away * along).sum(axis=1), along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]
-    # a rim may be a part of a wall
-    before = ((start - plan.room.walls[rims.owners[rim], :2]) * along).sum(axis=1)
-    lows = np.maximum(approaches.lows[way] - before, -_ON_RIM)
-    highs = np.minimum(approaches.highs[way] - before, length + _ON_RIM)
-    # what comes from above has its image above
-    climb = sequences.totals[sequence]
-    rise = climb * sequences.signs[sequence, 1]
-    radial, direction = np.hypot(aside, rise), np.arctan2(rise, aside)
-    farthest = np.hypot(np.maximum(np.abs(axial), np.abs(axial - length)), aside)
-    beams = np.sqrt(loudest_at(np.arctan2(climb, farthest), search))
-    of_levels = np.append(plan.room.reflectances[levels.surfaces], 1.0)[sequences.levels].prod(axis=1)
-    gains = approaches.gains[way] * of_levels[sequence]
-    bounces = approaches.bounces[way] + (sequences.levels >= 0).sum(axis=1)[sequence]
-    kept = inside_wedge(direction, rims.wedges.starts[rim], rims.wedges.openings[rim])
-    kept &= (radial <= search.max_length) & (bounces <= search.max_bounces) & (highs > lows)
-    kept &= gains * beams >= max(search.faintest_diffraction, 1e-300)
-    rows = np.flatnonzero(kept)
-    rows = rows[_possible(plan, position, approaches, sequences, way[rows], sequence[rows])]
-    rows = rows[np.lexsort((radial[rows], rim[rows]))]
-    angles = np.mod(direction - rims.wedges.starts[rim], math.tau)
-    return Halves(
-        rim[rows].astype(np.int32),
-        axial[rows],
-        lows[rows],
-        highs[rows],
-        radial[rows],
-        angles[rows],
-        gains[rows],
-        beams[rows],
-        bounces[rows].astype(np.int32),
-        way[rows].astype(np.int32),
-        sequence[rows].astype(np.int32),
-    )
-
-
-def _possible(
-    plan: Plan,
-    position: FloatArray,
-    approaches: Approaches,
-    sequences: RimSequences,
-    rows: NDArray[np.intp],
-    chosen: NDArray[np.intp],
-) -> NDArray[np.bool_]:
-    """Return whether sound can take these rows of approaches with a sequence of levels each, (h,) bool.
-
-    This is so if it can lead to one of three points, both ends and the middle of the part of the wall.
-    """
-    wall = plan.room.walls[approaches.walls]
-    along = wall[:, 2:] - wall[:, :2]
-    along /= np.hypot(*along.T)[:, None]
-    possible = np.zeros(len(rows), np.bool_)
-    for share in (0.5, 1e-3, 1 - 1e-3):
-        at = approaches.lows + share * (approaches.highs - approaches.lows)
-        to = wall[:, :2] + at[:, None] * along
-        real, ways = ways_to(plan, position, approaches, np.arange(len(at)), to)
-        left = np.flatnonzero(~possible & real[rows])
-        possible[left] = ways_are_clear(plan, ways, rows[left], sequences, chosen[left])
-    return possible
+    return _End(approaches, halves_of(plan, levels, rims, sequences, approaches, position, search))
 
 
 def _amplitudes(
