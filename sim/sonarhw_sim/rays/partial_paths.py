@@ -124,14 +124,14 @@ def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
     if both_ways:
         turned = _turned(paths.surfaces, count)
         table = np.vstack((table, np.column_stack((paths.edges, _bends_back(paths, count), turned))))
-    kept = _first_of_equal(table)
+    kept = first_of_equal(table)
     own, back = kept[kept < len(paths)], kept[kept >= len(paths)] - len(paths)
     # most reverses are known
     paths = PartialPaths.join([paths.select(own), _reversed(paths.select(back))])
     return paths.select(_in_order(paths))
 
 
-def _first_of_equal(table: IntArray) -> NDArray[np.intp]:
+def first_of_equal(table: IntArray) -> NDArray[np.intp]:
     """Return the first of each set of equal rows (n, k), in order."""
     # a hash of each row first: to sort whole rows takes longer than all else
     weights = np.random.default_rng(0).integers(1, 2**62, table.shape[1])

@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part
-from sonarhw_sim.room.grid import IntArray, Listing, Surfaces
+from sonarhw_sim.compiled import array_part, compiled, compiled_part
+from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, listed
 
 BoolArray = NDArray[np.bool_]
 
 SLOPES = 8  # of the rays in each direction, of each kind
 _NEARLY = 1e-6  # m: a path this near to the end of a surface is not omitted here; its exact heights are checked later
+_AT_END = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
+_INSIDE = 1e-7  # m: a leg this deep in a post crosses it
 _FLUSH = 1e-9  # m: walls this near to one line touch sound at one point
 
 
@@ -38,11 +40,20 @@ class Climbs(NamedTuple):
 
     climbs: FloatArray  # (c,), m, negative if it first goes down; none: heights are not tested
     low: BoolArray  # (s,): surfaces that have a height
+    passable: Surfaces  # with a grid that lists only these
     spans: FloatArray  # (s, 2), m: lower and upper end
     start: float  # m, of the transducer
     floor: float  # m; -inf: none
     ceiling: float  # m; inf: none
     longest: float  # m, of a path in space
+
+
+class Passages(NamedTuple):
+    """Room for the low surfaces that a way crosses in the plan, one row each."""
+
+    surfaces: IntArray  # (c,)
+    begins: FloatArray  # (c,), m along the way
+    ends: FloatArray  # (c,), m
 
 
 @dataclass(frozen=True)
@@ -63,12 +74,19 @@ class Passing:
     def to_receiver(self) -> Climbs:
         """What the paths to find go up and down, for kernels; none if sound may turn at a lid."""
         climbs = self.climbs[:0] if self.lids else self.climbs
-        return Climbs(climbs, self.low, self.spans, self.height, self.floor, self.ceiling, self.max_length)
+        return Climbs(
+            climbs, self.low, self.passable, self.spans, self.height, self.floor, self.ceiling, self.max_length
+        )
 
     @property
     def blocking(self) -> Surfaces:
         """The surfaces with a grid that lists only those that no sound passes."""
         return only(self.surfaces, ~self.low)
+
+    @property
+    def passable(self) -> Surfaces:
+        """The surfaces with a grid that lists only those that sound may pass."""
+        return only(self.surfaces, self.low)
 
     @property
     def heights(self) -> KernelHeights:
@@ -120,9 +138,9 @@ def only(surfaces: Surfaces, chosen: BoolArray) -> Surfaces:
     return surfaces._replace(listing=Listing(before[starts], numbers[kept]))
 
 
-def no_climbs() -> Climbs:
+def no_climbs(surfaces: Surfaces) -> Climbs:
     """Return the climbs with which heights are not tested."""
-    return Climbs(np.empty(0), np.empty(0, np.bool_), np.empty((0, 2)), 0.0, 0.0, 0.0, 0.0)
+    return Climbs(np.empty(0), np.empty(0, np.bool_), surfaces, np.empty((0, 2)), 0.0, 0.0, 0.0, 0.0)
 
 
 def no_heights(surfaces: int) -> KernelHeights:
@@ -147,61 +165,157 @@ def surface_at(x: float, y: float, climb: float, surface: int, heights: KernelHe
     return -1
 
 
+@array_part
+def room_for_passages(points: int, low: BoolArray) -> Passages:
+    """Return room for all low surfaces that a way with so many points can cross."""
+    most = points * np.sum(low)
+    return Passages(np.empty(most, np.int32), np.empty(most), np.empty(most))
+
+
+@compiled_part
+def pass_low(points: FloatArray, at: FloatArray, last: int, surfaces: Surfaces, passages: Passages) -> int:
+    """Fill in the low surfaces that a way crosses, and return their number.
+
+    `points` (p, 2) m are those of the way up to number `last`, `at` (p,) m the length up to each, and `surfaces` list
+    the low ones.
+    """
+    count = 0
+    if surfaces.listing.numbers.shape[0] == 0:
+        return 0
+    for leg in range(last):
+        x, y = points[leg, 0], points[leg, 1]
+        length = at[leg + 1] - at[leg]
+        if length <= 2 * _AT_END:
+            continue
+        dx, dy = (points[leg + 1, 0] - x) / length, (points[leg + 1, 1] - y) / length
+        before = count
+        walk = enter(surfaces.cells, x, y, dx, dy)
+        while walk.inside:
+            for k in listed(surfaces.cells, surfaces.listing, walk):
+                begin, end = _crossing(x, y, dx, dy, length, k, surfaces)
+                known = begin < 0.0
+                # a surface is listed in several cells
+                for earlier in range(before, count):
+                    known = known or passages.surfaces[earlier] == k
+                if not known:
+                    passages.surfaces[count] = k
+                    passages.begins[count], passages.ends[count] = at[leg] + begin, at[leg] + end
+                    count += 1
+            if min(walk.next_column, walk.next_row) > length:
+                break
+            walk = advance(surfaces.cells, walk)
+    return count
+
+
+@compiled_part
+def _crossing(
+    x: float, y: float, dx: float, dy: float, length: float, surface: int, surfaces: Surfaces
+) -> tuple[float, float]:
+    """Return where along a leg it enters and leaves a surface, m; (-1, -1) if it does not cross it."""
+    if surface >= surfaces.walls.shape[0]:
+        post = surfaces.posts[surface - surfaces.walls.shape[0]]
+        cx, cy = post[0] - x, post[1] - y
+        ahead, aside = cx * dx + cy * dy, cx * dy - cy * dx
+        nearest = min(max(ahead, 0.0), length)
+        if math.hypot(ahead - nearest, aside) >= post[2] - _INSIDE:
+            return -1.0, -1.0
+        half = math.sqrt(post[2] * post[2] - aside * aside)
+        return max(ahead - half, 0.0), min(ahead + half, length)
+    wall = surfaces.walls[surface]
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    rx, ry = wall[0] - x, wall[1] - y
+    across = dx * ey - dy * ex
+    if across == 0.0:
+        return -1.0, -1.0
+    ahead, share = (rx * ey - ry * ex) / across, (rx * dy - ry * dx) / across
+    if _AT_END < ahead < length - _AT_END and -1e-12 <= share <= 1.0 + 1e-12:
+        return ahead, ahead
+    return -1.0, -1.0
+
+
+class Fitting(NamedTuple):
+    """Room for the heights of one path."""
+
+    along: FloatArray  # (p,), m: length up to each point
+    at: FloatArray  # (p,), m: length up to each low surface that it touches
+    touched: IntArray  # (p,): these surfaces
+    passages: Passages
+
+
+@array_part
+def room_for_fitting(points: int, climbs: Climbs) -> Fitting:
+    """Return room for the heights of a path with up to so many points."""
+    passages = room_for_passages(points, climbs.low)
+    return Fitting(np.empty(points), np.empty(points), np.empty(points, np.int32), passages)
+
+
 @compiled
 def at_heights(
     points: FloatArray, surfaces: IntArray, bends: IntArray, lengths: FloatArray, climbs: Climbs
 ) -> BoolArray:
-    """Return which paths past edges one of the climbs leads to the height of all that they touch, (n,) bool.
+    """Return which paths past edges one of the climbs leads over and under all that they touch and pass, (n,) bool.
 
     Columns as in `rays.paths.Paths`.
     """
-    fit = np.empty(lengths.shape[0], np.bool_)
-    at, low = np.empty(surfaces.shape[1]), np.empty(surfaces.shape[1], np.int32)
+    fit, room = np.empty(lengths.shape[0], np.bool_), room_for_fitting(points.shape[1], climbs)
     for row in range(lengths.shape[0]):
-        fit[row] = touches_at_height(points[row], surfaces[row], int(bends[row]), lengths[row], climbs, at, low)
+        fit[row] = fits_a_climb(points[row], surfaces[row], int(bends[row]), lengths[row], climbs, room)
     return fit
 
 
 @compiled_part
-def touches_at_height(
-    path: FloatArray,
-    sequence: IntArray,
-    bend: int,
-    length: float,
-    climbs: Climbs,
-    at: FloatArray,
-    touched: IntArray,
-) -> bool:
-    """Return whether one of the climbs leads a path (k, 2) of a length (m) to the height of all that it touches.
+def fits_a_climb(path: FloatArray, sequence: IntArray, bend: int, length: float, climbs: Climbs, room: Fitting) -> bool:
+    """Return whether one of the climbs leads a path (k, 2) of a length (m) to the right heights.
 
-    The path touches `sequence`, padded with -1, and passes an edge after the first `bend` of its surfaces. `at` and
-    `touched`, as long as that, are overwritten.
+    The path touches `sequence`, padded with -1, and passes an edge after the first `bend` of its surfaces.
     """
     if not climbs.climbs.shape[0]:
         return True
     # only low surfaces matter
-    count, along = 0, 0.0
+    count, last, passed = 0, 0, -1
+    room.along[0] = 0.0
     for k in range(path.shape[0] - 1):
-        along += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        if math.isnan(along):
+        leg = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        if math.isnan(leg):
             break
+        last = k + 1
+        room.along[last] = room.along[k] + leg
         touch = k if k < bend else k - 1
         if k != bend and touch < sequence.shape[0] and sequence[touch] >= 0 and climbs.low[sequence[touch]]:
-            at[count], touched[count] = along / length, sequence[touch]
+            room.at[count], room.touched[count] = room.along[last], sequence[touch]
             count += 1
     for climb in climbs.climbs:
         if climb * climb + length * length > climbs.longest * climbs.longest + _NEARLY:
             continue
-        fits = 0
-        while fits < count:
-            height = _folded(climbs.start + climb * at[fits], climbs.floor, climbs.ceiling)
-            lower, upper = climbs.spans[touched[fits]]
-            if not lower - _NEARLY <= height <= upper + _NEARLY:
-                break
-            fits += 1
-        if fits == count:
-            return True
+        if _touches_all(climb / length, count, climbs, room):
+            if passed < 0:
+                passed = pass_low(path, room.along, last, climbs.passable, room.passages)
+            if _passes_all(climb / length, passed, climbs, room.passages):
+                return True
     return False
+
+
+@compiled_part
+def _touches_all(slope: float, count: int, climbs: Climbs, room: Fitting) -> bool:
+    """Return whether sound with a slope touches each of the first `count` low surfaces within its span."""
+    for k in range(count):
+        height = _folded(climbs.start + slope * room.at[k], climbs.floor, climbs.ceiling)
+        lower, upper = climbs.spans[room.touched[k]]
+        if not lower - _NEARLY <= height <= upper + _NEARLY:
+            return False
+    return True
+
+
+@compiled_part
+def _passes_all(slope: float, passed: int, climbs: Climbs, passages: Passages) -> bool:
+    """Return whether sound with a slope is not within the span of a low surface where it enters or leaves that."""
+    for k in range(passed):
+        lower, upper = climbs.spans[passages.surfaces[k]]
+        for at in (passages.begins[k], passages.ends[k]):
+            height = _folded(climbs.start + slope * at, climbs.floor, climbs.ceiling)
+            if lower + _NEARLY <= height <= upper - _NEARLY:
+                return False
+    return True
 
 
 @compiled_part

@@ -14,7 +14,13 @@ from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
-from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, sequences_once, shortest_first
+from sonarhw_sim.rays.partial_paths import (
+    PartialPaths,
+    find_partial_paths,
+    first_of_equal,
+    sequences_once,
+    shortest_first,
+)
 from sonarhw_sim.rays.passing import Passing, at_heights
 from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.posts.cylinder import with_thin_posts
@@ -203,12 +209,9 @@ def _new(paths: PartialPaths, known: PartialPaths) -> PartialPaths:
     """Return the paths to edges whose surfaces are not those of a known path to the same edge."""
     most = paths.surfaces.shape[1]
     short = known.select(np.flatnonzero((known.bends <= most) & (known.edges >= 0)))
-    keys, known_keys = (
-        [tuple(key) for key in np.column_stack((table.edges, table.surfaces[:, :most])).tolist()]
-        for table in (paths, PartialPaths.join([short, paths.select(np.empty(0, np.intp))]))
-    )
-    others = set(known_keys)
-    return paths.select(np.array([row for row, key in enumerate(keys) if key not in others], dtype=np.intp))
+    both = PartialPaths.join([short, paths])
+    kept = first_of_equal(np.column_stack((both.edges, both.surfaces)))
+    return paths.select(kept[kept >= len(short)] - len(short))
 
 
 def _inside_post(room: Room, place: FloatArray, passing: Passing | None) -> bool:

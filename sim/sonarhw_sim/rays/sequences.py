@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.kernel import post_distance, reflect
-from sonarhw_sim.rays.passing import Climbs, no_climbs, touches_at_height
+from sonarhw_sim.rays.passing import Climbs, fits_a_climb, no_climbs, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
 BoolArray = NDArray[np.bool_]
@@ -60,7 +60,7 @@ def solve_candidates(
         targets,
         longest,
         surfaces,
-        to_receiver or no_climbs(),
+        to_receiver or no_climbs(surfaces),
         beyond_ends,
         real,
         points,
@@ -89,7 +89,7 @@ def _solve(
     """Fill in the results of `solve_candidates`, and return the number of paths."""
     walls, posts = surfaces.walls, surfaces.posts
     found, width = 0, points.shape[1]
-    images, at, low = np.empty((width, 2)), np.empty(width), np.empty(width, np.int32)
+    images, room = np.empty((width, 2)), room_for_fitting(width, to_receiver)
     for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
@@ -107,7 +107,7 @@ def _solve(
         if length > longest[target]:
             continue
         # `bounces`: there is no edge
-        if target == 0 and not touches_at_height(path, sequence, bounces, length, to_receiver, at, low):
+        if target == 0 and not fits_a_climb(path, sequence, bounces, length, to_receiver, room):
             continue
         if not path_is_free(path, surfaces):
             continue

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import array_part, compiled, compiled_part
 from sonarhw_sim.rays import path_table
+from sonarhw_sim.rays.passing import Passages, pass_low, room_for_passages
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
-from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
+from sonarhw_sim.room.grid import IntArray, Surfaces
 from sonarhw_sim.vertical.reflecting_levels import KernelLevels, is_within
 
 BoolArray = NDArray[np.bool_]
 
-_AT_END = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
-_INSIDE = 1e-7  # m: a leg this deep in a post crosses it
 _ON_END = 1e-9  # m: a surface is touched this far beyond its upper or lower end
 _CLOSE = 1e-9  # m: heights that differ less are equal
 
@@ -102,14 +101,6 @@ def _most_levels(levels: KernelLevels, search: PathSearch) -> int:
     return max(1, min(search.max_bounces, math.ceil(search.max_length / least) + 2))
 
 
-class Passages(NamedTuple):
-    """Room for the low surfaces that a way crosses in the plan, one row each."""
-
-    surfaces: IntArray  # (c,)
-    begins: FloatArray  # (c,), m along the way
-    ends: FloatArray  # (c,), m
-
-
 class _Visits(NamedTuple):
     """Room for the levels that a way passes over or under, one row each.
 
@@ -144,7 +135,7 @@ def _fold(
 ) -> int:
     """Fill in `folded` (m,), and return how many rows it should have; its levels are all -1, its climbs all NaN."""
     deepest, most_visits = folded.levels.shape[1], obstacles.levels.heights.shape[0] * ways.at.shape[1]
-    passages, visits = room_for_passages(ways, obstacles), _no_visits(most_visits)
+    passages, visits = room_for_passages(ways.at.shape[1], obstacles.low), _no_visits(most_visits)
     numbers, choices = np.empty((4, deepest + 2)), np.empty((2, deepest + 2), np.int32)
     work = _Work(numbers[0], numbers[1], numbers[2], numbers[3], choices[0], choices[1])
     found = 0
@@ -152,7 +143,7 @@ def _fold(
         length = ways.at[row, ways.lasts[row]]
         if not _CLOSE < length <= max_length:
             continue
-        passed = pass_low(ways, row, obstacles, passages)
+        passed = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, passages)
         visited = _visit_levels(ways, row, obstacles.levels, visits)
         largest, most = math.sqrt(max_length * max_length - length * length), min(deepest, max_bounces - bounces[row])
         for first in range(2):
@@ -239,7 +230,17 @@ def are_clear(
     2), m, which are those of the departure, of each level, and of the arrival.
     """
     clear = np.empty(rows.shape[0], np.bool_)
-    _test(ways, rows, which, heights, climbs, sequences, obstacles, room_for_passages(ways, obstacles), clear)
+    _test(
+        ways,
+        rows,
+        which,
+        heights,
+        climbs,
+        sequences,
+        obstacles,
+        room_for_passages(ways.at.shape[1], obstacles.low),
+        clear,
+    )
     return clear
 
 
@@ -260,7 +261,8 @@ def _test(
     for k in range(rows.shape[0]):
         # often, several sequences in turn are for one way
         if k == 0 or rows[k] != rows[k - 1]:
-            passed = pass_low(ways, rows[k], obstacles, passages)
+            row = rows[k]
+            passed = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, passages)
         which_one = heights[which[k]], climbs[which[k]], sequences[which[k]]
         clear[k] = can_take(ways, rows[k], passages, passed, *which_one, obstacles)
 
@@ -288,72 +290,8 @@ def can_take(
 
 
 @array_part
-def room_for_passages(ways: Ways, obstacles: Obstacles) -> Passages:
-    """Return room for all low surfaces that a way can cross."""
-    most = ways.at.shape[1] * np.sum(obstacles.low)
-    return Passages(np.empty(most, np.int32), np.empty(most), np.empty(most))
-
-
-@array_part
 def _no_visits(most: int) -> _Visits:
     return _Visits(np.empty(most, np.int32), np.empty(most), np.empty(most))
-
-
-@compiled_part
-def pass_low(ways: Ways, row: int, obstacles: Obstacles, passages: Passages) -> int:
-    """Fill in the low surfaces that a way crosses, and return their number."""
-    surfaces, count = obstacles.surfaces, 0
-    if surfaces.listing.numbers.shape[0] == 0:
-        return 0
-    for leg in range(ways.lasts[row]):
-        x, y = ways.points[row, leg, 0], ways.points[row, leg, 1]
-        length = ways.at[row, leg + 1] - ways.at[row, leg]
-        if length <= 2 * _AT_END:
-            continue
-        dx, dy = (ways.points[row, leg + 1, 0] - x) / length, (ways.points[row, leg + 1, 1] - y) / length
-        before = count
-        walk = enter(surfaces.cells, x, y, dx, dy)
-        while walk.inside:
-            for k in listed(surfaces.cells, surfaces.listing, walk):
-                begin, end = _crossing(x, y, dx, dy, length, k, surfaces)
-                known = begin < 0.0
-                # a surface is listed in several cells
-                for earlier in range(before, count):
-                    known = known or passages.surfaces[earlier] == k
-                if not known:
-                    passages.surfaces[count] = k
-                    passages.begins[count], passages.ends[count] = ways.at[row, leg] + begin, ways.at[row, leg] + end
-                    count += 1
-            if min(walk.next_column, walk.next_row) > length:
-                break
-            walk = advance(surfaces.cells, walk)
-    return count
-
-
-@compiled_part
-def _crossing(
-    x: float, y: float, dx: float, dy: float, length: float, surface: int, surfaces: Surfaces
-) -> tuple[float, float]:
-    """Return where along a leg it enters and leaves a surface, m; (-1, -1) if it does not cross it."""
-    if surface >= surfaces.walls.shape[0]:
-        post = surfaces.posts[surface - surfaces.walls.shape[0]]
-        cx, cy = post[0] - x, post[1] - y
-        ahead, aside = cx * dx + cy * dy, cx * dy - cy * dx
-        nearest = min(max(ahead, 0.0), length)
-        if math.hypot(ahead - nearest, aside) >= post[2] - _INSIDE:
-            return -1.0, -1.0
-        half = math.sqrt(post[2] * post[2] - aside * aside)
-        return max(ahead - half, 0.0), min(ahead + half, length)
-    wall = surfaces.walls[surface]
-    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-    rx, ry = wall[0] - x, wall[1] - y
-    across = dx * ey - dy * ex
-    if across == 0.0:
-        return -1.0, -1.0
-    ahead, share = (rx * ey - ry * ex) / across, (rx * dy - ry * dx) / across
-    if _AT_END < ahead < length - _AT_END and -1e-12 <= share <= 1.0 + 1e-12:
-        return ahead, ahead
-    return -1.0, -1.0
 
 
 @compiled_part

@@ -48,7 +48,7 @@ def plan_of(room: Room, height: float, levels: Levels, reach: Span, climbs: Floa
     plan = replace(room, edges=edges_at_all)
     plan.__dict__["surfaces"] = surfaces
     plan.__dict__["enclosures"] = find_enclosures(room.walls[~low[: len(room.walls)]], edges_at_all)
-    obstacles = Obstacles(only(surfaces, low), spans, low, bounds, at_bands, levels.kernel)
+    obstacles = Obstacles(passing.passable, spans, low, bounds, at_bands, levels.kernel)
     return Plan(plan, passing, obstacles, edge_numbers(edges_at_all, room, range(len(room.walls))))
 
 

@@ -7,11 +7,12 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.rays.passing import Passages, pass_low, room_for_passages
 from sonarhw_sim.rays.paths import PathSearch
 from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.room.grid import IntArray, Surfaces
-from sonarhw_sim.vertical.folding import BoolArray, Obstacles, Passages, Ways, can_take, pass_low, room_for_passages
+from sonarhw_sim.vertical.folding import BoolArray, Obstacles, Ways, can_take
 from sonarhw_sim.vertical.in_space import loudest_by_elevation
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
@@ -160,7 +161,7 @@ def _try(
     possible: BoolArray,
 ) -> None:
     """Fill in whether each way is possible: it leads to the middle or to one of both ends of the part of the wall."""
-    passages, images = room_for_passages(way, obstacles), np.empty((way.at.shape[1], 2))
+    passages, images = room_for_passages(way.at.shape[1], obstacles.low), np.empty((way.at.shape[1], 2))
     begin = 0
     for k in range(rows.shape[0]):
         if k + 1 == rows.shape[0] or rows[k + 1] != rows[k]:
@@ -192,7 +193,7 @@ def _try_part(
         x, y = wall[0] + on * (wall[2] - wall[0]), wall[1] + on * (wall[3] - wall[1])
         if not _fill_in(position, x, y, approaches, row, walls, blocking, images, way):
             continue
-        passed = pass_low(way, 0, obstacles, passages)
+        passed = pass_low(way.points[0], way.at[0], way.lasts[0], obstacles.surfaces, passages)
         for k in range(possible.shape[0]):
             which = chosen[k]
             heights, climbs, levels = sequences.heights[which], sequences.climbs[which], sequences.levels[which]
