@@ -50,7 +50,9 @@ Sources = Annotated[
         metavar="LOG|CSV|URL|ROOM",
     ),
 ]
-BoardShown = Annotated[str | None, typer.Option(help="Board profile; default: the log's.", metavar="NAME|FILE.toml")]
+BoardShown = Annotated[
+    str | None, typer.Option(help="Board profile; default: the log's or the scanner's.", metavar="NAME|FILE.toml")
+]
 
 
 def gui(
@@ -196,6 +198,7 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
     from sonarhw_gui.shell.display import DEMO, check_display
 
     fake = is_fake(url)
+    takes_board = not fake and request.board is None
     request = replace(request, board=request.board or _board_of(url))
     scene = _fake_scene(url, request) if fake else _scene(request)
     check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
@@ -208,7 +211,7 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
         start = WindowStart(
             scene, scanners.opener(url), autostart=fake, url=url, find_scanner=scanners.find, memory=memory_file()
         )
-        return run_window(replace(start, resume=resume, used=_used(request.room)))
+        return run_window(replace(start, takes_board=takes_board, resume=resume, used=_used(request.room)))
 
 
 def _board_of(url: str) -> str | None:
@@ -232,8 +235,12 @@ class _Scanners:
         from sonarhw_compare.scanners.fake_url import is_fake
         from sonarhw_gui.session.scanner_choice import ScannerTarget
 
+        from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+
         scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
-        return ScannerTarget(url, self.opener(url), scene, _board_of(url))
+        if is_plugin(url):
+            make_plugin(url)  # an invalid URL is reported before a connection is made
+        return ScannerTarget(url, self.opener(url), scene)
 
     def opener(self, url: str) -> "ScannerOpener":
         """Return a function that opens the scanner at `url`. The function raises LinkError, DeviceError."""

@@ -95,11 +95,11 @@ class LiveFeed:
         """Turn the turntable to `angle`, rad."""
         self._submit(TurnJob(angle))
 
-    def start(self, scene: Scene) -> None:
-        """Start a scan; the readings of the previous scan are dropped."""
+    def start(self, scene: Scene, takes_board: bool = False) -> None:
+        """Start a scan; the readings of the previous scan are dropped. `takes_board`: see `ScanJob`."""
         if self.possible and not self.running:
             self.readings = ()
-            self._submit(ScanJob(scene, self.scan_settings))
+            self._submit(ScanJob(scene, self.scan_settings, takes_board))
 
     def stop(self) -> None:
         """Ask the job to stop."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +14,7 @@ from sonarhw.readings import Reading, ScanOrder
 from sonarhw.scanning.scan_recording import ScanPlan, record_scan
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.codes import Outcome
+from sonarhw_gui.live.scanner_board import suited_board
 from sonarhw_gui.live.scanner_state import JobState, Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.store.new_recording import start_recording
@@ -109,22 +110,28 @@ class ScanJob:
 
     scene: Scene
     scan_settings: ScanSettings
+    takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
     phase: Phase = Phase.HOMING
     done: Phase = Phase.DONE
 
     def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
         """Scan into a new log. Also raises LogError if the log cannot be created."""
-        log, path = start_recording(self.scan_settings.folder, self.scene, report.warn)
+        scene = self._scene_of(scanner)
+        log, path = start_recording(self.scan_settings.folder, scene, report.warn)
         report.advance(Phase.HOMING, recording=path)
         try:
-            return record_scan(scanner, self._plan(), log, _ScanReport(report, scanner))
+            return record_scan(scanner, self._plan(scene), log, _ScanReport(report, scanner))
         finally:
             if not path.exists():
                 report.advance(report.status.phase, recording=None)
 
-    def _plan(self) -> ScanPlan:
+    def _scene_of(self, scanner: ConnectedScanner) -> Scene:
         board = self.scene.board
-        air = self.scene.room.air if self.scene.room else Air()
+        return replace(self.scene, board=suited_board(scanner.info.board, board) if self.takes_board else board)
+
+    def _plan(self, scene: Scene) -> ScanPlan:
+        board = scene.board
+        air = scene.room.air if scene.room else Air()
         return ScanPlan(
             self.scan_settings.order,
             reach=board.max_range if self.scan_settings.max_range is None else self.scan_settings.max_range,

@@ -124,12 +124,12 @@ class ReadingSource:
         """Reset the rate: other readings are shown from now on."""
         self._rate = RateMeter()
 
-    def scan(self, scene: Scene) -> None:
-        """Start a live scan; a log is closed."""
+    def scan(self, scene: Scene, takes_board: bool = False) -> None:
+        """Start a live scan; a log is closed. `takes_board`: see `ScanJob`."""
         self.begin()
         self.replay.unload()
         self.scan_scene = scene
-        self.live.start(scene)
+        self.live.start(scene, takes_board)
 
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
         """Show a log, at its end; `path`: its file."""

@@ -19,7 +19,6 @@ class ScannerTarget:
     url: str
     opener: ScannerOpener
     scene: Scene | None = None  # the scene of a fake scanner
-    board: str | None = None  # name of the board profile that suits the device; None: keep the one shown
 
 
 ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for an invalid URL

@@ -18,6 +18,7 @@ from sonarhw_gui.causes.cause_control import CauseControl
 from sonarhw_gui.finding.find_control import FindControl
 from sonarhw_gui.fitting.fit_control import FitControl
 from sonarhw_gui.fitting.fit_request import FitSettings
+from sonarhw_gui.live.scanner_board import ScannerBoard
 from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.scanner_place import ScannerPlace, ScanRoom
 from sonarhw_gui.live.window_status import Status
@@ -83,7 +84,7 @@ class WindowSession(QObject):
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
         self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
-        self._scanner_place = ScannerPlace(scene)
+        self._scanner_place, self.scanner_board = ScannerPlace(scene), ScannerBoard()
         self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
@@ -137,7 +138,7 @@ class WindowSession(QObject):
             self._move_fake(self._scanner_place.follow(self.scanners.url, self.shown.scene))
             for doubt in self._scanner_place.doubts(self.scanners.url, self.shown.scene):
                 self.noticed.emit(doubt)
-            self._source.scan(self.shown.scene)
+            self._source.scan(self.shown.scene, self.scanner_board.wanted)
 
     def _scan_room(self, offer: ScanRoom) -> None:
         if self.live.running:
@@ -301,11 +302,7 @@ class WindowSession(QObject):
         self.live.use(target.opener)
         if target.scene is not None:
             self.set_scene(target.scene)
-        if target.board is not None and target.board != self.shown.scene.board.name:
-            self.open_board(target.board)
-            self.warned.emit(
-                f"this device has board profile {target.board}, which is used from now on; Ctrl+Z undoes this"
-            )
+        self.scanner_board.wanted = target.scene is None
         self._scanner_place.confirm(self.shown.scene)
         self.live.connect()
 
@@ -444,6 +441,9 @@ class WindowSession(QObject):
     def _take_readings(self) -> bool:
         if self.live.newly_connected():  # before its errors are taken
             self.connected.emit()
+            if board := self.scanner_board.instead_of(self.shown.scene.board, self.live.link):
+                self.showing.edit(*with_board(self.shown.scene, board))
+                self.warned.emit(f"the scanner has board {board.name}, which is used from now on; Ctrl+Z undoes this")
         fresh, notice = self._source.take(self._last_tick)
         if fresh:
             self.showing.follow(self.live.readings)

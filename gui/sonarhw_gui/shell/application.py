@@ -46,6 +46,7 @@ class WindowStart:
     source_file: Path | None = None  # path of the log
     used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
     url: str = ""  # of the scanner
+    takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
     find_scanner: ScannerFinder | None = None  # opens any other scanner
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
@@ -90,6 +91,7 @@ def open_window(start: WindowStart) -> MainWindow:
     unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
     window = MainWindow(WindowSession(restored.scene, opener, scan_settings, memory.look, start.find_scanner, unsaved))
     window.session.scanners.url = restored.url
+    window.session.scanner_board.wanted = restored.takes_board
     restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
     window.session.remember_used(recent, memory.urls)

@@ -54,8 +54,8 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
         qtbot.keyClick(dialog.field, Qt.Key.Key_Return)
         until(qtbot, lambda: window.session.status.phase is Phase.READY)
         assert window.session.scanners.url == expected
-        assert window.session.shown.scene.board.name == "hc-sr04"
-        assert "board profile hc-sr04" in window.banner.message
+        until(qtbot, lambda: window.session.shown.scene.board.name == "hc-sr04")
+        assert "board hc-sr04" in window.banner.message
         window.commands.scan.trigger()
         until(qtbot, lambda: ended(window) and len(window.session.shown.readings) > 0)
         until(qtbot, lambda: predicted(window))
