@@ -61,7 +61,7 @@ def calibrate(
     """
     angles, ranges = _by_heading(readings, distance, gate)
     hits = _longest_arc(ranges)
-    _check_hits(hits, angles, distance)
+    _check_hits(hits, angles, distance, readings)
     step = float(np.median(np.diff(angles)))
     shares = np.array([len(found) for found in ranges]) / _pings(readings, angles)
     _check_flatness([ranges[k] for k in _central(hits, angles, shares, step)])
@@ -96,12 +96,12 @@ def _longest_arc(ranges: Sequence[FloatArray]) -> NDArray[np.intp]:
     return np.array(longest, dtype=np.intp)
 
 
-def _check_hits(hits: NDArray[np.intp], angles: FloatArray, distance: float) -> None:
+def _check_hits(hits: NDArray[np.intp], angles: FloatArray, distance: float, readings: Sequence[Reading]) -> None:
     if len(hits) < FEWEST:
         count = f"{len(hits)} heading{'' if len(hits) == 1 else 's'}"
         raise NoPlate(
-            f"the plate is detected at {count} in a row, expected at least {FEWEST}; check that it is {distance:g} m "
-            "away and faces the scanner, or use smaller steps or a larger plate"
+            f"the plate is detected at {count} in a row, expected at least {FEWEST}; {_found_instead(readings)}; check "
+            f"that it is {distance:g} m away and faces the scanner, or use smaller steps or a larger plate"
         )
     if hits[0] == 0 or hits[-1] == len(angles) - 1:
         end = math.degrees(angles[0 if hits[0] == 0 else -1])
@@ -109,6 +109,13 @@ def _check_hits(hits: NDArray[np.intp], angles: FloatArray, distance: float) -> 
             f"echoes near {distance:g} m reach {end:.4g} degrees, the end of the sector; check that the plate is "
             f"{distance:g} m away; if it is, use a wider sector"
         )
+
+
+def _found_instead(readings: Sequence[Reading]) -> str:
+    ranges = [reading.range for reading in readings if reading.range is not None]
+    if not ranges:
+        return "no reading has an echo"
+    return f"{len(ranges)} of {len(readings)} readings have an echo, with a median of {np.median(ranges):.2f} m"
 
 
 def _arc_of(hits: NDArray[np.intp], angles: FloatArray, shares: FloatArray, step: float) -> tuple[float, float]:

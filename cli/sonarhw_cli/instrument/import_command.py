@@ -137,12 +137,16 @@ def _columns(
     scale: float,
 ) -> "CsvColumns | None":
     """Return the columns of a CSV file; None for another format. Raises InputError for options of the other kind."""
-    from sonarhw_compare.imports.foreign_csv import CsvColumns
+    from sonarhw_compare.imports.foreign_csv import CsvColumns, read_head
 
     if known is None:
         if heading is None or distance is None:
             missing = "--heading" if heading is None else "--range"
-            raise InputError(f"{missing}: a CSV file needs it: the name of a column; other formats: {formats_text()}")
+            names = ", ".join(read_head(file, 0, decimal_comma).header)
+            raise InputError(
+                f"{missing}: a CSV file needs it: the name of a column; those of {file.name}: {names}; "
+                f"other formats: {formats_text()}"
+            )
         return CsvColumns(heading, distance, time_column, decimal_comma)
     given = {"--heading": heading, "--range": distance, "--time": time_column, "--decimal-comma": decimal_comma}
     for option, value in (given | {"--scale": scale != 1.0}).items():

@@ -83,7 +83,9 @@ def test_a_sector_of_too_few_headings_is_refused_before_the_turntable_moves(
 def test_a_missing_plate_gives_an_error_and_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "bench.toml"
     assert calibrated(out, "--distance", "3.0") == 1
-    assert "the plate is detected at 0 headings" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "the plate is detected at 0 headings" in error
+    assert f"with a median of {DISTANCE:.1f}" in error
     assert not out.exists()
 
 
