@@ -46,7 +46,7 @@ from sonarhw_cli.prediction import simulate_command as simulate
 from sonarhw_cli.window import demo_command as demo
 from sonarhw_cli.window import gui_command as gui
 
-# phrases in the messages of the option parser, and their replacements
+# phrases in the messages of the option parser about numbers, and their replacements
 _REWORDED = (
     ("Value error, ", ""),
     ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
@@ -157,9 +157,7 @@ def _status(arguments: list[str] | None) -> int:
         print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
         return _report(_with_position_hint(with_options(str(error)), given), error.exit_status)
     except typer.TyperException as error:
-        return _refuse(
-            _with_position_hint(_with_help(_reworded(error.format_message()), error), given), error.exit_code
-        )
+        return _refuse(_with_position_hint(_with_help(_reworded(error), error), given), error.exit_code)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except BrokenPipeError:
@@ -170,10 +168,17 @@ def _status(arguments: list[str] | None) -> int:
         return _report(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
 
 
-def _reworded(message: str) -> str:
+def _reworded(error: typer.TyperException) -> str:
+    """Return the message of the option parser; about a number, as `--step x: expected a number`."""
+    from pydantic import ValidationError
+
+    message = error.format_message()
     for theirs, ours in _REWORDED:
         message = message.replace(theirs, ours)
-    return message
+    rejected = re.match(r"Invalid value for '([^']+)': (expected .*)", message)
+    if rejected is None or not isinstance(error.__cause__, ValidationError):
+        return message
+    return f"{rejected[1]} {error.__cause__.errors()[0]['input']}: {rejected[2]}"
 
 
 def _with_help(message: str, error: typer.TyperException) -> str:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sonarhw.errors import InputError
+
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
     from sonarhw_compare.imports.foreign_rows import Meaning
@@ -59,13 +61,17 @@ _ROS, _RAW = FORMATS[-2:]
 
 
 def import_format(file: Path, rate: float | None = None) -> ImportFormat | None:
-    """Return the format of a file by its suffix; None: CSV.
+    """Return the format of a file by its suffix; None: CSV. Raises InputError for a log.
 
     With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag, or without a
     suffix, is a bag of ROS 2.
     """
     if (file / "metadata.yaml").exists() or (file.is_dir() and not file.suffix):
         return _ROS
+    if file.suffix.lower() == ".mcap":
+        raise InputError(
+            f"{file}: is a log already, which all commands read; of a bag of ROS 2, give the folder with metadata.yaml"
+        )
     known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
     return _RAW if known is None and rate is not None else known
 

@@ -253,6 +253,14 @@ def test_binary_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert not (tmp_path / "out.mcap").exists()
 
 
+@pytest.mark.parametrize("columns", [COLUMNS, []])
+def test_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], columns: list[str]) -> None:
+    (log := tmp_path / "in.mcap").write_bytes(b"\x89MCAP0\r\n")
+    assert run(["import", str(log), "--out", str(tmp_path / "out.mcap"), *columns]) == 2
+    assert capsys.readouterr().err.startswith(f"sonarhw: {log}: is a log already")
+    assert list(tmp_path.iterdir()) == [log]
+
+
 def test_a_missing_file_and_an_existing_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
     assert "cannot be read: No such file" in capsys.readouterr().err

@@ -304,9 +304,9 @@ def test_wrong_usage_gives_an_error_of_one_line_and_exit_status_2(
     ("arguments", "message"),
     [
         (["--receiver", "x"], "Invalid value for '--receiver': 'x' is not one of 'first-echo', 'board'."),
-        (["--sections", "x"], "Invalid value for '--sections': expected a whole number"),
-        (["--sections", "0"], "Invalid value for '--sections': expected a number greater than or equal to 1"),
-        (["--step", "x"], "Invalid value for '--step': expected a number"),
+        (["--sections", "1e3"], "--sections 1e3: expected a whole number"),
+        (["--sections", "0"], "--sections 0: expected a number greater than or equal to 1"),
+        (["--step", "x"], "--step x: expected a number"),
     ],
 )
 def test_messages_of_the_option_parser_are_reworded(
