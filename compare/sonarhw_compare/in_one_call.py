@@ -28,7 +28,7 @@ from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, compare_readings
 from sonarhw_compare.notes.placed_notes import PlacedNotes, notes_of_log
-from sonarhw_compare.report.html_report import report_html, report_of
+from sonarhw_compare.report.html_report import Report, report_html, report_of
 
 
 def compare(
@@ -55,8 +55,7 @@ def compare(
     here = given.place(known, place)
     _warn_of_doubts([given] if board is None else [], known, [here])
     options = PredictionOptions(receiver=receiver)
-    free = frozenset(_words(fit))
-    comparison = fitted_comparison(given, known, here, profile, free, model=model, options=options, tick=progress)[0]
+    comparison = fitted_comparison(given, known, here, profile, fit, model=model, options=options, tick=progress)[0]
     _warn_of_few_explained(given, comparison)
     return comparison
 
@@ -66,15 +65,15 @@ def fitted_comparison(
     room: Room,
     place: Place,
     board: Board,
-    free: frozenset[str],
+    fit: str | Iterable[str],
     *,
     model: Model,
     options: PredictionOptions,
     tick: Callable[[float], None],
 ) -> tuple[Comparison, Fit | None]:
-    """Return what `compare` returns, and the fit of the `free` quantities; None if none are free. Raises InputError."""
+    """Return what `compare` returns, and the fit; None if `fit` names no quantity. Raises InputError."""
     heading, offset, found = board.heading_at(0.0, place.heading), 0.0, None
-    if free:
+    if free := frozenset(_words(fit)):
         found = fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=tick)
         heading, offset, place = found.heading, found.offset, found.place
     comparison = compare_readings(
@@ -113,27 +112,32 @@ def write_report(
     known, profile = given.room(room), given.board(board)
     here = given.place(known, place)
     _warn_of_doubts([given] if board is None else [], known, [here])
-    options = PredictionOptions(receiver=receiver)
-    free = frozenset(_words(fit))
-    found = fit_scan(given.readings, known, here, profile, free, options=options) if free else None
     notes = notes_of_log(Path(scan), given.readings) if isinstance(scan, str | Path) else PlacedNotes()
     for doubt in notes.doubts:
         warnings.warn(doubt, stacklevel=2)
-    report = report_of(
-        Path(given.where).name,
-        given.readings,
-        known,
-        here,
-        profile,
-        options,
-        log=given.log,
-        fit=found,
-        notes=notes.texts,
-    )
+    report = fitted_report(given, known, here, profile, fit, notes, options=PredictionOptions(receiver=receiver))
     _warn_of_few_explained(given, report.comparison)
     page = report_html(report).encode()
     with atomic_file(path, overwrite=overwrite) as file:
         file.write(page)
+
+
+def fitted_report(
+    scan: GivenScan,
+    room: Room,
+    place: Place,
+    board: Board,
+    fit: str | Iterable[str],
+    notes: PlacedNotes,
+    *,
+    options: PredictionOptions,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> Report:
+    """Return the report that `write_report` writes. Raises InputError."""
+    free = frozenset(_words(fit))
+    found = fit_scan(scan.readings, room, place, board, free, options=options, tick=tick) if free else None
+    name = Path(scan.where).name
+    return report_of(name, scan.readings, room, place, board, options, log=scan.log, fit=found, notes=notes.texts)
 
 
 def fit(

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
@@ -15,13 +14,13 @@ from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.compare_two import compare_two
 from sonarhw_cli.comparison.find_missing import find_missing
-from sonarhw_cli.comparison.plain_fit_option import FitOption
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     PICTURE_FILE,
     BoardOfLog,
+    FitOption,
     Force,
     ModelChoice,
     PingsOfMedian,
@@ -33,7 +32,7 @@ from sonarhw_cli.console.options import (
     print_place,
 )
 from sonarhw_cli.console.output import written_file
-from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.progress import progress_of_fit
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
@@ -173,16 +172,9 @@ def compare_log(
     scan, room, chosen = open_in_room(log_file, room_name, board)
     here = scan.place(room, place)
     print_place(room, here)
-    with progress_of_share() if fit else nullcontext(lambda _share, _doing: None) as show:
+    with progress_of_fit(fit) as tick:
         comparison, found = fitted_comparison(
-            scan,
-            room,
-            here,
-            chosen,
-            frozenset(word.strip() for word in fit.split(",") if word.strip()),
-            model=model,
-            options=PredictionOptions(receiver=receiver),
-            tick=lambda share: show(share, "fitting"),
+            scan, room, here, chosen, fit, model=model, options=PredictionOptions(receiver=receiver), tick=tick
         )
     warn_of_few_explained(log_file, comparison)
     return comparison, found

@@ -7,10 +7,10 @@ import typer
 from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.comparison.compare_command import warn_of_few_explained
-from sonarhw_cli.comparison.plain_fit_option import FitOption, plain_fit
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
 from sonarhw_cli.console.options import (
     BoardOfLog,
+    FitOption,
     Force,
     PlaceName,
     ReceiverChoice,
@@ -19,6 +19,7 @@ from sonarhw_cli.console.options import (
     print_place,
 )
 from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.progress import progress_of_fit
 
 if TYPE_CHECKING:
     from sonarhw_compare.report.html_report import Report
@@ -55,15 +56,14 @@ def report_on(
 
     Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
     """
-    from sonarhw_compare.report.html_report import report_of
+    from sonarhw_compare.in_one_call import fitted_report
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     scan, room, chosen = open_in_room(log_file, room_name, board)
     here = scan.place(room, place)
     print_place(room, here)
-    options = PredictionOptions(receiver=receiver)
-    found = plain_fit(scan.readings, room, here, chosen, fit, options)
-    notes = notes_beside(log_file, scan.readings).texts
-    made = report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found, notes=notes)
+    notes, options = notes_beside(log_file, scan.readings), PredictionOptions(receiver=receiver)
+    with progress_of_fit(fit) as tick:
+        made = fitted_report(scan, room, here, chosen, fit, notes, options=options, tick=tick)
     warn_of_few_explained(log_file, made.comparison)
     return made

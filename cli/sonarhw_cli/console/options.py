@@ -145,6 +145,15 @@ ReceiverChoice = Annotated[
         show_default=False,
     ),
 ]
+FitOption = Annotated[
+    str,
+    typer.Option(
+        "--fit",
+        help="Quantities to fit before the comparison, on a grid: heading in steps of 0.5°, offset within 6 cm in "
+        "steps of 5 mm, position within 3 cm in steps of 1 cm. `sonarhw fit` is finer and adds credible intervals.",
+        metavar="heading,offset,position",
+    ),
+]
 ModelChoice = Annotated[Model, typer.Option("--model", help="Prediction model.")]
 PtyLink = Annotated[
     Path | None, typer.Option("--pty", help="Serve on a pseudo-terminal; LINK becomes a link to it.", metavar="LINK")

@@ -55,6 +55,16 @@ def progress_of_share() -> Iterator[Callable[[float, str], None]]:
         yield show
 
 
+@contextmanager
+def progress_of_fit(fit: str) -> Iterator[Callable[[float], None]]:
+    """Yield a function to call with the completed share of the fit that --fit names; no bar is shown without --fit."""
+    if not fit:
+        yield lambda _share: None
+        return
+    with progress_of_share() as show:
+        yield lambda share: show(share, "fitting")
+
+
 class CompilationProgress:
     """Shows a progress bar while kernels are compiled, if standard error is a terminal."""
 
