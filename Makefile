@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # some container images set it: then each process of the tests compiles all modules again
 unexport PYTHONDONTWRITEBYTECODE
 # versions and hashes are locked; packages build with the locked setuptools
-INSTALL := $(BIN)/python -m pip install --quiet --no-build-isolation
+INSTALL := $(BIN)/python -m pip install --quiet $(INSTALL_OPTIONS) --no-build-isolation
 # --no-deps: a lock is complete, and pip can take a newer version for a requirement with extras such as coverage[toml]
 locked = $(INSTALL) --no-deps --require-hashes $(patsubst %,--requirement requirements/%.txt,$(1))
 # many tests wait, so more files run in parallel than there are cores; small files of unit tests are last
@@ -21,7 +21,7 @@ IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -nore
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 WITHOUT_WINDOW := tests --ignore tests/system/gui
 
-.PHONY: setup tools demo check lint test collected window-tests other-tests coverage soak mutation firmware board docs fresh lock audit clean
+.PHONY: setup tools demo check lint types test collected window-tests other-tests coverage soak mutation firmware board docs fresh lock audit clean
 
 # the product with its window; `tools` adds the development tools
 setup: $(VENV)/installed $(VENV)/compiled
@@ -60,20 +60,24 @@ board: setup firmware
 	$(BIN)/sonarhw board
 
 # lint, import layers, types, and the tests without ports, processes and windows
-check: lint $(VENV)/compiled
+check: lint types $(VENV)/compiled
 	$(BIN)/pytest tests/unit $(AT_ONCE) --numprocesses 2
 
 lint: $(VENV)/tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+
+types: $(VENV)/tools
 	$(BIN)/mypy
 
-# packages first: two jobs cannot install at once
+# --no-compile: pip compiles every module of every package, in half of its time, and tests import only a part of them.
+# Debian packages first: two jobs cannot install at once. mypy needs half a minute; it runs beside the first tests,
+# and window tests follow it, which need less time than the others
 test:
 	setup/debian_packages.sh demo firmware test
-	$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint firmware $(VENV)/compiled collected
-	$(MAKE) --no-print-directory --jobs 2 window-tests other-tests
+	$(MAKE) --no-print-directory INSTALL_OPTIONS=--no-compile --jobs 2 --output-sync=target lint firmware $(VENV)/compiled collected
+	$(MAKE) --no-print-directory --jobs 2 types other-tests window-tests
 
 # pytest compiles the tests when it collects them; otherwise each of its processes would compile them all
 collected: $(VENV)/tools
