@@ -11,11 +11,6 @@ GROUP = "sonarhw.devices"
 _OWN = (EntryPoint("lines", "sonarhw.text.text_device:TextDevice", GROUP),)
 
 
-def plugin_names() -> list[str]:
-    """Return the schemes of all plug-ins."""
-    return sorted(_installed())
-
-
 def is_plugin(url: str) -> bool:
     """Return whether a plug-in opens this URL."""
     return url.partition(":")[0] in _installed()

@@ -1,14 +1,15 @@
 """Results of a study for notebooks: the folder as an `xarray.Dataset`, or as Arrow tables."""
 
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, MissingExtra
 from sonarhw.readings import FloatArray
 from sonarhw_compare.study.arrow import pa, pq
-from sonarhw_compare.study.labelled_arrays import load_xarray
 from sonarhw_compare.study.parts import read_manifest, unfinished_of
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
     Readings, if kept, are variables along `scan` and `heading_deg`, or `reading` if scans have different headings; NaN
     for no echo. Raises InputError if the folder is not a finished study, or xarray is not installed.
     """
-    xarray = load_xarray()
+    xarray = _load_xarray()
     scans, headings = read_tables(folder)
     columns = {name: scans[name].to_numpy() for name in scans.column_names}
     number = columns.pop("scan")
@@ -55,7 +56,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
 
 def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
     """Return each column of the readings as an array (scans, readings), padded with NaN."""
-    xr = load_xarray()
+    xr = _load_xarray()
     filled = np.arange(counts.max()) < counts[:, None]
 
     def spread(name: str) -> FloatArray:
@@ -70,3 +71,10 @@ def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int
         return {name: xr.DataArray(spread(name), dims=("scan", "heading_deg"), coords=coords) for name in names}
     found = {name: xr.DataArray(spread(name), dims=("scan", "reading")) for name in names}
     return found | {"heading_deg": xr.DataArray(degrees, dims=("scan", "reading"))}
+
+
+def _load_xarray() -> ModuleType:
+    try:
+        return import_module("xarray")
+    except ImportError as error:
+        raise MissingExtra("labelled results need xarray", "study") from error

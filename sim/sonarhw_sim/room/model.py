@@ -105,10 +105,6 @@ class Room:
         first, second = divmod(edge - len(self.edges), len(self.names))
         return f"{self.names[first]}/{self.names[second] if second != first else ''}"
 
-    def surfaces_at_edge(self, edge: int) -> tuple[int, ...]:
-        """Return the numbers of the one or two surfaces in the name of an edge."""
-        return tuple(self.names.index(name) for name in self.edge_name(edge).split("/") if name)
-
     def posts_at(self, position: tuple[float, float]) -> list[int]:
         """Return the surface numbers of the posts that contain a point (m), inside or on the circle."""
         inside = np.hypot(*(self.posts[:, :2] - position).T) <= self.posts[:, 2]

@@ -204,4 +204,4 @@ def test_a_defect_of_a_plugin_is_one_line(where: str, message: str) -> None:
 def test_text_devices_are_a_plugin_of_this_project() -> None:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["entry-points"][plugin_list.GROUP] == {"lines": "sonarhw.text.text_device:TextDevice"}
-    assert "lines" in plugin_list.plugin_names()
+    assert plugin_list.is_plugin("lines:/dev/ttyUSB0")
