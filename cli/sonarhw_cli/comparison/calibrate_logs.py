@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.lines import print_line
+from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.output import written_file
-from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan

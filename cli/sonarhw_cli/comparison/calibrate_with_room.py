@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.lines import print_line
+from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import print_place
 from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.room_input import open_room, print_place
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan

@@ -14,7 +14,7 @@ from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.compare_two import compare_two
 from sonarhw_cli.comparison.find_missing import find_missing
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
@@ -28,12 +28,10 @@ from sonarhw_cli.console.options import (
     ReceiverChoice,
     RoomOfLog,
     RoomTolerance,
-    checked_out,
-    print_place,
 )
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.output import checked_out, written_file
 from sonarhw_cli.console.progress import progress_of_fit
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.room_input import print_place
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit.plain_fit import Fit

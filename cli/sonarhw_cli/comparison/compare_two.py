@@ -9,12 +9,10 @@ from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import counted, write_rows
-from sonarhw_cli.console.options import checked_out
-from sonarhw_cli.console.output import text_output, written_file
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.output import checked_out, text_output, written_file
 
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from sonarhw_compare.headings import in_degrees
 
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.output import written_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import FoundCauses

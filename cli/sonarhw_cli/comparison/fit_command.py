@@ -11,20 +11,12 @@ from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.fit_table import fit_figures, fit_lines
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan
-from sonarhw_cli.console.options import (
-    ROOM_NAME,
-    BoardOfLog,
-    Force,
-    ReceiverChoice,
-    checked_out,
-    print_place,
-)
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.options import ROOM_NAME, BoardOfLog, Force, ReceiverChoice
+from sonarhw_cli.console.output import checked_out, written_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.room_input import open_room, print_place
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult

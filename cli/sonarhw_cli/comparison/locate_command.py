@@ -10,13 +10,12 @@ from sonarhw_compare.matching.few_explained import explains_few, few_explained
 from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 from sonarhw_sim.choices import Receiver
 
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.number_format import deviation_text, estimate_text
-from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog
+from sonarhw_cli.console.output import checked_out, written_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Located, Pose

@@ -11,14 +11,13 @@ from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force, checked_out, print_place
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force
+from sonarhw_cli.console.output import checked_out, written_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.room_input import open_room, print_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

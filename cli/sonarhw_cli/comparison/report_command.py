@@ -8,18 +8,10 @@ from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.comparison.compare_command import warn_of_few_explained
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
-from sonarhw_cli.console.options import (
-    BoardOfLog,
-    FitOption,
-    Force,
-    PlaceName,
-    ReceiverChoice,
-    RoomOfLog,
-    checked_out,
-    print_place,
-)
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.options import BoardOfLog, FitOption, Force, PlaceName, ReceiverChoice, RoomOfLog
+from sonarhw_cli.console.output import checked_out, written_file
 from sonarhw_cli.console.progress import progress_of_fit
+from sonarhw_cli.console.room_input import print_place
 
 if TYPE_CHECKING:
     from sonarhw_compare.report.html_report import Report

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.lines import Verbosity, print_detail, prints
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.lines import Verbosity, print_detail, prints, warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.scanners.scanner_url import Find

@@ -52,6 +52,11 @@ def print_note(text: str) -> None:
         _print_on_stderr(text)
 
 
+def warn(message: str) -> None:
+    """Print a warning as one line on standard error, unless --quiet is given."""
+    print_note(f"sonarhw: warning: {message}")
+
+
 def print_detail(text: str) -> None:
     """With --verbose, print on standard error what a command has read or chosen."""
     if prints(Verbosity.VERBOSE):

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw_cli.console.lines import print_detail
+from sonarhw_cli.console.lines import print_detail, warn
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan

@@ -1,24 +1,17 @@
-"""Options that several commands share, and their conversion from degrees and names to SI values and objects."""
+"""Options that several commands share, and checks of their values."""
 
 import math
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-from urllib.parse import parse_qsl
 
 import typer
 from sonarhw_sim.choices import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 
-from sonarhw.atomic_file import is_special
 from sonarhw.errors import InputError
 from sonarhw_cli.console.completions import complete_board, complete_place, complete_room
-from sonarhw_cli.console.lines import print_detail
-from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
-    from sonarhw_sim.room.model import Place, Room
-
     from sonarhw.readings import ScanOrder
 
 ROOM_NAME = "NAME|FILE.toml"
@@ -192,20 +185,12 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
 
 
-def chosen_place(room: "Room", wanted: str | None) -> "Place":
-    """Return the place of a room that --place names, with a warning if no scanner can be there. Raises InputError."""
-    place = room.place(wanted)
-    print_place(room, place)
-    return place
-
-
-def print_place(room: "Room", place: "Place") -> None:
-    """Print the place with --verbose, and a warning if it is outside the room or inside an object."""
-    from sonarhw_sim.room.doubts import place_doubts
-
-    print_detail(f"place {place.name!r} at {place.position[0]:g}, {place.position[1]:g} m in room {room.name!r}")
-    for doubt in place_doubts(room, place):
-        warn(doubt)
+def refuse_given(context: typer.Context, options: Mapping[str, str], reason: str) -> None:
+    """Raise InputError with the reason if the command line contains one of the options, named by their parameters."""
+    for parameter, option in options.items():
+        source = context.get_parameter_source(parameter)
+        if source is not None and source.name != "DEFAULT":
+            raise InputError(f"{option}: {reason}")
 
 
 def check_one_line(pty: Path | None, tcp: str | None) -> None:
@@ -218,67 +203,3 @@ def check_temperature(temperature: float | None) -> None:
     """Raise InputError if --temperature is not between -40 and 60 °C."""
     if temperature is not None and not -40 <= temperature <= 60:
         raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
-
-
-def checked_out(
-    out: str | Path, suffixes: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
-) -> str:
-    """Return the suffix of the name `out`, one of `suffixes`. If `-` is one of them, it means standard output.
-
-    Returns the first suffix for a device or a pipe. Raises InputError if the name has another suffix, is a folder, an
-    existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
-    """
-    if str(out) == STDOUT and STDOUT in suffixes:
-        refuse_overwriting(Path("/dev/stdout"), *inputs, option=option)
-        return STDOUT
-    path = Path(out)
-    if is_special(path):
-        refuse_overwriting(path, *inputs, option=option)
-        return suffixes[0]
-    suffix = path.suffix.lower()
-    if suffix not in suffixes:
-        *others, last = [name for name in suffixes if name != STDOUT]
-        wanted = f"{', '.join(others)} or {last}" if others else last
-        stdout = f", or {STDOUT} for standard output" if STDOUT in suffixes else ""
-        raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
-    refuse_existing(path, force, option)
-    refuse_overwriting(path, *inputs, option=option)
-    return suffix
-
-
-def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
-    """Raise InputError if `path` exists and may not be overwritten, or if its folder is missing."""
-    if path.is_dir():
-        raise InputError(f"{option} {path}: is a folder; give the name of a file in it")
-    if path.exists() and not force:
-        raise InputError(f"{path}: exists already; choose another {option} or add --force")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no such folder: {path.parent}; create it first")
-
-
-def refuse_existing_in(folder: Path, files: Sequence[Path], force: bool, option: str) -> None:
-    """Raise InputError if `folder` is a file, or if one of its `files` exists and may not be overwritten."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; give the name of a folder")
-    for file in files if folder.exists() else ():
-        refuse_existing(file, force, option)
-
-
-def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
-    """Raise InputError if `out` is one of the files that the command reads, perhaps under another name.
-
-    Inputs that are not files are ignored: None, URLs, and names of shipped rooms and boards.
-    """
-    for given in inputs:
-        for read in _files_read("" if given is None else str(given)):
-            # these functions return False where a Path raises, for example for a folder that may not be read
-            if os.path.isfile(read) and os.path.exists(out) and os.path.samefile(out, read):
-                raise InputError(f"{option} {out}: is the input file {read}; choose another name")
-
-
-def _files_read(given: str) -> list[Path]:
-    """Return the files that an argument may name: itself, or room and board of `fake:ROOM?board=FILE`."""
-    if not given.startswith("fake:"):
-        return [Path(given)] if given else []
-    room, _, query = given.removeprefix("fake:").partition("?")
-    return [Path(room), *(Path(value) for key, value in parse_qsl(query) if key == "board")]

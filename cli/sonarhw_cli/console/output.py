@@ -1,15 +1,17 @@
 """Output of the commands: standard output, and files that are written completely or not at all.
 
-File names must have been checked by `options.checked_out`. Logs are not written here: they grow on disk reading by
+`checked_out` checks a file name before the work begins. Logs are not written here: they grow on disk reading by
 reading, and are readable after any interruption.
 """
 
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from io import StringIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO, TextIO
+from urllib.parse import parse_qsl
 
 from sonarhw.atomic_file import atomic_file, is_special
 from sonarhw.errors import InputError, OutputError
@@ -105,3 +107,67 @@ def made_folder(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 path.rmdir()
         raise
+
+
+def checked_out(
+    out: str | Path, suffixes: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
+) -> str:
+    """Return the suffix of the name `out`, one of `suffixes`. If `-` is one of them, it means standard output.
+
+    Returns the first suffix for a device or a pipe. Raises InputError if the name has another suffix, is a folder, an
+    existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
+    """
+    if str(out) == STDOUT and STDOUT in suffixes:
+        refuse_overwriting(Path("/dev/stdout"), *inputs, option=option)
+        return STDOUT
+    path = Path(out)
+    if is_special(path):
+        refuse_overwriting(path, *inputs, option=option)
+        return suffixes[0]
+    suffix = path.suffix.lower()
+    if suffix not in suffixes:
+        *others, last = [name for name in suffixes if name != STDOUT]
+        wanted = f"{', '.join(others)} or {last}" if others else last
+        stdout = f", or {STDOUT} for standard output" if STDOUT in suffixes else ""
+        raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
+    refuse_existing(path, force, option)
+    refuse_overwriting(path, *inputs, option=option)
+    return suffix
+
+
+def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
+    """Raise InputError if `path` exists and may not be overwritten, or if its folder is missing."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder; give the name of a file in it")
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already; choose another {option} or add --force")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no such folder: {path.parent}; create it first")
+
+
+def refuse_existing_in(folder: Path, files: Sequence[Path], force: bool, option: str) -> None:
+    """Raise InputError if `folder` is a file, or if one of its `files` exists and may not be overwritten."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; give the name of a folder")
+    for file in files if folder.exists() else ():
+        refuse_existing(file, force, option)
+
+
+def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
+    """Raise InputError if `out` is one of the files that the command reads, perhaps under another name.
+
+    Inputs that are not files are ignored: None, URLs, and names of shipped rooms and boards.
+    """
+    for given in inputs:
+        for read in _files_read("" if given is None else str(given)):
+            # these functions return False where a Path raises, for example for a folder that may not be read
+            if os.path.isfile(read) and os.path.exists(out) and os.path.samefile(out, read):
+                raise InputError(f"{option} {out}: is the input file {read}; choose another name")
+
+
+def _files_read(given: str) -> list[Path]:
+    """Return the files that an argument may name: itself, or room and board of `fake:ROOM?board=FILE`."""
+    if not given.startswith("fake:"):
+        return [Path(given)] if given else []
+    room, _, query = given.removeprefix("fake:").partition("?")
+    return [Path(room), *(Path(value) for key, value in parse_qsl(query) if key == "board")]

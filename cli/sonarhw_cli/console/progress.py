@@ -6,8 +6,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from sonarhw.harmless_text import harmless
-from sonarhw_cli.console.lines import Verbosity, prints
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.lines import Verbosity, prints, warn
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -23,10 +23,10 @@ from sonarhw_cli.console.options import (
     Force,
     Temperature,
     check_temperature,
-    checked_out,
     order_in_degrees,
+    refuse_given,
 )
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.output import checked_out, written_file
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from sonarhw.scanning.calibration import Calibration
 
 PROFILE = ".toml"
+_OF_A_SCAN = {name: f"--{name}" for name in ("width", "step", "pings", "temperature")}
 _LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
@@ -112,7 +113,7 @@ def calibrate(
     _check_method(room_name, distances, directions, {"--place": places, "--pose": poses, "--plot": plot})
     logs = [Path(source) for source in sources if Path(source).suffix == LOG]
     if len(logs) == len(sources):
-        _refuse_scan_options(context)
+        refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
         if room_name is None:
             calibrate_logs(logs, distances or [], directions or [], board, out, force)
         else:
@@ -155,14 +156,6 @@ def _check_method(
     elif distances or directions:
         option = "--distance" if distances else "--direction"
         raise InputError(f"{option} and --room: expected one of them; a plate has a distance, a room has places")
-
-
-def _refuse_scan_options(context: typer.Context) -> None:
-    """Raise InputError for an option of a scan, because logs are scans already."""
-    for name in ("width", "step", "pings", "temperature"):
-        source = context.get_parameter_source(name)
-        if source is not None and source.name != "DEFAULT":
-            raise InputError(f"--{name}: is for a scan by a scanner; remove it, or give a URL in place of logs")
 
 
 def _calibrate_scanner(

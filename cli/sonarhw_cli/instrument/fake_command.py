@@ -10,16 +10,8 @@ from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw_cli.console.interruption import sigterm_exits
 from sonarhw_cli.console.lines import print_line
-from sonarhw_cli.console.options import (
-    BoardName,
-    PlaceName,
-    PtyLink,
-    RoomName,
-    TcpAddress,
-    check_one_line,
-    chosen_place,
-)
-from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.console.options import BoardName, PlaceName, PtyLink, RoomName, TcpAddress, check_one_line
+from sonarhw_cli.console.room_input import chosen_place, open_room
 
 Pace = Annotated[str, typer.Option(help="Real time, N times faster, or without waiting.", metavar="real|N|max")]
 Faults = Annotated[

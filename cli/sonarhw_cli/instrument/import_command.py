@@ -13,11 +13,11 @@ import typer
 from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.lines import print_note
+from sonarhw_cli.console.lines import print_note, warn
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore, checked_out, chosen_place
-from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore
+from sonarhw_cli.console.output import checked_out
+from sonarhw_cli.console.room_input import chosen_place, open_room
 
 if TYPE_CHECKING:
     from sonarhw_compare.imports.foreign_csv import CsvColumns

@@ -9,18 +9,10 @@ import typer
 from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import ScannerUrl, board_of, connect_turntable
 from sonarhw_cli.console.interruption import Interruption, interruption
-from sonarhw_cli.console.lines import print_line, print_note
+from sonarhw_cli.console.lines import print_line, print_note, warn
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import (
-    LOG,
-    BoardOfScanner,
-    Force,
-    MaxRange,
-    Temperature,
-    check_temperature,
-    checked_out,
-)
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.options import LOG, BoardOfScanner, Force, MaxRange, Temperature, check_temperature
+from sonarhw_cli.console.output import checked_out
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board

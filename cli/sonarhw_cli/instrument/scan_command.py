@@ -15,7 +15,7 @@ from sonarhw.errors import InputError
 from sonarhw.export.csv_rows import HEADER, row
 from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
-from sonarhw_cli.console.lines import print_detail, print_error, print_note
+from sonarhw_cli.console.lines import print_detail, print_error, print_note, warn
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
@@ -31,14 +31,12 @@ from sonarhw_cli.console.options import (
     ToAngle,
     ZeroHere,
     check_temperature,
-    checked_out,
-    chosen_place,
     order_in_degrees,
+    refuse_given,
 )
-from sonarhw_cli.console.output import standard_output
+from sonarhw_cli.console.output import checked_out, standard_output
 from sonarhw_cli.console.progress import progress
-from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.room_input import chosen_place, open_room
 
 if TYPE_CHECKING:
     from sonarhw_sim.air import Air
@@ -121,12 +119,8 @@ def scan(
 
 def refuse_orders(context: typer.Context) -> None:
     """Raise InputError for an option that a device cannot obey which turns and measures by itself."""
-    for name, option in _ORDERS.items():
-        source = context.get_parameter_source(name)
-        if source is not None and source.name != "DEFAULT":
-            raise InputError(
-                f"{option}: this device turns and measures by itself; remove {option}, and end the scan with --sweeps N"
-            )
+    reason = "this device turns and measures by itself; remove the option, and end the scan with --sweeps N"
+    refuse_given(context, _ORDERS, reason)
 
 
 def check_request(request: ScanRequest) -> None:

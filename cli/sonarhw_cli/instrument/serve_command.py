@@ -10,7 +10,7 @@ import typer
 from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
-from sonarhw_cli.console.lines import print_line, print_note
+from sonarhw_cli.console.lines import print_line, print_note, warn
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
@@ -25,10 +25,9 @@ from sonarhw_cli.console.options import (
     TemperatureInRoom,
     ToAngle,
     ZeroHere,
-    checked_out,
     order_in_degrees,
 )
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.output import checked_out
 from sonarhw_cli.instrument.scan_command import (
     ScanRequest,
     check_request,

@@ -7,17 +7,9 @@ from sonarhw_compare.headings import in_degrees
 from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength
 
 from sonarhw_cli.console.number_format import write_rows
-from sonarhw_cli.console.options import (
-    STDOUT,
-    EdgeStrengthChoice,
-    Force,
-    PlaceName,
-    RoomName,
-    checked_out,
-    chosen_place,
-)
-from sonarhw_cli.console.output import text_output
-from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.console.options import STDOUT, EdgeStrengthChoice, Force, PlaceName, RoomName
+from sonarhw_cli.console.output import checked_out, text_output
+from sonarhw_cli.console.room_input import chosen_place, open_room
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 

@@ -10,8 +10,8 @@ from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import BoardName, Force, RoomName, checked_out
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.options import BoardName, Force, RoomName
+from sonarhw_cli.console.output import checked_out, written_file
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
 if TYPE_CHECKING:

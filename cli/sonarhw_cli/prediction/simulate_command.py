@@ -9,6 +9,7 @@ from sonarhw_compare.sound.film_file import FILMS
 from sonarhw_sim.choices import DEFAULT_BOARD, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
+from sonarhw_cli.console.lines import warn
 from sonarhw_cli.console.number_format import counted, write_rows
 from sonarhw_cli.console.options import (
     LOG,
@@ -25,13 +26,10 @@ from sonarhw_cli.console.options import (
     RoomTolerance,
     StepDegrees,
     ToDegrees,
-    checked_out,
-    chosen_place,
     order_in_degrees,
 )
-from sonarhw_cli.console.output import text_output
-from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.console.warning_line import warn
+from sonarhw_cli.console.output import checked_out, text_output
+from sonarhw_cli.console.room_input import chosen_place, open_room
 from sonarhw_cli.prediction.predicted_files import (
     HEADER,
     PROBABILITY_HEADER,

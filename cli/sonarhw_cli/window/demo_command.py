@@ -12,8 +12,8 @@ from sonarhw.errors import InputError, MissingExtra
 from sonarhw.json_text import json_text
 from sonarhw_cli.console.demo_room import PLACE, ROOM, demo_url
 from sonarhw_cli.console.lines import print_line
-from sonarhw_cli.console.options import ForceFiles, refuse_existing_in
-from sonarhw_cli.console.output import made_folder
+from sonarhw_cli.console.options import ForceFiles
+from sonarhw_cli.console.output import made_folder, refuse_existing_in
 from sonarhw_cli.window.gui_command import show_demo
 
 RESULT = "demo-result"  # folder of the demo's files when there is no display

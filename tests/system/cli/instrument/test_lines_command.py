@@ -65,7 +65,7 @@ def test_what_the_device_cannot_obey_is_refused(
     log = tmp_path / "scan.mcap"
     assert run(["scan", "lines:/dev/ttyUSB9?preset=csv", "--out", str(log), option, *value]) == 2
     assert capsys.readouterr().err == (
-        f"sonarhw: {option}: this device turns and measures by itself; remove {option}, "
+        f"sonarhw: {option}: this device turns and measures by itself; remove the option, "
         "and end the scan with --sweeps N\n"
     )
     assert not log.exists()
