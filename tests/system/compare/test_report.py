@@ -111,9 +111,16 @@ def region_rows(report: Report) -> list[list[str]]:
     return Page("".join(regions_table(report.comparison))).rows[1:]
 
 
-def test_measured_regions_are_listed_beside_predicted_ones(report: Report, text: str) -> None:
-    listed = [row for row in Page(text).rows if len(row) == 6][1:]
-    found = region_details(report.comparison)
+def test_measured_regions_are_listed_beside_predicted_ones(report: Report, log: Path, text: str) -> None:
+    assert [row for row in Page(text).rows if len(row) == 6][1:] == region_rows(report)
+    scene = report.comparison.prediction
+    readings = [
+        replace(one, echo_times=(0.002,)) if 95 < math.degrees(one.angle) < 145 else one
+        for one in read_log(log).readings  # an object that the room lacks, at 0.34 m
+    ]
+    with_object = report_of("x", readings, scene.room, scene.place, scene.board, PredictionOptions())
+    listed = region_rows(with_object)
+    found = region_details(with_object.comparison)
     assert found["pairs"]
     assert found["only_measured"]
     for pair in found["pairs"]:

@@ -32,6 +32,18 @@ def test_slowly_changing_ranges_are_split_at_the_tolerance() -> None:
     assert regions_of(HEADINGS, ranges, tolerance=0.003) == ()
 
 
+@pytest.mark.parametrize("step", [1.0, 2.0, 2.5, 5.0])
+def test_whether_a_region_is_found_does_not_depend_on_its_heading(step: float) -> None:
+    count = round(360 / step)
+    headings, wide = np.radians(step * np.arange(count)), round(10 / step) + 1
+    for first in range(count):
+        rows = (first + np.arange(wide)) % count
+        ranges, narrower = np.full(count, np.nan), np.full(count, np.nan)
+        ranges[rows] = narrower[rows[1:]] = 2.0
+        assert [len(region) for region in regions_of(headings, ranges)] == [wide]
+        assert regions_of(headings, narrower) == ()
+
+
 def test_a_gap_between_headings_ends_a_region() -> None:
     headings = np.radians(np.concatenate((np.arange(0.0, 30.0, 3.0), np.arange(60.0, 90.0, 3.0))))
     assert [len(region) for region in regions_of(headings, np.full(20, 2.0))] == [10, 10]
