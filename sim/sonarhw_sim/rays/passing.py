@@ -168,7 +168,9 @@ def surface_at(x: float, y: float, climb: float, surface: int, heights: KernelHe
 @array_part
 def room_for_passages(points: int, low: BoolArray) -> Passages:
     """Return room for all low surfaces that a way with so many points can cross."""
-    most = points * np.sum(low)
+    most = 0
+    for is_low in low:  # np.sum in a kernel loads scipy.linalg at every start
+        most += points * int(is_low)
     return Passages(np.empty(most, np.int32), np.empty(most), np.empty(most))
 
 
