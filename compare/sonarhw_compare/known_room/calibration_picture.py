@@ -32,6 +32,7 @@ def draw_calibration(found: RoomCalibration, scans: Sequence[PlacedScan]) -> Fig
             title = f"{scans[row].name}, {when}: {share}" + ("" if silence is None else f", silence {silence:.0%}")
             axes[row, column].set_title(picture_text(title), fontsize=9, loc="left")
         axes[row, 0].set_ylabel("range (m)")
+    axes[0, 0].yaxis.set_major_formatter(lambda value, _: f"{value:g}" if value >= 0 else "")  # shared by all
     for one in axes[-1]:
         one.set(xlabel="heading in the room (°)", xlim=(0, 360), xticks=range(0, 361, 45))
     handles = {
@@ -43,13 +44,14 @@ def draw_calibration(found: RoomCalibration, scans: Sequence[PlacedScan]) -> Fig
 
 def _draw(axes: Axes, figures: ScanFigures) -> None:
     comparison = figures.comparison
+    named = f"{comparison.origin.value} (grey band: no echo)"
     quiet = _SILENT * comparison.prediction.board.max_range
     headings = np.degrees(comparison.prediction.headings) % 360
     predicted = comparison.prediction.ranges
     axes.axhspan(2 * quiet, quiet / 2, color="#EEEEEE")
     axes.plot(headings, _or(predicted, quiet * 1.4), "o", mfc="none", mec=PREDICTED, ms=4, mew=0.8, label="predicted")
     for kinds, colour, marker, label in (
-        ([kind for kind in Kind if kind is not Kind.OWN_BODY], MEASURED, ".", "measured (grey band: no echo)"),
+        ([kind for kind in Kind if kind is not Kind.OWN_BODY], MEASURED, ".", named),
         ([Kind.OWN_BODY], OWN_BODY, "d", "own body"),
     ):
         rows = [row for row in comparison.rows if row.kind in kinds]

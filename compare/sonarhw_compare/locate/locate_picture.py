@@ -11,7 +11,7 @@ from sonarhw_sim.room.model import Place
 
 from sonarhw_compare.locate.poses import NEAR, Located, Pose
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_heading, draw_room
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
@@ -87,8 +87,6 @@ def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards:
 
 def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
     x, y = pose.position
-    tip = x + length * math.cos(pose.heading), y + length * math.sin(pose.heading)
-    arrow = {"arrowstyle": "-|>", "color": PREDICTED, "lw": 2, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", tip, (x, y), arrowprops=arrow)
+    draw_heading(axes, pose.position, pose.heading, length, PREDICTED)
     axes.plot(x, y, "^", color=PREDICTED, ms=8)
     _write_beside(axes, f"{pose.probability:.0%}", (x, y), pose.heading - math.pi / 2, PREDICTED)

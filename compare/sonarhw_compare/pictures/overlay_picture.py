@@ -1,5 +1,6 @@
 """Picture of the plan of a room with measured over predicted readings, as a matplotlib figure."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -73,6 +74,14 @@ def _draw_shading(axes: Axes, scan: PredictedScan, shading: RangeShading) -> Non
     mesh.set_cmap(LinearSegmentedColormap.from_list("opacity", [(PREDICTED, 0.0), (PREDICTED, 1.0)]))
     mesh.set_clim(0.0, 1.0)
     axes.add_collection(mesh, autolim=False)
+
+
+def draw_heading(axes: Axes, position: tuple[float, float], heading: float, length: float, color: str) -> None:
+    """Draw an arrow of `length` m from `position` (m) in the direction `heading` (rad)."""
+    x, y = position
+    tip = x + length * math.cos(heading), y + length * math.sin(heading)
+    arrow = {"arrowstyle": "-|>", "color": color, "lw": 2, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tip, (x, y), arrowprops=arrow)
 
 
 def draw_room(axes: Axes, room: Room) -> None:
