@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
@@ -127,14 +127,15 @@ def compare(
         checked_out(out, (".toml",), force, log_file, room_name, board)
     suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
+    tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
+    probabilities = _Probabilities(model, receiver, pings or 1, tolerance)
     if plot is not None:
-        shading = _shading(comparison, receiver, model, pings, room_tolerance)
         with written_file(plot, overwrite=force) as file:
-            save_comparison(comparison, file, suffix, shading)
+            save_comparison(comparison, file, suffix, probabilities.shading(comparison))
     if missing:
         find_missing(comparison, receiver, as_json=as_json, out=out, force=force)
         return
-    score = _score(comparison, receiver, model, pings, room_tolerance)
+    score = probabilities.score(comparison)
     notes = notes_beside(log_file, [row.reading for row in comparison.rows])
     if as_json:
         print_json(_figures(comparison, found, explained, notes) | asdict(score))
@@ -178,36 +179,34 @@ def compare_log(
     return comparison, found
 
 
-def _score(
-    comparison: "Comparison", receiver: Receiver | None, model: Model, pings: int | None, room_tolerance: float | None
-) -> "ProbabilityScore":
-    from sonarhw_compare.matching.probability_score import score_comparison
-    from sonarhw_sim.predict.prediction import PredictionOptions
+@dataclass(frozen=True)
+class _Probabilities:
+    """The options from which the probabilities of the readings are predicted."""
 
-    return score_comparison(
-        comparison,
-        PredictionOptions(receiver=receiver),
-        model=model,
-        pings=pings or 1,
-        room_tolerance=ROOM_TOLERANCE if room_tolerance is None else room_tolerance,
-    )
+    model: Model
+    receiver: Receiver | None
+    pings: int
+    room_tolerance: float  # m
 
+    def score(self, comparison: "Comparison") -> "ProbabilityScore":
+        """Return how well the probabilities predict the readings."""
+        from sonarhw_compare.matching.probability_score import score_comparison
+        from sonarhw_sim.predict.prediction import PredictionOptions
 
-def _shading(
-    comparison: "Comparison", receiver: Receiver | None, model: Model, pings: int | None, room_tolerance: float | None
-) -> "RangeShading | None":
-    """Return the shading of the probabilities; None without a spread, and for models that find no fainter paths."""
-    from sonarhw_compare.pictures.range_shading import shading_around
-    from sonarhw_sim.predict.prediction import PredictionOptions
+        options = PredictionOptions(receiver=self.receiver)
+        return score_comparison(
+            comparison, options, model=self.model, pings=self.pings, room_tolerance=self.room_tolerance
+        )
 
-    if model is not Model.RAY_FOLLOWING or not comparison.prediction.board.states_spread:
-        return None
-    return shading_around(
-        comparison.prediction,
-        PredictionOptions(receiver=receiver),
-        pings=pings or 1,
-        room_tolerance=ROOM_TOLERANCE if room_tolerance is None else room_tolerance,
-    )
+    def shading(self, comparison: "Comparison") -> "RangeShading | None":
+        """Return the shading of the ranges; None without a spread, and for models that find no fainter paths."""
+        from sonarhw_compare.pictures.range_shading import shading_around
+        from sonarhw_sim.predict.prediction import PredictionOptions
+
+        if self.model is not Model.RAY_FOLLOWING or not comparison.prediction.board.states_spread:
+            return None
+        options = PredictionOptions(receiver=self.receiver)
+        return shading_around(comparison.prediction, options, pings=self.pings, room_tolerance=self.room_tolerance)
 
 
 def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
