@@ -69,7 +69,7 @@ def test_ctrl_c_ends_pings_without_a_count_and_closes_the_log(url: str, tmp_path
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--count", "0"), "--count': expected a number greater than or equal to 1"),
+        (("--count", "0"), "--count 0: expected a number greater than or equal to 1"),
         (("--max-range", "0"), "--max-range 0: expected metres above 0"),
         (("--out", "pings.csv"), "expected a name ending in .mcap"),
         (("--board", "nothing"), "unknown board"),
