@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
 from sonarhw_sim.rays.partial_paths import first_of_kind
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
@@ -106,37 +107,53 @@ def loudest_by_elevation(search: PathSearch) -> FloatArray:
 
 def with_levels(ways: Ways, levels: Levels, folded: Folded) -> tuple[IntArray, IntArray, FloatArray]:
     """Return surfaces (n, b), bends (n,) and points (n, b + 3, 2) of paths with touches of levels among the others."""
-    rows, most = folded.rows, folded.levels.shape[1]
-    at, row = ways.at[rows], np.arange(len(folded.rows))
-    lengths = at[row, ways.lasts[rows]]
-    touches = lengths[:, None] * folded.climbs / np.maximum(folded.totals, 1e-300)[:, None]
-    # levels first: they are so in a right-angled corner of level and wall, where sound touches both at one point
-    points = np.concatenate((_along(ways, rows, touches), ways.points[rows]), axis=1)
-    met = np.hstack((np.append(levels.surfaces, -1).astype(np.int32)[folded.levels], ways.met[rows]))
-    where = np.nan_to_num(np.round(np.hstack((touches, at)) / _TOGETHER), nan=np.inf)
-    # source first, receiver last
-    where[:, most] = -1.0
-    where[row, most + ways.lasts[rows]] = np.round(lengths / _TOGETHER) + 1
-    order = np.argsort(where, axis=1, kind="stable")
-    met = np.take_along_axis(met, order, axis=1)
-    points = np.take_along_axis(points, order[..., None], axis=1)
-    # the edge is the one point between source and receiver without a surface
-    count = (folded.levels >= 0).sum(axis=1)
-    bends = np.where(ways.edges[rows] >= 0, (met[:, 1:] < 0).argmax(axis=1), ways.bends[rows] + count).astype(np.int32)
-    surfaces = np.take_along_axis(met, np.argsort(met < 0, axis=1, kind="stable"), axis=1)
-    return surfaces[:, : points.shape[1] - 3], bends, points
+    count = len(folded.rows)
+    most = int((ways.lasts[folded.rows] - 1 + (folded.levels >= 0).sum(axis=1)).max(initial=0))
+    surfaces, points = np.full((count, most), -1, np.int32), np.full((count, most + 3, 2), np.nan)
+    bends = np.empty(count, np.int32)
+    _merge(ways, levels.surfaces, folded, surfaces, bends, points)
+    return surfaces, bends, points
 
 
-def _along(ways: Ways, rows: NDArray[np.intp], lengths: FloatArray) -> FloatArray:
-    """Return the points (m, k, 2) at `lengths` (m, k) m along these rows of ways, NaN where a length is NaN."""
-    at, points = ways.at[rows], ways.points[rows]
-    leg = (at[:, None, :] <= lengths[..., None]).sum(axis=2) - 1
-    leg = np.clip(leg, 0, ways.lasts[rows][:, None] - 1)
-    row = np.arange(len(rows))[:, None]
-    start, end = points[row, leg], points[row, leg + 1]
-    begin, size = at[row, leg], at[row, leg + 1] - at[row, leg]
-    share = (lengths - begin) / np.where(size > 0, size, 1.0)
-    return np.asarray(start + share[..., None] * (end - start))
+@compiled
+def _merge(
+    ways: Ways, numbers: IntArray, folded: Folded, surfaces: IntArray, bends: IntArray, points: FloatArray
+) -> None:
+    """Fill in the result of `with_levels`, which is all -1 and NaN before; `numbers` (l,) are those of the levels."""
+    for k in range(folded.rows.shape[0]):
+        row = folded.rows[k]
+        last, length, total = ways.lasts[row], ways.at[row, ways.lasts[row]], max(folded.totals[k], 1e-300)
+        leg, level, touches, found = 0, 0, 0, 1
+        points[k, 0] = ways.points[row, 0]
+        bends[k] = -1
+        while True:
+            reached = level == folded.levels.shape[1] or folded.levels[k, level] < 0
+            along = length if reached else length * folded.climbs[k, level] / total
+            # levels first: they are so in a right-angled corner of level and wall, touched at one point
+            if leg + 1 < last and (reached or round(ways.at[row, leg + 1] / _TOGETHER) < round(along / _TOGETHER)):
+                leg += 1
+                points[k, found] = ways.points[row, leg]
+                surface = ways.met[row, leg]
+            elif reached:
+                break
+            else:
+                size = ways.at[row, leg + 1] - ways.at[row, leg]
+                share = (along - ways.at[row, leg]) / (size if size > 0.0 else 1.0)
+                for axis in range(2):
+                    begin = ways.points[row, leg, axis]
+                    points[k, found, axis] = begin + share * (ways.points[row, leg + 1, axis] - begin)
+                surface = numbers[folded.levels[k, level]]
+                level += 1
+            found += 1
+            if surface >= 0:
+                surfaces[k, touches] = surface
+                touches += 1
+            else:
+                # the edge is the one point between source and receiver without a surface
+                bends[k] = touches
+        points[k, found] = ways.points[row, last]
+        if bends[k] < 0:
+            bends[k] = ways.bends[row] + level
 
 
 def straight_paths(room: Room, place: Place, levels: Levels, height: float, search: PathSearch) -> list[Paths]:
