@@ -86,10 +86,11 @@ def diffracted_paths(
     max_bounces: int,
 ) -> PartialPaths:
     """Return all paths that combine a path of `out` to an edge with a reversed one of `back`."""
-    one_way, (out, out_edges) = back is out, _paths_to_edges(room, out)
-    back, back_edges = (out, out_edges) if one_way else _paths_to_edges(room, back)
+    out_rows, out_edges = _paths_to_edges(room, out)
+    back_rows, back_edges = (out_rows, out_edges) if back is out else _paths_to_edges(room, back)
     faces = room.reflectances[room.edges.faces]
     first, second, gains, phases = join_at_edges(out_edges, back_edges, room.edges, faces, edge_diffraction, max_length)
+    first, second = out_rows[first], back_rows[second]
     few = np.flatnonzero(out.bends[first] + back.bends[second] <= max_bounces)
     first, second, gains, phases = first[few], second[few], gains[few], phases[few]
     phases = phases + out.phases[first] + back.phases[second]
@@ -104,8 +105,8 @@ def diffracted_paths(
     return PartialPaths(lengths, gains, phases, surfaces, out.edges[first], out.bends[first], points)
 
 
-def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, EdgePaths]:
-    """Return the paths that reach an edge through its own wedge of air, by edge and length, with their angles."""
+def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[NDArray[np.intp], EdgePaths]:
+    """Return the rows of paths that reach an edge through its wedge of air, by edge and length, and their angles."""
     rows = np.flatnonzero(paths.edges >= 0)
     edges = paths.edges[rows]
     before = paths.points[rows, paths.bends[rows]] - room.edges.points[edges]
@@ -115,11 +116,11 @@ def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, Edge
     within &= np.hypot(*before.T) > _AT_EDGE
     order = np.lexsort((paths.lengths[rows], edges))
     order = order[within[order]]
-    paths, direction = paths.select(rows[order]), direction[order]
-    angles = np.mod(direction - room.edges.starts[paths.edges], math.tau)
-    away = paths.points[:, 1] - paths.points[:, 0]
+    rows, direction = rows[order], direction[order]
+    edges, away = paths.edges[rows], paths.points[rows, 1] - paths.points[rows, 0]
+    angles = np.mod(direction - room.edges.starts[edges], math.tau)
     departures = np.arctan2(away[:, 1], away[:, 0])
-    return paths, EdgePaths(paths.edges, paths.lengths, paths.gains, angles, departures)
+    return rows, EdgePaths(edges, paths.lengths[rows], paths.gains[rows], angles, departures)
 
 
 def fill_rows(

@@ -133,13 +133,17 @@ def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
 
 def first_of_equal(table: IntArray) -> NDArray[np.intp]:
     """Return the first of each set of equal rows (n, k), in order."""
-    # a hash of each row first: to sort whole rows takes longer than all else
-    weights = np.random.default_rng(0).integers(1, 2**62, table.shape[1])
-    hashes = (table.astype(np.int64) * weights).sum(axis=1)
+    hashes = hashes_of(table)
     order = np.argsort(hashes, kind="stable")
     near = np.flatnonzero(np.diff(hashes[order]) == 0)
     repeated = near[(table[order[near]] == table[order[near + 1]]).all(axis=1)] + 1
     return np.sort(np.delete(order, repeated))
+
+
+def hashes_of(table: IntArray) -> NDArray[np.int64]:
+    """Return a hash of each row (n, k): to sort whole rows takes longer than all else."""
+    weights = np.random.default_rng(0).integers(1, 2**62, table.shape[1])
+    return np.asarray((table.astype(np.int64) * weights).sum(axis=1))
 
 
 def _reversed(paths: PartialPaths) -> PartialPaths:

@@ -15,7 +15,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
-from sonarhw_sim.rays.partial_paths import first_of_kind
+from sonarhw_sim.rays.partial_paths import first_of_kind, hashes_of
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Place, Room
@@ -58,10 +58,10 @@ def raised_paths(plan: Plan, levels: Levels, paths: Paths, height: float, search
 def _once(paths: Paths, folded: Folded) -> NDArray[np.intp]:
     """Return which of these rows differ in space: through a vertex, several sequences describe one path."""
     rows = folded.rows
-    _, sequence = np.unique(folded.levels, axis=0, return_inverse=True)
+    sequences = hashes_of(folded.levels)
     kept = np.zeros(len(rows), np.bool_)
-    for each in range(int(sequence.max(initial=-1)) + 1):
-        of_it = np.flatnonzero(sequence.ravel() == each)
+    for each in np.unique(sequences):
+        of_it = np.flatnonzero(sequences == each)
         some = rows[of_it]
         kept[of_it[first_of_kind(paths.lengths[some], paths.edges[some], paths.points[some])]] = True
     return np.flatnonzero(kept)
