@@ -151,12 +151,14 @@ def follow_fan(
     detectable: Detectable,
     radii: FloatArray | None = None,
     passing: Passing | None = None,
+    steepest: float = math.inf,
 ) -> Fan:
     """Follow every ray until its path is too long or too faint for every target.
 
     `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges or the centres of
     posts; `longest` (t,) m; `radii` (t,) m of the targets, None for points. A ray that meets one of the surfaces of
-    `passing` touches or passes it, and there are several for each direction, with different slopes.
+    `passing` touches or passes it, and there are several for each direction, with different slopes. Those that rise or
+    fall more than `steepest` lead to the receiver only.
 
     Returns each sequence of surfaces to a target once.
 
@@ -197,6 +199,7 @@ def follow_fan(
         max_length,
         float(np.append(longest[1:] + to_receiver, longest[0]).max()),
         float(detectable.least.min()),
+        steepest,
         path_table.MOST_POINTS,
     )
     path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
@@ -223,6 +226,7 @@ def _follow(
     max_length: float,
     max_return: float,
     faintest: float,
+    steepest: float,
     most_points: int,
 ) -> IntArray:
     """Fill `touched` (n k, b) and return the candidates of `follow_fan`, up to `most_points` points in all.
@@ -245,14 +249,14 @@ def _follow(
     same_transducer = targets[0, 0] == source[0] and targets[0, 1] == source[1]
     # branches that wait, at the surface that they meet: the leg to it, and in whole numbers the rest
     order, met_by = np.empty(count, np.int32), np.empty(count, np.int32)
-    legs, states = np.empty((count, 9)), np.empty((count, 6), np.int32)
+    legs, states = np.empty((count, 10)), np.empty((count, 6), np.int32)
     for direction in range(directions.shape[0]):
         if leaving[direction] <= faintest:
             continue
         for k in range(count):
             order[k] = k
         begin, end, waiting = 0, count, 0
-        ray = direction * count
+        flattest, ray = _flattest(slopes[direction], order, begin, end), direction * count
         touched[ray] = -1
         dx, dy = math.cos(directions[direction]), math.sin(directions[direction])
         leg = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[direction])
@@ -271,9 +275,11 @@ def _follow(
 
                 # note every target that this leg passes; not the receiver on the first leg if that starts there
                 leg_number += 1
-                passed = _edges_along(
-                    leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
-                )
+                passed = 0
+                if flattest <= steepest:
+                    passed = _edges_along(
+                        leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
+                    )
                 if bounces > 0 or not same_transducer:
                     nearby[passed] = 0
                     passed += 1
@@ -324,8 +330,10 @@ def _follow(
                         states[waiting, 3], states[waiting, 4] = following, direction * count + order[middle]
                         states[waiting, 5] = sequence
                         touched[states[waiting, 4]] = touched[ray]
+                        legs[waiting, 9] = _flattest(slopes[direction], order, middle, end)
                         waiting += 1
                         end = middle
+                        flattest = _flattest(slopes[direction], order, begin, end)
                     following = int(met_by[begin])
                     if following < 0:
                         leg = _passed(leg, distance)
@@ -358,10 +366,19 @@ def _follow(
                     legs[waiting, 6],
                     legs[waiting, 7],
                 )
-                distance, at_surface = legs[waiting, 8], True
+                distance, flattest, at_surface = legs[waiting, 8], legs[waiting, 9], True
                 begin, end, bounces = states[waiting, 0], states[waiting, 1], states[waiting, 2]
                 following, ray, sequence = states[waiting, 3], states[waiting, 4], states[waiting, 5]
     return candidates[:found]
+
+
+@compiled_part
+def _flattest(slopes: FloatArray, order: IntArray, begin: int, end: int) -> float:
+    """Return the least slope, up or down, of the rays between `begin` and `end`."""
+    least = np.inf
+    for k in range(begin, end):
+        least = min(least, abs(slopes[order[k]]))
+    return least
 
 
 @compiled_part

@@ -49,11 +49,12 @@ def find_partial_paths(
     max_bounces: int,
     detectable: Detectable,
     passing: Passing | None,
+    steepest: float,
 ) -> PartialPaths:
     """Return every detectable path from `place` (2,) to targets (t, 2), not longer than their `longest` (t,) m.
 
     Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
-    `edges` (t - 1,).
+    `edges` (t - 1,), to which sound is too faint with a slope over `steepest`.
     """
     found = follow_fan(
         place,
@@ -65,6 +66,7 @@ def find_partial_paths(
         max_bounces,
         detectable,
         passing=passing,
+        steepest=steepest,
     )
     found = found._replace(candidates=with_direct_paths(found.candidates, len(targets)))
     leads_to = np.append(-1, edges).astype(np.int32)

@@ -3,6 +3,7 @@
 Paths do not depend on the heading of the transducer, so one search serves a whole scan.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
@@ -34,6 +36,7 @@ from sonarhw_sim.room.model import Room
 RAYS = 5760
 _RAYS_FROM_POSTS = 1440  # over two walls at most
 MAX_BOUNCES = 64
+_LOUDEST_EDGE = 2.0  # amplitude: more than the uniform theory gives of any edge
 SLACK = 1e-9  # m: a path longer than the limit by rounding only is kept
 
 
@@ -56,6 +59,24 @@ class PathSearch:
         """The part of the search that concerns edges."""
         ka = None if self.axes else self.ka
         return EdgeDiffraction(self.wavelength, self.faintest_diffraction, self.edge_strength, ka)
+
+    @cached_property
+    def loudest_by_elevation(self) -> FloatArray:
+        """The most that both beams leave at any heading, for elevations from 0 to π/2.
+
+        No heading is nearer to a direction than its elevation.
+        """
+        if self.ka is None or self.axes is not None:
+            return np.ones(1)
+        angles = np.linspace(0, math.pi / 2, 901)
+        return np.asarray(np.maximum.accumulate(beam_gain(angles, self.ka)[::-1])[::-1] ** 2)
+
+    @property
+    def steepest_bent(self) -> float:
+        """The slope in space beyond which no sound past an upright edge is loud enough; inf: none."""
+        loud = np.flatnonzero(_LOUDEST_EDGE * self.loudest_by_elevation >= self.faintest_diffraction)
+        steps = len(self.loudest_by_elevation) - 1
+        return math.tan(math.pi / 2 * (loud[-1] + 1) / steps) if len(loud) and loud[-1] < steps - 1 else math.inf
 
 
 @dataclass(frozen=True)
@@ -184,7 +205,7 @@ def _partial_paths_from(
         there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
     found = find_partial_paths(
-        room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing
+        room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing, search.steepest_bent
     )
     chains, to_edges = by_posts
     bounces, faintest = search.max_bounces, search.faintest_diffraction

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
 from sonarhw_sim.rays.partial_paths import first_of_kind, hashes_of
@@ -90,19 +89,8 @@ def _bent(
 
 def loudest_at(elevations: FloatArray, search: PathSearch) -> FloatArray:
     """Return the most that both beams leave of paths with these elevations (n,) at any heading, (n,)."""
-    table = loudest_by_elevation(search)
+    table = search.loudest_by_elevation
     return table[(np.abs(elevations) / (math.pi / 2) * (len(table) - 1)).astype(np.intp)]
-
-
-def loudest_by_elevation(search: PathSearch) -> FloatArray:
-    """Return the most that both beams leave at any heading, for elevations from 0 to π/2.
-
-    No heading is nearer to a direction than its elevation.
-    """
-    if search.ka is None or search.axes is not None:
-        return np.ones(1)
-    angles = np.linspace(0, math.pi / 2, 901)
-    return np.asarray(np.maximum.accumulate(beam_gain(angles, search.ka)[::-1])[::-1] ** 2)
 
 
 def with_levels(ways: Ways, levels: Levels, folded: Folded) -> tuple[IntArray, IntArray, FloatArray]:

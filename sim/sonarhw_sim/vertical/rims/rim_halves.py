@@ -13,7 +13,6 @@ from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.room.grid import IntArray, Surfaces
 from sonarhw_sim.vertical.folding import BoolArray, Obstacles, Ways, can_take
-from sonarhw_sim.vertical.in_space import loudest_by_elevation
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches
@@ -65,7 +64,7 @@ def halves_of(
     columns, numbers = np.empty((7, most)), np.empty((4, most), np.int32)
     # the system gives memory only to what is filled
     limits = search.max_length, max(search.faintest_diffraction, 1e-300), search.max_bounces
-    table = np.sqrt(loudest_by_elevation(search))
+    table = np.sqrt(search.loudest_by_elevation)
     found = _list(kernel, approaches, table, limits, columns, numbers)
     axial, lows, highs, radial, directions, gains, beams = columns[:, :found]
     rim, way, sequence, bounces = numbers[:, :found]
