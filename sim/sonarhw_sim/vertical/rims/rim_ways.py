@@ -181,8 +181,8 @@ def _joined(bends: Bends, one: _Solved, other: _Solved) -> Paths:
 
 def _audible(paths: Paths, search: PathSearch) -> Paths:
     """Return the paths that are loud enough at some heading, each once, shortest first."""
-    order = np.argsort(paths.lengths, kind="stable")
-    paths = paths.select(order)
+    # of equal paths, the one with the fewest touches first: another one touches a wall at the rim itself
+    paths = paths.select(np.lexsort((paths.bounces, np.round(paths.lengths, 9))))
     rising, falling = paths.elevations.T
     heard = paths.gains * np.sqrt(loudest_at(rising, search) * loudest_at(falling, search))
     # sound that neither rises nor falls stays in the horizontal section, which has the whole wall

@@ -1,11 +1,18 @@
 """Rays with different slopes in one direction are followed as one until they part."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.rays.paths import Paths, PathSearch
+from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.vertical.in_space import loudest_at
+from sonarhw_sim.vertical.sections import paths_from
+
+from tests.oracles.rooms_with_heights import BOX, room_of, wall
 
 LONGEST = 9.0
 ROOM = parse_room(
@@ -61,3 +68,22 @@ def test_rays_that_part_find_what_each_finds_alone(monkeypatch: pytest.MonkeyPat
         alone |= _found(directions, passing)
     assert together == alone
     assert {bool(low[list(surfaces)].any()) for _, *surfaces in alone if surfaces} == {True, False}
+
+
+def test_a_narrow_beam_omits_only_paths_past_edges_that_it_cannot_hear() -> None:
+    text = BOX + wall("fence", (0.6, 0.3), (1.0, 1.6), height=(0.0, 0.5))
+    room, place = room_of(text), Place("here", (1.6, 0.7), height=0.9)
+    narrow = PathSearch(12.0, 0.00696, ka=8.0, faintest_diffraction=1e-4)
+    heard, all_ = (paths_from(room, place, search) for search in (narrow, replace(narrow, ka=None)))
+    expected = _same_way_back(all_, room)
+    loud = all_.gains[expected] * loudest_at(all_.elevations[expected, 0], narrow) >= 10 * narrow.faintest_diffraction
+    found = heard.lengths[_same_way_back(heard, room)]
+    assert np.sort(found) == pytest.approx(np.sort(all_.lengths[expected[loud]]))
+    assert 5 < len(found) < len(expected)
+
+
+def _same_way_back(paths: Paths, room: Room) -> np.ndarray:
+    """Return the rows of paths out of the horizontal, past an upright edge, that return from where they left."""
+    apart = np.abs(np.angle(np.exp(1j * (paths.departures - paths.arrivals))))
+    upright = (paths.edges >= 0) & (paths.edges < len(room.edges))
+    return np.flatnonzero(upright & (paths.elevations[:, 0] != 0.0) & (apart < 1e-6))
