@@ -145,6 +145,7 @@ double line_silence(const avr_t *avr); // s of board time since the last byte of
 const char *line_name(void);
 
 /* pace.c */
+double real_seconds(void);
 void keep_pace(const avr_t *avr); // wait until real time reaches the board's time
 
 /* parent.c */

@@ -9,7 +9,7 @@
 #define PATIENT 0.5 // pace while the host is late
 
 // not CLOCK_MONOTONIC, which is the time of the board in a program on an emulated GPIO chip
-static double real_seconds(void)
+double real_seconds(void)
 {
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC_RAW, &now);

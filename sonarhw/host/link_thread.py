@@ -14,6 +14,7 @@ from sonarhw.link.serial_link import MOST, Link
 
 MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 TICK = 0.05  # s; longest delay until `close` takes effect
+STOPPED = 0.3  # s; after a longer time between two reads, the system had stopped this process
 
 
 class LinkThread:
@@ -31,6 +32,7 @@ class LinkThread:
         self._closing = threading.Event()
         self._defect: BaseException | None = None  # the error that ended the thread
         self._link: Link | None = None
+        self._looked = self.now()  # time of the last read
         session.connect(self.now())
         self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
         self._thread.start()
@@ -127,6 +129,11 @@ class LinkThread:
             now = self.now() if data else begun
             if data:
                 self._session.receive(data, now)
+            elif self.now() - self._looked > STOPPED:
+                # what runs on the same machine, such as an emulated board, may have been stopped too: this time is no
+                # silence of the device
+                self._session.keep_alive(self.now())
+            self._looked = self.now()
             if len(data) < MOST:  # otherwise more bytes are waiting
                 self._session.advance(now)
             self._forward_stop()

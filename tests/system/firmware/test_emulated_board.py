@@ -6,8 +6,11 @@ Tests of the board's timing send nothing meanwhile: the times of host messages d
 import math
 import os
 import re
+import signal
 import subprocess
+import sys
 import threading
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -78,14 +81,42 @@ def test_echo_times_in_the_demo_room_match_the_fake_board_to_two_timer_ticks(tra
     with serve(FakeBoard(demo_echoes()), tcp="127.0.0.1:0", pace="max") as fake, Scanner.open(fake.url) as scanner:
         expected = scanned(scanner, traces, step)
     with scanner_on(demo_echoes()) as (_, scanner):
-        # a late answer may count as a failed test of the baud rate
-        rejected = scanner.statistics.rejected_blocks
+        before = scanner.statistics
         readings = scanned(scanner, traces, step)
-        assert (scanner.statistics.lost_readings, scanner.statistics.rejected_blocks) == (0, rejected)
+        after = scanner.statistics
+        assert after.lost_readings == 0
+        # a busy machine may stop the emulator for longer than the driver waits for bytes; the driver then begins again
+        # at the first baud rate, at which the next bytes of the board are damaged
+        assert after.rejected_blocks == before.rejected_blocks or after.losses > before.losses
     assert [reading.angle for reading in readings] == [reading.angle for reading in expected]
     for ours, theirs in zip(readings, expected, strict=True):
         assert ours.echo_times == pytest.approx(theirs.echo_times, rel=0, abs=TWO_TICKS)
         assert ours.temperature_c == pytest.approx(theirs.temperature_c, abs=0.2)
+
+
+STOPPED_HOST = """
+from tests.system.firmware.conftest import Echoes, scanner_on
+with scanner_on(Echoes(0.020)) as (_, scanner):
+    before = scanner.statistics
+    print("open", flush=True)
+    scanner.home()
+    after = scanner.statistics
+    print(after.losses - before.losses, after.rejected_blocks - before.rejected_blocks, flush=True)
+"""
+
+
+def test_the_time_of_the_board_stops_while_the_machine_stops_the_host() -> None:
+    """Otherwise the firmware treats the host as gone, and returns to the first baud rate."""
+    with subprocess.Popen([sys.executable, "-c", STOPPED_HOST], stdout=subprocess.PIPE, text=True) as host:
+        assert host.stdout is not None
+        try:
+            assert host.stdout.readline() == "open\n"
+            host.send_signal(signal.SIGSTOP)
+            time.sleep(4.0)  # longer than the firmware waits for a host
+        finally:
+            host.send_signal(signal.SIGCONT)
+        assert host.stdout.readline() == "0 0\n"
+    assert host.returncode == 0
 
 
 def test_levels_and_times_of_a_trace_are_correct() -> None:

@@ -354,6 +354,25 @@ def test_a_stop_of_the_process_after_a_read_without_data_is_no_loss(
         assert scanner.statistics.losses == 0
 
 
+def test_a_stop_of_process_and_device_is_no_loss(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing has arrived after a stop of the system, because the device was stopped too."""
+    really_read, really_now = Link.read, LinkThread.now
+    stopped: list[float] = []  # s of each read that found nothing
+
+    def read(link: Link) -> bytes:
+        if len(stopped) == 3:
+            return really_read(link)
+        stopped.append(0.0 if stopped else 2 * SILENCE)
+        return b""
+
+    with served(pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        monkeypatch.setattr(LinkThread, "now", lambda thread: really_now(thread) + sum(stopped))
+        monkeypatch.setattr(Link, "read", read)
+        wait_until(lambda: len(stopped) == 3)
+        assert scanner.turn(0.0) is Outcome.DONE
+        assert scanner.statistics.losses == 0
+
+
 def test_a_busy_scanner_refuses_a_second_action(served: Serve) -> None:
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
