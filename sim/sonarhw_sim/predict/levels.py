@@ -65,7 +65,7 @@ def loud_enough(room: Room, board: Board, paths: Paths, below: float) -> NDArray
     Patches of rough surfaces are always among them, because many faint ones are loud together.
     """
     loudest = loudest_by_separation(board.wavenumber(room.air) * board.aperture_radius)
-    cosines = np.clip((paths.leaving * paths.arriving).sum(axis=1), -1, 1)
+    cosines = np.cos(paths.departures - paths.arrivals) * np.cos(paths.elevations).prod(axis=1)
     # the next smaller separation, so that the bound is never too low
     rows = (np.arccos(cosines) / math.pi * (len(loudest) - 1)).astype(np.intp)
     loud = strengths(room, board, paths) * loudest[rows] >= faintest_kept(board, below)

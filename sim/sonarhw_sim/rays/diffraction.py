@@ -97,8 +97,8 @@ def diffracted_paths(
     before, after = out.bends[first], back.bends[second]
     most = int((before + after).max(initial=0))
     path_table.check_size(len(first), most + _FEWEST_POINTS)
-    surfaces = np.full((len(first), most), -1, np.int32)
-    points = np.full((len(first), most + _FEWEST_POINTS, 2), np.nan)
+    surfaces = np.empty((len(first), most), np.int32)
+    points = np.empty((len(first), most + _FEWEST_POINTS, 2))
     fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
     fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
     lengths = out.lengths[first] + back.lengths[second]
@@ -134,12 +134,14 @@ def fill_rows(
 ) -> None:
     """Fill each row of `table` from the left: `count` columns of a row of `one`, then a row of `other`, reversed.
 
-    `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used.
+    `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used. The rest of a row is filled
+    with -1, or NaN for points.
     """
+    nothing = table.dtype.type(-1 if np.issubdtype(table.dtype, np.integer) else np.nan)
     if table.ndim == 2:
         table, one, other = table[:, :, None], one[:, :, None], other[:, :, None]
     counts = (np.asarray(each, np.int64) for each in (first, count, second, other_count))
-    _fill(table, one, other, *counts)
+    _fill(table, one, other, nothing, *counts)
 
 
 @compiled
@@ -147,6 +149,7 @@ def _fill(
     table: NDArray[Any],
     one: NDArray[Any],
     other: NDArray[Any],
+    nothing: Any,
     first: NDArray[np.int64],
     count: NDArray[np.int64],
     second: NDArray[np.int64],
@@ -160,6 +163,8 @@ def _fill(
                 table[row, k, axis] = one[first[row], k, axis]
             for k in range(count[row], total):
                 table[row, k, axis] = other[second[row], total - 1 - k, axis]
+            for k in range(total, table.shape[1]):
+                table[row, k, axis] = nothing
 
 
 def join_at_edges(

@@ -1,5 +1,6 @@
 """Paths from a place to the receiver or to an edge, each solved exactly, without duplicates."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, inlined
+from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.kernel import Fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
@@ -91,12 +92,31 @@ def solved_paths(
     )
     ray, bounces, target = fan.candidates[real].T
     most = points.shape[1] - 3
-    surfaces = np.where(np.arange(most) < bounces[:, None], fan.touched[ray, :most], -1).astype(np.int32)
-    # surface -1, "none", selects the appended 1
-    gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences)
+    surfaces, gains = np.empty((len(ray), most), np.int32), np.empty(len(ray))
+    _fill_touched(fan.touched, ray, bounces, room.reflectances, surfaces, gains)
+    gains /= np.sqrt(divergences)
     bends = bounces.astype(np.int32)
     paths = PartialPaths(lengths, gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points)
     return paths if (gains > 0).all() else paths.select(np.flatnonzero(gains > 0))
+
+
+@compiled
+def _fill_touched(
+    touched: IntArray,
+    rays: IntArray,
+    bounces: IntArray,
+    reflectances: FloatArray,
+    surfaces: IntArray,
+    gains: FloatArray,
+) -> None:
+    """Fill in the surfaces (n, b) of paths, padded with -1, and the products of their reflectances (n,)."""
+    for row in range(surfaces.shape[0]):
+        gain = 1.0
+        for k in range(bounces[row]):
+            surfaces[row, k] = touched[rays[row], k]
+            gain *= reflectances[surfaces[row, k]]
+        surfaces[row, bounces[row] :] = -1
+        gains[row] = gain
 
 
 def with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
@@ -113,7 +133,7 @@ def shortest_first(paths: PartialPaths) -> PartialPaths:
     These are paths with equal points: through a vertex, several sequences describe one path.
     """
     order = _in_order(paths)
-    return paths.select(order[first_of_kind(paths.lengths[order], paths.edges[order], paths.points[order])])
+    return paths.select(order[first_of_kind(paths.lengths, paths.edges, paths.points, order)])
 
 
 def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
@@ -204,31 +224,69 @@ def _comes_before(one: int, other: int, edges: IntArray, surfaces: IntArray) -> 
     return False
 
 
-def first_of_kind(lengths: FloatArray, edges: IntArray, points: FloatArray) -> NDArray[np.bool_]:
-    """Return which paths, in order of length, have no earlier one of equal length, departure, arrival and edge, (n,).
+def first_of_kind(
+    lengths: FloatArray, edges: IntArray, points: FloatArray, order: NDArray[np.intp] | None = None
+) -> NDArray[np.bool_]:
+    """Return which paths have no earlier one of equal length, departure, arrival and edge, in this order, (n,).
 
-    `lengths` (n,) m, `edges` (n,), `points` (n, p, 2) m, padded with NaN.
+    `lengths` (n,) m, `edges` (n,), `points` (n, p, 2) m, padded with NaN. Without an `order` (n,) of the rows, they are
+    in order of length.
     """
-    rows = np.arange(len(lengths))
-    last = np.isfinite(points[:, :, 0]).sum(axis=1) - 1
-    legs = np.stack((points[:, 1] - points[:, 0], points[rows, last] - points[rows, last - 1]), axis=1)
-    kept = np.ones(len(rows), dtype=np.bool_)
-    pairs: list[tuple[int, int]] = []
-    later, before = rows, 0
-    while len(later):
-        before += 1
-        later = later[later >= before]
-        later = later[lengths[later] - lengths[later - before] <= _SAME]
-        alike = (edges[later] == edges[later - before]) & _are_parallel(legs[later], legs[later - before])
-        pairs += [(row, row - before) for row in later[alike].tolist()]
-    for row, earlier in sorted(pairs):
-        kept[row] &= ~kept[earlier]
+    kept = np.ones(len(lengths), dtype=np.bool_)
+    _drop_repeated(np.arange(len(lengths)) if order is None else order, lengths, edges, points, kept)
     return kept
 
 
-def _are_parallel(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
-    """Return whether all vectors (n, k, 2) of a row have the same directions, (n,) bool."""
-    both = np.hypot(one[..., 0], one[..., 1]) * np.hypot(other[..., 0], other[..., 1])
-    cross = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    parallel = (np.abs(cross) <= _SAME * both) & ((one * other).sum(axis=-1) >= 0.0)
-    return np.asarray(parallel.all(axis=1))
+def last_points(points: FloatArray) -> NDArray[np.intp]:
+    """Return the number of the last point of each path (n, p, 2), padded with NaN, (n,)."""
+    last = np.empty(len(points), dtype=np.intp)
+    _find_last(points, last)
+    return last
+
+
+@compiled
+def _find_last(points: FloatArray, last: NDArray[np.intp]) -> None:
+    for row in range(points.shape[0]):
+        last[row] = _last(points[row])
+
+
+@compiled
+def _drop_repeated(
+    order: NDArray[np.intp], lengths: FloatArray, edges: IntArray, points: FloatArray, kept: NDArray[np.bool_]
+) -> None:
+    """Set `kept` (n,) to False where the path is equal to an earlier one in `order` (n,) that is kept."""
+    for k in range(order.shape[0]):
+        row, before = order[k], k - 1
+        while before >= 0 and lengths[row] - lengths[order[before]] <= _SAME:
+            other = order[before]
+            if kept[before] and edges[row] == edges[other] and _ends_alike(points[row], points[other]):
+                kept[k] = False
+                break
+            before -= 1
+
+
+@compiled_part
+def _ends_alike(one: FloatArray, other: FloatArray) -> bool:
+    """Return whether the first and the last legs of two paths (p, 2) have the same directions."""
+    last = _last(one) - 1, _last(other) - 1
+    return _are_parallel(one, 0, other, 0) and _are_parallel(one, last[0], other, last[1])
+
+
+@compiled_part
+def _last(path: FloatArray) -> int:
+    """Return the number of the last point of a path (p, 2), padded with NaN."""
+    k = path.shape[0] - 1
+    while k > 0 and math.isnan(path[k, 0]):
+        k -= 1
+    return int(k)
+
+
+@compiled_part
+def _are_parallel(one: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
+    """Return whether a leg of one path and a leg of another one have the same direction."""
+    x, y = one[leg + 1, 0] - one[leg, 0], one[leg + 1, 1] - one[leg, 1]
+    other_x = other[other_leg + 1, 0] - other[other_leg, 0]
+    other_y = other[other_leg + 1, 1] - other[other_leg, 1]
+    both = math.hypot(x, y) * math.hypot(other_x, other_y)
+    alike: bool = abs(x * other_y - y * other_x) <= _SAME * both and x * other_x + y * other_y >= 0.0
+    return alike

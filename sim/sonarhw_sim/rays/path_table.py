@@ -53,9 +53,10 @@ def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:
     count, width = sum(map(len, arrays)), max(array.shape[1] for array in arrays)
     check_size(count, width)
     nothing = -1 if np.issubdtype(arrays[0].dtype, np.integer) else np.nan
-    rows = np.full((count, width, *arrays[0].shape[2:]), nothing, np.result_type(*arrays))
+    rows = np.empty((count, width, *arrays[0].shape[2:]), np.result_type(*arrays))
     first = 0
     for array in arrays:
         rows[first : first + len(array), : array.shape[1]] = array
+        rows[first : first + len(array), array.shape[1] :] = nothing
         first += len(array)
     return rows

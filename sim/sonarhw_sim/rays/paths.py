@@ -20,6 +20,7 @@ from sonarhw_sim.rays.partial_paths import (
     PartialPaths,
     find_partial_paths,
     first_of_equal,
+    last_points,
     sequences_once,
     shortest_first,
 )
@@ -127,7 +128,9 @@ class Paths(PathTable):
 
 
 def _horizontal(directions: FloatArray, elevations: FloatArray) -> FloatArray:
-    return np.asarray(np.column_stack((np.cos(directions), np.sin(directions))) * np.cos(elevations)[:, None])
+    vectors = np.column_stack((np.cos(directions), np.sin(directions)))
+    # in the plan, every elevation is 0
+    return np.asarray(vectors * np.cos(elevations)[:, None]) if elevations.any() else vectors
 
 
 def find_paths(
@@ -258,7 +261,7 @@ def _longest_partial(room: Room, end: FloatArray, search: PathSearch) -> FloatAr
 
 def _paths_of(paths: PartialPaths) -> Paths:
     rows = np.arange(len(paths.lengths))
-    last = np.isfinite(paths.points[:, :, 0]).sum(axis=1) - 1
+    last = last_points(paths.points)
     before, end = paths.points[rows, last - 1], paths.points[rows, last]
     away, home = paths.points[:, 1] - paths.points[:, 0], before - end
     return Paths(

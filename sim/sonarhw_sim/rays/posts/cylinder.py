@@ -37,6 +37,8 @@ def cylinder_factor(ka: FloatArray, incidence: FloatArray, reflectances: FloatAr
 
 def with_thin_posts(room: Room, paths: PartialPaths, wavelength: float) -> PartialPaths:
     """Return paths by rays with the gain and phase that thin posts give them."""
+    if not (room.posts[:, 2] < THIN).any():
+        return paths
     factors = np.ones(len(paths), np.complex128)
     # surface -1, "none", selects the last
     radii = np.concatenate((np.full(len(room.walls), np.inf), room.posts[:, 2], [np.inf]))[paths.surfaces]

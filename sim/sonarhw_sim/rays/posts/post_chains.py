@@ -28,12 +28,21 @@ class Chains(PathTable):
     amplitudes: FloatArray  # (n,): reflectances
     several: NDArray[np.bool_]  # (n,): whether there are several posts
 
+    @staticmethod
+    def none() -> "Chains":
+        """Return an empty table."""
+        no, whole = np.empty(0), np.empty(0, np.int32)
+        surfaces = np.empty((0, MOST_REFLECTIONS), np.int32)
+        return Chains(no, whole, whole, surfaces, no, no, no, no, np.empty(0, np.bool_))
+
 
 def chains_of(room: Room, ways: PostWays, between: PostWays, max_bounces: int, faintest: float) -> Chains:
     """Return all chains that begin with `ways` and go on by ways `between` posts.
 
     Those of several posts that are fainter than `faintest` (gain) may be omitted.
     """
+    if not len(ways):
+        return Chains.none()
     most = min(max_bounces, MOST_REFLECTIONS)
     chains = [_first(room, ways)]
     for _ in range(most - 1):

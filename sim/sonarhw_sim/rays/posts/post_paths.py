@@ -34,6 +34,8 @@ def post_paths(
     `chains` are those from `source`, `back` the ways from `end` to posts. Paths by several posts that are fainter than
     `faintest` (gain) may be omitted.
     """
+    if not len(chains):
+        return PartialPaths.none()
     most = min(max_bounces, MOST_REFLECTIONS)
     first, second = equal_pairs(chains.posts, back.targets)
     kept = chains.bounces[first] + back.bounces[second] <= most
@@ -61,6 +63,8 @@ def post_paths_to_edges(
 
     `chains` are those from `place`, `to_edges` the ways from posts to these edges.
     """
+    if not len(chains):
+        return PartialPaths.none()
     first, second = equal_pairs(chains.posts, to_edges.starts)
     edge, onward = to_edges.targets[second], to_edges.lengths[second]
     kept = chains.bounces[first] + to_edges.bounces[second] <= min(max_bounces, MOST_REFLECTIONS)
