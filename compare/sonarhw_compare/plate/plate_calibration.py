@@ -9,7 +9,8 @@ from sonarhw_sim.board.profile import Board
 
 from sonarhw.errors import NoPlate
 from sonarhw_compare.plate.blanking_fit import TOGETHER, blanking_end
-from sonarhw_compare.plate.level_fit import LevelFit, LevelKey, fit_levels, free_keys
+from sonarhw_compare.plate.level_fit import LevelFit, fit_levels, free_keys
+from sonarhw_compare.plate.level_keys import LevelKey
 from sonarhw_compare.plate.plate_readings import PlateReadings
 from sonarhw_compare.plate.pulse_fit import Measured, PulseShape, pulse_shape, ring_down
 

@@ -90,13 +90,18 @@ def scanned_plate(
 
 
 def plates(
-    board: Board, distances: tuple[float, ...] = DISTANCES, seed: int = 0, tilt_deg: float = 0.0, traces: bool = True
+    board: Board,
+    distances: tuple[float, ...] = DISTANCES,
+    seed: int = 0,
+    tilt_deg: float = 0.0,
+    traces: bool = True,
+    step_deg: float = 1.0,
 ) -> list[PlateReadings]:
     """Return what scans at all distances contain about the plate."""
     return [
         plate_readings(
             f"{distance:g} m",
-            scanned_plate(board, distance, 10 * seed + k, traces, tilt_deg=tilt_deg),
+            scanned_plate(board, distance, 10 * seed + k, traces, step_deg, tilt_deg=tilt_deg),
             distance,
             0.0,
             start_board(),

@@ -62,6 +62,17 @@ def test_without_traces_hearing_gives_threshold_aperture_and_gain() -> None:
         assert one.value == pytest.approx(CONSTANTS[one.key], abs=TOLERANCES[one.key]), one.key
 
 
+def test_an_interval_without_traces_contains_the_threshold_or_it_stays() -> None:
+    """A plate that ends between two headings tells no more with three pings at each than with one."""
+    hidden = {"aperture_radius": 0.02218, "gain_step_db": 3.327, "threshold_db": -38.463, "rise_cycles": 1.5}
+    scans = plates(hidden_board(**hidden), seed=4, tilt_deg=-0.88, traces=False)
+    found = calibrate_with_plates(start_board(), scans)
+    assert {one.key for one in found.findings} >= {"aperture_radius", "gain_step_db"}
+    for one in found.findings:
+        if one.key in hidden:
+            assert one.low <= hidden[one.key] <= one.high, one.key
+
+
 def test_one_plate_shows_no_gain_and_no_blanking() -> None:
     start, scans = start_board(), plates(hidden_board(), distances=(1.0,))
     found = calibrate_with_plates(start, scans)
