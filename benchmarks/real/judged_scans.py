@@ -5,13 +5,15 @@ import math
 import tempfile
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_cli.app import run
 from sonarhw_compare.fit.plain_fit import fit_scan
+from sonarhw_compare.imports.mean_ranges import are_means, likely_pings
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, compare_readings
 from sonarhw_compare.matching.silence import roc_area
 from sonarhw_sim.board.profile import Board
@@ -28,6 +30,7 @@ ROOM = load_room("rooms/arena.toml")
 NEARBY = frozenset({"heading", "offset", "position"})
 ON_THE_SPOT = frozenset({"heading", "offset"})
 UNTUNED = {"aperture_radius": 0.005, "threshold_db": -30.0, "fixed_gain": False}
+_UNIT, _SILENT = 0.01, 2.55  # m, of ranges in these files, and the one that stands for no echo
 # echoes of the robot that carries the sensor have the same turntable angle and range at every place
 _OWN_SPREAD = 0.03  # m
 _OWN_SHARE = 0.7  # of the scans
@@ -124,7 +127,16 @@ def load_scans(folder: Path) -> list[RealScan]:
         for row in csv.DictReader(listing):
             log = Path(scratch) / f"{row['scan']}.mcap"
             source = str(folder / f"{row['scan']}.csv")
-            columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01", "--no-echo", "255"]
+            columns = [
+                "--heading",
+                "turret_deg",
+                "--range",
+                "range_cm",
+                "--scale",
+                f"{_UNIT}",
+                "--no-echo",
+                f"{_SILENT / _UNIT:g}",
+            ]
             # without the message about the temporary log
             status = run(["--quiet", "import", source, "--out", str(log), *columns, "--turn", row["turn"]])
             if status != 0:
@@ -143,7 +155,21 @@ def load_sensors(folder: Path) -> dict[str, list[RealScan]]:
     for each in [*outer, *inner]:
         for scan in load_scans(each):
             by_sensor.setdefault(scan.sensor, []).append(scan)
-    return by_sensor
+    return {sensor: _without_means(scans) for sensor, scans in by_sensor.items()}
+
+
+def _without_means(scans: Sequence[RealScan]) -> list[RealScan]:
+    """Return scans of one sensor without means of pings with different ranges, as by `sonarhw import --mean-of`."""
+    ranges = [np.array([_SILENT if one.range is None else one.range for one in scan.readings]) for scan in scans]
+    pings = likely_pings(ranges, _UNIT)
+    if pings is None:
+        return list(scans)
+    kept = [~are_means(of_scan, _UNIT, pings) for of_scan in ranges]
+    print(f"sensor {scans[0].sensor}: {sum(int((~one).sum()) for one in kept)} means of {pings} pings left out")
+    return [
+        replace(scan, readings=tuple(compress(scan.readings, of_scan)))
+        for scan, of_scan in zip(scans, kept, strict=True)
+    ]
 
 
 def judge(

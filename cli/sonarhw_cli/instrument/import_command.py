@@ -5,6 +5,7 @@ import time
 import warnings
 from dataclasses import replace
 from enum import StrEnum
+from itertools import compress
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Annotated
@@ -50,6 +51,14 @@ HeadingZero = Annotated[
     float, typer.Option("--heading-zero", help="Turntable angle for the angle 0 in the file, degrees.")
 ]
 NoEcho = Annotated[float | None, typer.Option("--no-echo", help="Range in the file that means no echo.")]
+MeanOf = Annotated[
+    int | None,
+    typer.Option(
+        "--mean-of",
+        help="CSV: each range is the mean of so many pings; means of different ranges are left out.",
+        metavar="PINGS",
+    ),
+]
 TimeColumn = Annotated[
     str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.")
 ]
@@ -83,6 +92,7 @@ def import_csv(
     turn: Turn = TurnDirection.CCW,
     heading_zero: HeadingZero = 0.0,
     no_echo: NoEcho = None,
+    mean_of: MeanOf = None,
     time_column: TimeColumn = None,
     decimal_comma: DecimalComma = False,
     threshold: EchoThreshold = None,
@@ -110,7 +120,7 @@ def import_csv(
     metadata = _metadata(room, place, board)
     sign = -1.0 if turn is TurnDirection.CW else 1.0
     known = import_format(file, rate)
-    columns = _columns(file, known, heading, distance, time_column, decimal_comma, scale)
+    columns = _columns(file, known, heading, distance, time_column, decimal_comma, scale, mean_of)
     _check_traces(file, known, threshold, blanking, speed_of_sound, no_echo)
     _check_raw(file, known, rate, step)
     if topic is not None and not is_bag(known):
@@ -118,7 +128,10 @@ def import_csv(
     meaning = Meaning(
         scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0, rate, step or 0.0, topic
     )
-    readings = read_foreign_scan(file, columns, meaning) if columns else _read(file, known, meaning)
+    if columns is None:
+        readings = _read(file, known, meaning)
+    else:
+        readings = _without_means(file, read_foreign_scan(file, columns, meaning), meaning, mean_of)
     write_scan(out, metadata, readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     print_note(f"{counted(len(readings), 'reading')}, {echoes} with an echo, in {out}")
@@ -135,6 +148,7 @@ def _columns(
     time_column: str | None,
     decimal_comma: bool,
     scale: float,
+    mean_of: int | None,
 ) -> "CsvColumns | None":
     """Return the columns of a CSV file; None for another format. Raises InputError for options of the other kind."""
     from sonarhw_compare.imports.foreign_csv import CsvColumns, read_head
@@ -149,10 +163,33 @@ def _columns(
             )
         return CsvColumns(heading, distance, time_column, decimal_comma)
     given = {"--heading": heading, "--range": distance, "--time": time_column, "--decimal-comma": decimal_comma}
-    for option, value in (given | {"--scale": scale != 1.0}).items():
+    for option, value in (given | {"--scale": scale != 1.0, "--mean-of": mean_of}).items():
         if value:
             raise InputError(f"{option}: only for CSV files; {file.name} has the format {known.title}")
     return None
+
+
+def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", mean_of: int | None) -> "list[Reading]":
+    """Return the readings without means of different ranges. Warns if there likely are some and `mean_of` is None."""
+    import numpy as np
+    from sonarhw_compare.imports.mean_ranges import MOST_PINGS, are_means, likely_pings, unit_of
+
+    silent = math.nan if meaning.no_echo is None else meaning.no_echo * meaning.scale
+    ranges = np.array([silent if reading.range is None else reading.range for reading in readings])
+    unit = unit_of(ranges, meaning.scale)
+    if mean_of is None:
+        if pings := likely_pings([ranges], unit):
+            count = int(are_means(ranges, unit, pings).sum())
+            warn(
+                f"{count} ranges are likely means of {pings} pings with different ranges, so nothing is there; "
+                f"to leave them out, add --mean-of {pings}"
+            )
+        return readings
+    if not 2 <= mean_of <= MOST_PINGS:
+        raise InputError(f"--mean-of {mean_of}: expected 2 to {MOST_PINGS} pings")
+    kept = list(compress(readings, ~are_means(ranges, unit, mean_of)))
+    print_note(f"{file}: {counted(len(readings) - len(kept), 'mean')} of different ranges left out")
+    return [replace(reading, number=number) for number, reading in enumerate(kept)]
 
 
 def _check_traces(

@@ -64,6 +64,47 @@ def test_a_frequent_range_gives_a_warning_unless_no_echo_is_given(
     assert "warning" not in capsys.readouterr().err
 
 
+def means_of_five() -> str:
+    """Return a file of means of five pings, in whole centimetres: walls at 51 and 214 cm in turn, silence as 255."""
+    ranges: list[int] = []
+    for wall, following in [(51, 214), (214, 255), (255, 51)] * 4:
+        ranges += [wall] * 8 + [((5 - later) * wall + later * following) // 5 for later in (1, 2, 3, 4)]
+    return "\n".join(["deg,cm", *(f"{2 * k},{one}" for k, one in enumerate(ranges))])
+
+
+@pytest.mark.parametrize(("unit", "options"), [("cm", ["--scale", "0.01"]), ("m", [])])
+def test_means_of_different_ranges_give_a_warning_and_are_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, options: list[str]
+) -> None:
+    text, silent = means_of_five(), "255"
+    if unit == "m":
+        rows = [line.split(",") for line in text.splitlines()[1:]]
+        text, silent = "\n".join(["deg,cm", *(f"{deg},{int(cm) / 100}" for deg, cm in rows)]), "2.55"
+    options = [*options, "--no-echo", silent]
+    assert len(imported(tmp_path, text, *options)) == 144
+    err = capsys.readouterr().err
+    assert "warning: 44 ranges are likely means of 5 pings with different ranges" in err
+    assert "add --mean-of 5" in err
+    kept = imported(tmp_path, text, *options, "--mean-of", "5", "--force")
+    err = capsys.readouterr().err
+    assert "44 means of different ranges left out" in err
+    assert "warning" not in err
+    assert [one.number for one in kept] == list(range(100))
+    # the last four have no wall behind them
+    assert {None if one.range is None else round(one.range, 2) for one in kept[:-4]} == {0.51, 2.14, None}
+
+
+@pytest.mark.skipif(not SCANS.is_dir(), reason="the real scans are not here")
+@pytest.mark.parametrize(("scan", "means"), [("K00", 30), ("G00", 0), ("M01", 0)])
+def test_one_team_recorded_means_of_five_pings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], scan: str, means: int
+) -> None:
+    columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01", "--no-echo", "255"]
+    file = SCANS / "other_sensors" / f"{scan}.csv"
+    assert run(["import", str(file), "--out", str(tmp_path / "out.mcap"), *columns]) == 0
+    assert (f"{means} ranges are likely means of 5 pings" in capsys.readouterr().err) == bool(means)
+
+
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "-1"])
 def test_no_echo_accepts_any_number(tmp_path: Path, value: str) -> None:
     readings = imported(tmp_path, f"deg,cm\n0,1\n5,{value}\n", "--no-echo", value)
@@ -188,6 +229,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm\n0,1\n", ["--scale", "0"], "--scale 0"),
         ("deg,cm\n0,1\n", ["--scale", "nan"], "--scale nan"),
         ("deg,cm\n0,1\n", ["--heading-zero", "inf"], "--heading-zero inf"),
+        ("deg,cm\n0,1\n", ["--mean-of", "1"], "--mean-of 1: expected 2 to 8 pings"),
         ("deg,cm\n0,1\n", ["--turn", "left"], "left"),
     ],
 )
