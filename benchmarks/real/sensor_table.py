@@ -17,8 +17,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.detection_rule import drawn_blocks
 from sonarhw_compare.known_room.room_calibration import calibrate_in_room
+from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.probability_score import CalibrationBin, calibration_text, score_comparison
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.picture_file import write_picture

@@ -21,13 +21,13 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import angles_and_ranges
 
 ECHOES_COUNT = 3.0  # times as much as silence
 APERTURES = 1.1 ** np.arange(-5.0, 6.0)  # relative to the given profile
 THRESHOLDS = np.arange(-8.0, 11.0)  # dB, likewise
-_DRAWS = 400  # of the bootstrap
 _OF_DRAWS = (2.5, 97.5)  # percentiles
 _NEAREST_FIRST = 1e-5  # per step of the grid: of equal pairs, that of the given profile
 _AS_GOOD = 1.96  # standard errors of the difference from the best score
@@ -160,13 +160,3 @@ def best_pairs(scores: FloatArray) -> list[tuple[int, int]]:
     """Return row and column of the largest score of each (a, t) table."""
     rows, columns = np.unravel_index(scores.reshape(len(scores), -1).argmax(axis=1), scores.shape[1:])
     return list(zip(rows.tolist(), columns.tolist(), strict=True))
-
-
-def drawn_blocks(readings: int, redundancy: float, random: np.random.Generator) -> FloatArray:
-    """Return how often each reading is drawn, (draws, readings), if blocks of neighbours are drawn with replacement."""
-    length = max(1, round(redundancy))
-    starts = random.integers(0, readings, (_DRAWS, max(1, readings // length)))
-    counts = np.zeros((_DRAWS, readings))
-    for by in range(length):
-        np.add.at(counts, (np.arange(_DRAWS)[:, None], (starts + by) % readings), 1.0)
-    return counts

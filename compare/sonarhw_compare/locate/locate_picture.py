@@ -69,9 +69,11 @@ def _shade(axes: Axes, figure: Figure, located: Located) -> None:
 
 def _draw_places(axes: Axes, located: Located) -> None:
     """Draw the places of the room, each with its name behind the arrow of the pose found there."""
+    label = "place"
     for name, place in located.room.places.items():
         at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
-        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6, label="place")
+        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6, label=label)
+        label = ""  # one entry in the legend
         _write_beside(axes, picture_text(name), place.position, at[0].heading + math.pi if at else math.pi, "black")
 
 

@@ -7,6 +7,10 @@ posterior for a uniform prior over the room.
 Neighbouring readings of one echo have the same error: an edge that is too loud in the model is too loud at ten
 headings. The likelihood assumes independent errors, so its logarithm is divided by the number of readings per
 independent one.
+
+No model of a real room is exact, and then one scan prefers one of two similar poses too clearly: another scan from the
+same place would prefer the other. The posterior is therefore averaged over bootstrap samples of the readings (Huggins
+and Miller, Reproducible model selection using bagged posteriors, Bayesian Analysis 18, 2023).
 """
 
 import math
@@ -14,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
@@ -32,6 +36,7 @@ from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.headings import turned_near
+from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
 
@@ -268,14 +273,24 @@ def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
     room = tops[0].objective.problem.room
     spreads = [_within(room, redundancy * covariance_of(top.objective, top.values)[:3, :3]) for top in promising]
     volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
-    weights = np.array([top.score / redundancy for top in promising]) + volumes
-    shares = np.exp(weights - weights.max())
-    shares /= shares.sum()
+    shares = _bagged(promising, volumes, redundancy)
     poses = [
-        _pose(top.values, float(share), np.sqrt(np.diag(spread)) * top.objective.problem.widenings[:3])
-        for top, share, spread in zip(promising, shares, spreads, strict=True)
+        _pose(top.values, share, np.sqrt(np.diag(spread)) * top.objective.problem.widenings[:3])
+        for top, share, spread in zip(promising, shares.tolist(), spreads, strict=True)
     ]
     return tuple(sorted((pose for pose in poses if pose.probability >= _LEAST), key=lambda pose: -pose.probability))
+
+
+def _bagged(tops: list[_Top], volumes: FloatArray, redundancy: float) -> FloatArray:
+    """Return the probability of each peak (k,), from logarithms of volumes (k,); the mean over bootstrap samples."""
+    by_reading = np.array([top.objective.by_reading(top.values, 0) for top in tops])
+    priors = np.array([top.score for top in tops]) - by_reading.sum(axis=1)
+    readings = by_reading.shape[1]
+    counts = drawn_blocks(readings, redundancy, np.random.default_rng(0))
+    # samples are as large as the scan, also if it is no whole number of blocks
+    counts *= readings / counts.sum(axis=1, keepdims=True)
+    weights = (counts @ by_reading.T + priors) / redundancy + volumes
+    return np.asarray(softmax(weights, axis=1).mean(axis=0))
 
 
 def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:

@@ -1,12 +1,13 @@
 """Poses that are found from several starts: each is reported once, and places get their probabilities."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from sonarhw_compare.fit.search.pose_search import Scores
 from sonarhw_compare.locate.locate_picture import draw_located
-from sonarhw_compare.locate.poses import Located, Pose, _clear, _different, _Top, _within, locate_scan
+from sonarhw_compare.locate.poses import Located, Pose, _bagged, _clear, _different, _Top, _within, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room, parse_room
 
@@ -83,6 +84,8 @@ def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
     (points,) = (line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("scan"))
     away = [math.dist(point, pose.position) for point in np.asarray(points)]
     assert away == pytest.approx([0.51, 0.76, 1.01])
+    legend = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert len(legend) == len(set(legend)) == 3
 
 
 def test_the_volume_of_a_peak_is_bounded_by_the_room() -> None:
@@ -98,3 +101,32 @@ def test_poses_at_which_the_sensor_touches_a_wall_are_left_out() -> None:
     board = load_board("lego-nxt")
     assert _clear([touching, free], ROOM, board) == [free]
     assert _clear([touching], ROOM, board) == [touching]
+
+
+def first_probability(differences: list[float], redundancy: float = 1.0) -> float:
+    """Return the probability of the first of two equally wide peaks with these differences of log-likelihoods."""
+    by_reading = (np.array(differences), np.zeros(len(differences)))
+    tops = [
+        _Top(float(one.sum()), np.zeros(4), SimpleNamespace(by_reading=lambda _values, _scan, one=one: one))  # type: ignore[arg-type]
+        for one in by_reading
+    ]
+    return float(_bagged(tops, np.zeros(2), redundancy)[0])
+
+
+@pytest.mark.parametrize("redundancy", [1.0, 4.0])
+def test_if_all_readings_prefer_a_pose_alike_its_probability_is_that_of_their_likelihood(redundancy: float) -> None:
+    assert first_probability([0.05] * 40, redundancy) == pytest.approx(1 / (1 + math.exp(-2.0 / redundancy)))
+
+
+@pytest.mark.parametrize(("spread", "redundancy"), [(0.5, 1), (1.0, 1), (1.0, 4)])
+def test_if_readings_contradict_each_other_a_pose_is_less_probable(spread: float, redundancy: int) -> None:
+    count = 400
+    blocks = 2.0 / count * redundancy + spread * np.random.default_rng(0).choice([-1.0, 1.0], count // redundancy)
+    blocks += 2.0 / count * redundancy - blocks.mean()
+    # each block has one difference; the sum over a sample of blocks is normal
+    deviation = float(np.std(blocks)) * math.sqrt(len(blocks))
+    sums = 2.0 + deviation * np.random.default_rng(1).standard_normal(100_000)
+    expected = float((1 / (1 + np.exp(-sums))).mean())
+    found = first_probability(np.repeat(blocks, redundancy).tolist(), redundancy)
+    assert found == pytest.approx(expected, abs=0.05)
+    assert found < 1 / (1 + math.exp(-2.0)) - 0.1
