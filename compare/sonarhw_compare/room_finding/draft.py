@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.edges import find_edges
-from sonarhw_sim.room.model import Place, Room, with_post, with_walls
+from sonarhw_sim.room.model import Place, Room, join_ends, with_post, with_walls
 
 from sonarhw.readings import FloatArray
 
@@ -167,7 +167,7 @@ class RoomDraft:
         """Return the room in which sound is followed; all surfaces but those of the base have one reflectance."""
         if self.base is not None:
             return self._in_base(self.base, reflectance)
-        segments = self.segments
+        segments = join_ends(self.segments)  # with gaps of rounding, corners would be two free ends
         names = (*(wall_name(k) for k in range(len(segments))), *(post_name(k) for k in range(len(self.posts))))
         return Room(
             name=MATERIAL,
@@ -189,7 +189,8 @@ class RoomDraft:
             room = with_walls(room, segment[None], wall_name(number), reflectance)
         for number, post in enumerate(self.posts):
             room = with_post(room, (*post.center, post.radius), post_name(number), reflectance)
-        return replace(room, edges=find_edges(room.walls, room.names[: len(room.walls)])) if self.walls else room
+        walls = join_ends(room.walls)
+        return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)])) if self.walls else room
 
 
 def draft_of_room(room: Room) -> RoomDraft:

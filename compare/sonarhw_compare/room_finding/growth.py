@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 from scipy.special import expit
 
 from sonarhw.readings import FloatArray
@@ -10,13 +11,17 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, scored
-from sonarhw_compare.room_finding.surface_candidates import RADII, post_candidates, wall_candidates
-from sonarhw_compare.room_finding.wall_ends import cornered, joined, with_better_ends
+from sonarhw_compare.room_finding.refining.refinement import refined
+from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
+from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
 
 _USUAL = 5  # walls and posts that a room usually has, for the progress
 _TRIED = 8  # candidates at a time
+_SHORT = 0.5  # m: a new wall that is shorter could be a post
+_POSTS = 6  # of them, each of which takes more time
 _COMPLETED = 2  # of them, whose ends are tried at other walls
 _CORNERS = 4  # points at which a corner is tried
+_STEPS = 2  # of the refinement after each of them
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
 
 
@@ -25,20 +30,37 @@ def grown(
 ) -> Scored:
     """Return the draft to which no wall and no post can be added that is worth its price.
 
+    What is no longer worth its price is removed on the way.
     `tick` receives a share below 1 that grows with each wall and post; how many there will be is unknown.
     """
     added = 0
     nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
     while True:
         unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
-        tried = [with_wall(evidence, best, arcs, unexplained), with_post(evidence, best, arcs, unexplained)]
-        longer = max(tried, key=lambda one: one.score)
+        longer = with_wall(evidence, best, arcs, unexplained)
+        # a post looks like short walls; a corner looks like a post until its walls are known
+        if longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT:
+            tried = longer, with_post(evidence, best, arcs, unexplained)
+            longer = max(tried, key=lambda one: one.score)
         if longer.score - best.score < PRICE:
             return best
-        best = with_better_ends(evidence, longer)
+        longer = refined(evidence, with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
+        best, before = pruned(evidence, longer), best
+        if _worth(best) <= _worth(before):
+            return before
         evidence.course.accepted(best.draft)
         added += 1
         tick(added / (added + _USUAL))
+
+
+def _newest_length(draft: RoomDraft) -> float:
+    """Return the length of the last wall of a draft, m; 0 without walls."""
+    return float(np.hypot(*np.diff(draft.segments[-1].reshape(2, 2), axis=0)[0])) if draft.walls else 0.0
+
+
+def _worth(one: Scored) -> float:
+    """Return the log-likelihood without the price of all walls and posts."""
+    return one.score - PRICE * (len(one.draft.walls) + len(one.draft.posts))
 
 
 def pruned(evidence: Evidence, best: Scored) -> Scored:
@@ -84,10 +106,10 @@ def with_wall(
     found = [one for one, _ in tried[:1]]
     for _, wall in tried[:_COMPLETED]:
         found += [scored(evidence, draft, noise) for draft in joined(best.draft, wall)]
-    points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, RADII[:1])]
+    points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
     found += [
         scored(evidence, draft, noise)
-        for draft in cornered(best.draft, points)
+        for draft in (*cornered(best.draft, points), *continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
     return max(found, key=lambda one: one.score, default=best)
@@ -103,7 +125,7 @@ def with_post(
     """Return the draft with the post that explains most; the draft itself without a candidate."""
     tried = [
         scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)), noise)
-        for post in post_candidates(arcs, unexplained, _TRIED)
+        for post in post_candidates(arcs, unexplained, _POSTS)
         if not evidence.refuses(post)
     ]
     return max(tried, key=lambda one: one.score, default=best)

@@ -31,6 +31,7 @@ from sonarhw_compare.room_finding.refining.squaring import squared
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
+from sonarhw_compare.room_finding.wall_parts import with_parts_joined, without_part
 
 _ROUNDS = 3  # of growth and refinement
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
@@ -89,7 +90,8 @@ def find_room(
             break
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
         best = squared(evidence, best)
-        best = _cut_back(evidence, with_better_ends(evidence, pruned(evidence, best)), scans, board)
+        best = with_parts_joined(evidence, pruned(evidence, best))
+        best = _cut_back(evidence, with_better_ends(evidence, best), scans, board)
     end, deviations = _finished(evidence, best, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
@@ -113,7 +115,8 @@ def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -
 def _determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[Move, float]]:
     """Return a refined draft without walls that no range determines, and its deviations; walls of the first draft stay.
 
-    Such a wall is added because it changes the sound at the end of another one.
+    Such a wall is added because it changes the sound at the end of another one. If it is a part of another one, that
+    wall becomes longer.
     """
     deviations = deviations_of(evidence, draft)
     unknown = {
@@ -125,7 +128,7 @@ def _determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[M
     if not unknown:
         return draft, deviations
     for key in sorted(unknown):
-        draft = draft.without_wall(key)
+        draft = without_part(draft, key)
     draft = refined(evidence, draft, FINE, _LAST_STEPS).draft
     return draft, deviations_of(evidence, draft)
 

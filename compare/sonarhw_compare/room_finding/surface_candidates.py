@@ -11,6 +11,7 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from sonarhw_sim.board.mount import without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.by_heading import standpoints
@@ -29,8 +30,10 @@ _FARTHEST = 3.0  # standard deviations of range and bearing together
 _OTHER_PLACE = 0.05  # m
 _BEYOND = 0.1  # m, by which a wall is longer than its outermost touches
 _SAME_LINE, _SAME_TURN = 0.03, math.radians(4)  # m, rad, between candidates that count as one
+_THROUGH = 0.1  # m, by which an echo is farther than a post before it
+_CONTRADICTION = 2.0  # readings, the weight of such an echo against the post
 _SAME_POINT = 0.05  # m
-RADII = (0.02, 0.06, 0.12)  # m, of posts that are tried
+RADII = (0.03, 0.09)  # m, of posts that are tried
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,11 @@ class ArcTable:
         """Return the misfit of each arc to a target at `distances` and `bearings` (n,), in standard deviations."""
         turned = np.remainder(self.bearings - bearings + np.pi, 2 * np.pi) - np.pi
         return np.asarray(np.hypot((distances - self.ranges) / _RANGE, turned / self.spreads))
+
+    def behind(self, distances: FloatArray, bearings: FloatArray) -> NDArray[np.bool_]:
+        """Return which arcs are seen through a post at `distances` and `bearings` (n,), by readings towards it, (n,)."""
+        turned = np.remainder(self.bearings - bearings + np.pi, 2 * np.pi) - np.pi
+        return np.asarray((self.ranges > distances + _THROUGH) & (np.abs(turned) < self.spreads))
 
 
 def arcs_of_scans(scans: Sequence[PlacedScan], board: Board) -> tuple[Arc, ...]:
@@ -112,6 +120,8 @@ def post_candidates(
             dx, dy = (np.array(point) - table.centres).T
             misfits = table.misfits(np.hypot(dx, dy) - radius, np.arctan2(dy, dx))
             support = float((weights * np.maximum(1 - (misfits / _FARTHEST) ** 2, 0.0)).sum())
+            if radius > 0:  # the echo of a corner can be too faint to hide what is behind it
+                support -= _CONTRADICTION * float(table.behind(np.hypot(dx, dy) - radius, np.arctan2(dy, dx)).sum())
             if support >= 1.0:
                 found.append((support, DraftPost(point, radius)))
     found.sort(key=lambda one: -one[0])

@@ -32,12 +32,11 @@ def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[RoomDraft]:
 
 
 def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterator[RoomDraft]:
-    """Yield the draft with a new wall at right angles to another one, where they make a corner near one of `points`, m.
+    """Yield the draft with a wall that reaches one of `points`, m, and there alone or makes a corner with a new wall.
 
-    A corner returns sound to every place, but a wall beside it may face none of them. The points of equal range then
-    look like a post at the end of the other wall.
+    The new wall is at right angles, on either side. A corner returns sound to every place, but a wall beside it may
+    face none of them. The points of equal range then look like a post at the end of the other wall.
     """
-    sensors = np.mean([place.position for place in draft.places], axis=0)
     for point in points:
         for key, wall in draft.walls.items():
             away, (first, last) = np.subtract(point, wall.middle), draft.extent(key)
@@ -45,13 +44,30 @@ def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterato
             inside = first + _AT_END < at < last - _AT_END
             if beside > _BESIDE or inside or not first - _FARTHEST < at < last + _FARTHEST:
                 continue
+            nearer = 0 if abs(at - first) < abs(at - last) else 1
+            yield draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
             x, y = (np.array(wall.middle) + at * wall.along).tolist()
-            side = 1 if float((sensors - wall.middle) @ wall.normal) > 0 else -1
-            corner = DraftWall((x, y), wall.angle + side * math.pi / 2, (DraftEnd(0.0), DraftEnd(_BEGUN)))
-            longer, new = draft.with_new_wall(corner)
-            longer = met(longer, new, 0, key)
-            yield longer
-            yield from (met(longer, new, 1, other) for other in _neighbours(longer, new, 1)[:1])
+            for side in (1, -1):
+                yield from _corner(draft, key, (x, y), side)
+
+
+def continued(draft: RoomDraft) -> Iterator[RoomDraft]:
+    """Yield the draft with a new wall at right angles to another one, at each of its free ends and on either side."""
+    for key in draft.walls:
+        for which in (0, 1):
+            if draft.is_free(key, which):
+                x, y = draft.segment(key)[2 * which : 2 * which + 2].tolist()
+                for side in (1, -1):
+                    yield from _corner(draft, key, (x, y), side)
+
+
+def _corner(draft: RoomDraft, key: int, point: tuple[float, float], side: int) -> Iterator[RoomDraft]:
+    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right of a wall, or all of it."""
+    corner = DraftWall(point, draft.walls[key].angle + side * math.pi / 2, (DraftEnd(0.0), DraftEnd(_BEGUN)))
+    longer, new = draft.with_new_wall(corner)
+    longer = met(longer, new, 0, key)
+    yield longer
+    yield from (met(longer, new, 1, other) for other in _neighbours(longer, new, 1)[:1])
 
 
 def with_better_ends(evidence: Evidence, best: Scored) -> Scored:
@@ -109,7 +125,7 @@ def met(draft: RoomDraft, key: int, which: int, other: int) -> RoomDraft:
 
 
 def with_gaps(evidence: Evidence, best: Scored, touched: dict[int, FloatArray]) -> Scored:
-    """Return the draft with walls opened where sound does not touch them, if the scans speak for a gap, as for a door.
+    """Return the draft with walls opened where sound does not touch them, if a gap, as for a door, is worth a wall.
 
     `touched` has the touches of each wall, m along it.
     """
@@ -118,7 +134,7 @@ def with_gaps(evidence: Evidence, best: Scored, touched: dict[int, FloatArray]) 
         for before, behind in pairwise(np.sort(at).tolist() if key in best.draft.walls else []):
             if behind - before > _WIDEST_CLOSED:
                 opened = scored(evidence, _opened(best.draft, key, before, behind))
-                best = opened if opened.score > best.score else best
+                best = opened if opened.score > best.score + PRICE else best
                 if key not in best.draft.walls or opened is best:
                     break
     return best

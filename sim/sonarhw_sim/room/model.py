@@ -199,7 +199,7 @@ def room_names() -> list[str]:
 def parse_room(text: str, where: str) -> Room:
     """Return the room in the text of a room file. Raises InputError with `where`, key and reason."""
     file = parse_toml(text, where, RoomFile)
-    walls = _join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
+    walls = join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
     names = tuple(name for wall in file.walls for name in wall.segment_names)
     lids = _lids(file)
     surfaces = [*_surfaces(file), *(solid for solid in file.with_lids for _ in range(2))]
@@ -334,7 +334,7 @@ def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: floa
     }
 
 
-def _join_ends(walls: FloatArray) -> FloatArray:
+def join_ends(walls: FloatArray) -> FloatArray:
     """Return the walls with meeting ends moved to one point, so that no sound passes through gaps of rounding."""
     ends = walls.reshape(-1, 2)
     # ends in one small square are one point, so that the number of pairs grows with that of the points

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
 from sonarhw_sim.air import Air
+from sonarhw_sim.room.model import parse_room
 
 FLAT = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(0.5, 1)))
 UPRIGHT = DraftWall((2.0, 1.0), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(1.0)))
@@ -91,3 +92,15 @@ def test_walls_on_one_line_have_no_corner() -> None:
 
 def _free(wall: DraftWall) -> DraftWall:
     return replace(wall, ends=(DraftEnd(-1.0), DraftEnd(1.0)))
+
+
+def test_corners_of_a_draft_are_corners_of_its_room() -> None:
+    # the crossing of two lines, computed from either, differs by rounding; two free ends would diffract there
+    corners = [(0.1, 0.2), (2.3, 0.5), (2.7, 1.9), (1.1, 2.6), (0.3, 1.7)]
+    text = f'name = "r"\n[materials.m]\nreflectance = 0.9\n[[walls]]\nname = "w"\npoints = {[list(at) for at in corners]}\n'
+    true = parse_room(text + 'closed = true\nmaterial = "m"', "r")
+    drawn = draft_of_room(true)
+    moved = replace(drawn, walls={key: wall.moved(0.0, 1e-4 * key) for key, wall in drawn.walls.items()})
+    for draft in (drawn, moved):
+        assert len(draft.room(0.9, Air()).edges) == len(true.edges)
+        assert len(np.unique(draft.room(0.9, Air()).walls.reshape(-1, 2), axis=0)) == len(corners)

@@ -1,33 +1,42 @@
-"""A corner at the end of a wall is tried with a wall at right angles, which no place may face."""
+"""Ends of walls are tried at corners, with a wall at right angles that no place may face, and at other walls."""
 
 import math
 
 import numpy as np
 import pytest
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.wall_ends import cornered
+from sonarhw_compare.room_finding.wall_ends import continued, cornered
 from sonarhw_sim.room.model import Place
 
 SOUTH = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(1.0)))  # from x = 0 to 2 m
 
 
-@pytest.mark.parametrize("side", [1, -1])
-def test_a_corner_beyond_the_end_of_a_wall_is_made_on_the_side_of_the_places(side: int) -> None:
-    draft = RoomDraft((Place("", (0.5, side * 1.0)), Place("", (1.5, side * 0.8))), {0: SOUTH})
-    (made,) = cornered(draft, [(2.4, side * 0.03)])
+def test_a_corner_beyond_the_end_of_a_wall_is_tried_alone_and_with_a_wall_on_either_side() -> None:
+    draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH})
+    made = list(cornered(draft, [(2.4, 0.03)]))
     # the wall is longer by 0.4 m, and the new one begins at its end
-    np.testing.assert_allclose(made.segment(0), [0.0, 0.0, 2.4, 0.0], atol=1e-12)
-    np.testing.assert_allclose(made.segment(1), [2.4, 0.0, 2.4, side * 0.3], atol=1e-12)
-    assert not made.is_free(0, 1)
-    assert not made.is_free(1, 0)
+    for one in made:
+        np.testing.assert_allclose(one.segment(0), [0.0, 0.0, 2.4, 0.0], atol=1e-12)
+    new = [one.segment(1) for one in made if 1 in one.walls]
+    np.testing.assert_allclose(new, [[2.4, 0.0, 2.4, 0.3], [2.4, 0.0, 2.4, -0.3]], atol=1e-12)
+    assert len(made) == 3
+    assert all(not one.is_free(0, 1) and not one.is_free(1, 0) for one in made if 1 in one.walls)
 
 
 def test_the_other_end_of_the_new_wall_is_tried_at_the_next_wall() -> None:
     north = DraftWall((1.0, 1.5), 0.0, (DraftEnd(-1.0), DraftEnd(1.5)))
     draft = RoomDraft((Place("", (0.5, 0.7)),), {0: SOUTH, 1: north})
-    made = list(cornered(draft, [(2.4, 0.0)]))
+    made = [one for one in cornered(draft, [(2.4, 0.0)]) if 2 in one.walls]
     lengths = [math.dist(one.segment(2)[:2], one.segment(2)[2:]) for one in made]
-    assert lengths == pytest.approx([0.3, 1.5])
+    assert lengths == pytest.approx([0.3, 1.5, 0.3])
+
+
+def test_a_wall_at_right_angles_is_tried_at_each_free_end_on_either_side() -> None:
+    west = DraftWall((0.0, 0.5), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(0.5)))
+    draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH.with_end(0, DraftEnd(-1.0, 1)), 1: west})
+    begun = {tuple(one.segment(2).round(6).tolist()) for one in continued(draft)}
+    # the ends at the corner of both are not free
+    assert begun == {(2, 0, 2, 0.3), (2, 0, 2, -0.3), (0, 1, 0.3, 1), (0, 1, -0.3, 1)}
 
 
 @pytest.mark.parametrize("point", [(1.0, 0.0), (2.4, 0.3), (6.0, 0.0)])

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import _pairs_near
 from sonarhw_sim.room.grid import lay_grid
-from sonarhw_sim.room.model import _join_ends, _meeting, parse_room
+from sonarhw_sim.room.model import _meeting, join_ends, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -92,7 +92,7 @@ def test_ends_that_nearly_meet_are_joined_to_the_first() -> None:
     count = 5000
     shared = np.array([1.0, 2.0]) + random.uniform(-3e-7, 3e-7, (count, 2))
     apart = np.column_stack((np.arange(count) * 0.01, np.full(count, 9.0)))
-    joined = _join_ends(np.hstack((shared, apart)))
+    joined = join_ends(np.hstack((shared, apart)))
     assert (joined[:, :2] == shared[0]).all()
     assert (joined[:, 2:] == apart).all()
 
@@ -111,6 +111,6 @@ def test_ends_that_meet_are_those_that_a_tree_finds() -> None:
 @pytest.mark.parametrize("gap", [1e-9, 2.4e-7, 2.6e-7, 9.9e-7])
 def test_an_end_moves_to_the_earlier_one_and_a_chain_to_its_first(gap: float) -> None:
     ends = [(5.0, 5.0), (5.0 + gap, 5.0), (5.0 + 2 * gap, 5.0), (5.0, 5.0 + 2e-6)]
-    joined = _join_ends(np.array([(*end, k, 0.0) for k, end in enumerate(ends)]))
+    joined = join_ends(np.array([(*end, k, 0.0) for k, end in enumerate(ends)]))
     assert (joined[:3, :2] == ends[0]).all()
     assert (joined[3, :2] == ends[3]).all()
