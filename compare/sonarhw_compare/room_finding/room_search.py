@@ -28,10 +28,10 @@ from sonarhw_compare.room_finding.growth import grown, pruned
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
 from sonarhw_compare.room_finding.refining.squaring import squared
+from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
-from sonarhw_compare.room_finding.wall_parts import with_parts_joined, without_part
 
 _ROUNDS = 3  # of growth and refinement
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement

@@ -53,7 +53,7 @@ class ArcTable:
         return np.asarray(np.hypot((distances - self.ranges) / _RANGE, turned / self.spreads))
 
     def behind(self, distances: FloatArray, bearings: FloatArray) -> NDArray[np.bool_]:
-        """Return which arcs are seen through a post at `distances` and `bearings` (n,), by readings towards it, (n,)."""
+        """Return which arcs are seen through a post at `distances` and `bearings` (n,), (n,)."""
         turned = np.remainder(self.bearings - bearings + np.pi, 2 * np.pi) - np.pi
         return np.asarray((self.ranges > distances + _THROUGH) & (np.abs(turned) < self.spreads))
 

@@ -62,7 +62,7 @@ def continued(draft: RoomDraft) -> Iterator[RoomDraft]:
 
 
 def _corner(draft: RoomDraft, key: int, point: tuple[float, float], side: int) -> Iterator[RoomDraft]:
-    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right of a wall, or all of it."""
+    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right, and with all of it."""
     corner = DraftWall(point, draft.walls[key].angle + side * math.pi / 2, (DraftEnd(0.0), DraftEnd(_BEGUN)))
     longer, new = draft.with_new_wall(corner)
     longer = met(longer, new, 0, key)

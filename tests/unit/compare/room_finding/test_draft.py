@@ -97,8 +97,8 @@ def _free(wall: DraftWall) -> DraftWall:
 def test_corners_of_a_draft_are_corners_of_its_room() -> None:
     # the crossing of two lines, computed from either, differs by rounding; two free ends would diffract there
     corners = [(0.1, 0.2), (2.3, 0.5), (2.7, 1.9), (1.1, 2.6), (0.3, 1.7)]
-    text = f'name = "r"\n[materials.m]\nreflectance = 0.9\n[[walls]]\nname = "w"\npoints = {[list(at) for at in corners]}\n'
-    true = parse_room(text + 'closed = true\nmaterial = "m"', "r")
+    text = 'name = "r"\n[materials.m]\nreflectance = 0.9\n[[walls]]\nname = "w"\nclosed = true\nmaterial = "m"\n'
+    true = parse_room(f"{text}points = {[list(corner) for corner in corners]}", "r")
     drawn = draft_of_room(true)
     moved = replace(drawn, walls={key: wall.moved(0.0, 1e-4 * key) for key, wall in drawn.walls.items()})
     for draft in (drawn, moved):

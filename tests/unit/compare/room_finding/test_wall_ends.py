@@ -1,11 +1,15 @@
 """Ends of walls are tried at corners, with a wall at right angles that no place may face, and at other walls."""
 
 import math
+from typing import cast
 
 import numpy as np
 import pytest
+from sonarhw_compare.room_finding import wall_ends
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.wall_ends import continued, cornered
+from sonarhw_compare.room_finding.evidence import Evidence, Scored
+from sonarhw_compare.room_finding.touches import Touches, trimmed
+from sonarhw_compare.room_finding.wall_ends import continued, cornered, with_better_ends
 from sonarhw_sim.room.model import Place
 
 SOUTH = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(1.0)))  # from x = 0 to 2 m
@@ -44,3 +48,35 @@ def test_no_corner_is_made_within_a_wall_or_away_from_its_line_or_far_beyond_its
     point: tuple[float, float],
 ) -> None:
     assert list(cornered(RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH}), [point])) == []
+
+
+def test_a_corner_that_no_place_sees_ends_at_the_outermost_touch() -> None:
+    # a wall from x = 1.4 to 1.6 m hides the corner at x = 2 m from the place on its left, not from the one above
+    east = DraftWall((2.0, 0.5), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(0.5)))
+    screen = DraftWall((1.5, 0.25), math.pi / 2, (DraftEnd(-0.24), DraftEnd(0.25)))
+    south = SOUTH.with_end(1, DraftEnd(1.0, 1))
+    touched = {0: np.array([-0.9, 0.2]), 1: np.array([0.3, 0.4]), 2: np.array([-0.1, 0.1])}
+    ends = []
+    for at in ((0.5, 0.3), (1.9, 1.0)):
+        draft = RoomDraft((Place("", at),), {0: south, 1: east, 2: screen})
+        cut = trimmed(draft, Touches(touched, (), (0,)), RoomDraft(draft.places))
+        ends.append(cut.segment(0)[[0, 2]])
+    np.testing.assert_allclose(ends, [[0.1, 1.2], [0.1, 2.0]], atol=1e-9)
+
+
+def test_an_end_moves_to_another_wall_alone_where_the_scans_contradict_a_corner(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # the lines of both walls cross beyond an end of each
+    east = DraftWall((2.4, 0.9), math.pi / 2, (DraftEnd(-0.7), DraftEnd(0.5)))
+    draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH, 1: east})
+
+    def scored(_evidence: object, tried: RoomDraft) -> Scored:
+        lower = float(tried.segment(1)[1])
+        return Scored(tried, 0.0 if lower > 0.1 else -50.0)
+
+    monkeypatch.setattr(wall_ends, "scored", scored)
+    evidence = cast(Evidence, None)  # the drafts alone decide here
+    moved = with_better_ends(evidence, Scored(draft, 0.0)).draft
+    np.testing.assert_allclose(moved.segment(0), [0.0, 0.0, 2.4, 0.0], atol=1e-9)
+    np.testing.assert_allclose(moved.segment(1), [2.4, 0.2, 2.4, 1.4], atol=1e-9)

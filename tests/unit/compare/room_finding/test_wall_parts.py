@@ -7,7 +7,7 @@ import pytest
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import Evidence, PoseSpread, evidence_of, scored
-from sonarhw_compare.room_finding.wall_parts import with_parts_joined, without_part
+from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan

@@ -1,0 +1,66 @@
+"""Growth reports its progress, and adds walls before posts."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from sonarhw_compare.room_finding import growth
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.room_finding.evidence import Course, Evidence, Scored
+from sonarhw_compare.room_finding.growth import grown
+
+
+def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> tuple[list[str], list[float]]:
+    """Return what is added, "w" or "p", and the reported shares, if walls of `lengths` (m) are found one by one.
+
+    Each wall adds 20 to the log-likelihood, the only post adds `post`.
+    """
+
+    def with_wall(_evidence: object, best: Scored, *_: object) -> Scored:
+        number = len(best.draft.walls)
+        if number == len(lengths):
+            return best
+        half = lengths[number] / 2
+        wall = DraftWall((0.0, float(number)), 0.0, (DraftEnd(-half), DraftEnd(half)))
+        return Scored(best.draft.with_new_wall(wall)[0], best.score + 20.0)
+
+    def with_post(_evidence: object, best: Scored, *_: object) -> Scored:
+        first = not best.draft.posts
+        return Scored(replace(best.draft, posts=(DraftPost((0.5, 0.5), 0.1),)), best.score + (post if first else 0.0))
+
+    def refined(_evidence: object, draft: RoomDraft, *_: object) -> Scored:
+        return Scored(draft, 20.0 * (len(draft.walls) + len(draft.posts)))
+
+    added: list[str] = []
+
+    def accepted(draft: RoomDraft) -> None:
+        added.append("w" if len(draft.walls) > added.count("w") else "p")
+
+    for name, function in (("with_wall", with_wall), ("with_post", with_post), ("refined", refined)):
+        monkeypatch.setattr(growth, name, function)
+    for name in ("with_better_ends", "pruned"):
+        monkeypatch.setattr(growth, name, lambda _evidence, one: one)
+    monkeypatch.setattr(growth, "unexplained_readings", lambda *_: [])
+    evidence = SimpleNamespace(by_reading=lambda *_: [np.zeros(1)], course=Course(accepted=accepted))
+    shares: list[float] = []
+    grown(cast(Evidence, evidence), (), Scored(RoomDraft(()), 0.0), shares.append)
+    return added, shares
+
+
+def test_the_share_grows_with_each_wall_and_stays_below_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    added, shares = grow(monkeypatch, [1.0] * 12, 0.0)
+    assert len(added) == len(shares) == 12
+    assert np.diff([0.0, *shares]).min() > 0.0
+    assert shares[-1] < 1.0
+
+
+def test_posts_follow_the_walls_because_a_corner_looks_like_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
+    added, _ = grow(monkeypatch, [1.0, 1.0, 1.0], 60.0)
+    assert added == ["w", "w", "w", "p"]
+
+
+def test_a_short_wall_competes_with_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert grow(monkeypatch, [1.0, 0.2, 1.0], 60.0)[0] == ["w", "p", "w", "w"]
+    assert grow(monkeypatch, [1.0, 0.2, 1.0], 15.0)[0] == ["w", "w", "w", "p"]
