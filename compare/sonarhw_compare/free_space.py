@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from sonarhw_sim.rays.kernel import distances_ahead
+from sonarhw_sim.rays.first_surface import distances_ahead
 from sonarhw_sim.room.model import Room
 
 from sonarhw.errors import InputError

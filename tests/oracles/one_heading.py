@@ -14,7 +14,7 @@ from sonarhw_sim.board.gain import NEAREST, uncompensated_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam, beam_table
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.rays.kernel import first_among, reflect
+from sonarhw_sim.rays.first_surface import first_among, reflect
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces
 from sonarhw_sim.room.model import Place, Room

@@ -13,7 +13,7 @@ from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, search_for, weigh_paths
-from sonarhw_sim.rays.kernel import distances_ahead
+from sonarhw_sim.rays.first_surface import distances_ahead
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.vertical.sections import cut, spanning_at
 

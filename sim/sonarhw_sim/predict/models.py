@@ -16,7 +16,7 @@ from sonarhw_sim.choices import Model, Receiver
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, received_by
-from sonarhw_sim.rays.kernel import first_hit
+from sonarhw_sim.rays.first_surface import first_hit
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.grid import Surfaces
 from sonarhw_sim.room.model import Place, Room

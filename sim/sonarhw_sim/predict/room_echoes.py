@@ -24,7 +24,7 @@ from sonarhw_sim.predict.prediction import (
     scan_of_paths,
     search_for,
 )
-from sonarhw_sim.rays.kernel import first_hit
+from sonarhw_sim.rays.first_surface import first_hit
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room, with_post
 from sonarhw_sim.vertical.sections import paths_from

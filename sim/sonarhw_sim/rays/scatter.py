@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.rays.kernel import fan, first_hit
+from sonarhw_sim.rays.first_surface import first_hit
+from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room.model import Room

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
-from sonarhw_sim.rays.kernel import post_distance, reflect
+from sonarhw_sim.rays.first_surface import post_distance, reflect
 from sonarhw_sim.rays.passing import Climbs, fits_a_climb, no_climbs, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
