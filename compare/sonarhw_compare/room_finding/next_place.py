@@ -19,15 +19,13 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE
-from sonarhw_compare.room_finding.refining.moves import Move
+from sonarhw_compare.room_finding.refining.range_errors import RANGE, LengthSlopes
 from sonarhw_compare.room_finding.room_search import FoundRoom
 
 _PLACES = 60  # that are tried, about
 _CLEARANCE = 0.15  # m, of a place from walls and posts
 _HEADINGS, _SECTORS = 72, 12  # of a scan
-_RANGE = 0.01  # m, standard deviation of a range
 _LARGEST = 0.1  # m or rad, standard deviation of a wall or end; a larger one is not linear, and counts as this one
-_SAME_PATH = 0.05  # m, largest change of a range by a step; a larger one is another echo
 _MOST_OF_GAIN = 0.6  # share of the sum over headings that the reported sectors have
 
 
@@ -41,42 +39,59 @@ class NextPlace:
 
 
 def next_places(
-    found: FoundRoom, room: Room, board: Board, count: int = 3, tick: Callable[[float], None] = lambda _share: None
+    found: FoundRoom,
+    room: Room,
+    board: Board,
+    count: int = 3,
+    tick: Callable[[float], None] = lambda _share: None,
+    best: Callable[[tuple[NextPlace, ...]], None] = lambda _places: None,
 ) -> tuple[NextPlace, ...]:
     """Return the `count` best places, best first, each farther than 0.3 m from the better ones.
 
-    `room` is the found room with its places. `tick` receives the completed share, 0..1.
+    `room` is the found room with its places. `tick` receives the completed share, 0..1, and `best` the best places so
+    far whenever they change; places all over the room come first.
     """
     moves = [move for move in found.deviations if move.what in ("wall", "post") and found.deviations[move] > 0]
-    rooms = [(move, move.of(found.draft, move.step).room(REFLECTANCE, room.air)) for move in moves]
+    draft_room, by_move = found.draft.room(REFLECTANCE, room.air), LengthSlopes(found.draft, moves)
     spreads = np.minimum([found.deviations[move] for move in moves], _LARGEST)
-    tried = []
-    places = _candidates(room)
+    tried: list[NextPlace] = []
+    known: tuple[NextPlace, ...] = ()
+    places = _spread_first(_candidates(room))
     for row, place in enumerate(places):
         tick(row / len(places))
-        tried.append(_weighed(place, _slopes(place, room, rooms, board) * spreads[:, None]))
-    return _apart(sorted(tried, key=lambda one: -one.gain), count)
+        tried.append(_weighed(place, _slopes(place, draft_room, by_move, board) * spreads[:, None]))
+        known, before = _apart(sorted(tried, key=lambda one: -one.gain), count), known
+        if known != before:
+            best(known)
+    return known
 
 
-def _candidates(room: Room) -> list[tuple[float, float]]:
-    """Return free positions on a lattice, m."""
+def _candidates(room: Room) -> FloatArray:
+    """Return free positions on a lattice, (n, 2) m."""
     free = find_free_space(room)
     area = len(free.middles) * free.spacing**2
     middles = find_free_space(room, math.sqrt(area / _PLACES)).middles
-    clear = [point for point in middles if free.holds(point, _CLEARANCE)]
-    return [(float(x), float(y)) for x, y in clear]
+    return np.array([point for point in middles if free.holds(point, _CLEARANCE)]).reshape(-1, 2)
 
 
-def _slopes(position: tuple[float, float], room: Room, rooms: Sequence[tuple[Move, Room]], board: Board) -> FloatArray:
+def _spread_first(positions: FloatArray) -> list[tuple[float, float]]:
+    """Return positions (n, 2) in another order: each is as far as possible from those before it."""
+    order: list[tuple[float, float]] = []
+    away = np.full(len(positions), np.inf)
+    for _ in range(len(positions)):
+        x, y = positions[int(np.argmax(away))].tolist()
+        order.append((x, y))
+        away = np.minimum(away, np.hypot(positions[:, 0] - x, positions[:, 1] - y))
+    return order
+
+
+def _slopes(position: tuple[float, float], room: Room, by_move: LengthSlopes, board: Board) -> FloatArray:
     """Return the derivative of each predicted range by each move, in standard deviations of a range, (m, n)."""
     headings = np.arange(_HEADINGS, dtype=np.float64) * (math.tau / _HEADINGS)
-    place = Place("", position)
-    ranges = predict_scan(room, place, board, headings, FOLLOWED).ranges
-    slopes = np.zeros((len(rooms), _HEADINGS))
-    for row, (move, moved) in enumerate(rooms):
-        change = predict_scan(moved, place, board, headings, FOLLOWED).ranges - ranges
-        same = np.abs(change) < _SAME_PATH  # False where there is no echo
-        slopes[row, same] = change[same] / (move.step * _RANGE)
+    scan = predict_scan(room, Place("", position), board, headings, FOLLOWED)
+    slopes = np.zeros((by_move.count, _HEADINGS))  # 0 where there is no echo
+    for path in np.unique(scan.winners[scan.winners >= 0]).tolist():
+        slopes[:, scan.winners == path] = by_move.of(scan.paths.outline(path))[:, None] / (2 * RANGE)
     return slopes
 
 

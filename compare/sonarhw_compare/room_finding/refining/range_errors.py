@@ -196,3 +196,16 @@ def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
 
 def _posts(draft: RoomDraft) -> FloatArray:
     return np.array([(*post.center, post.radius) for post in draft.posts], dtype=np.float64).reshape(-1, 3)
+
+
+class LengthSlopes:
+    """Derivatives of the lengths of paths at a fixed place by moves of a draft."""
+
+    def __init__(self, draft: RoomDraft, moves: Sequence[Move]) -> None:
+        self._shifts = _shifts(draft, moves)
+        self.count = len(moves)
+        self._still = np.zeros((self.count, 2))
+
+    def of(self, outline: FloatArray) -> FloatArray:
+        """Return the derivative of the length of a path with these points, (k, 2) m, by each move, (m,)."""
+        return _length_slope(outline, (self._still, self._still), self._shifts)

@@ -55,3 +55,17 @@ def test_a_larger_uncertainty_tells_more_by_its_logarithm() -> None:
 
 def test_nothing_is_gained_in_a_room_that_is_known() -> None:
     assert [(gain, sectors) for _, _, gain, sectors in proposed(rectangle())] == [(0.0, ())] * 3
+
+
+def test_the_best_places_so_far_are_reported_from_the_first_one_on() -> None:
+    found, shares, best = rectangle(east=0.03, north=0.02), [], []
+    room = found.draft.room(0.9, Air())
+    places = next_places(
+        found, room, BOARD, tick=shares.append, best=lambda known: best.append((len(shares), known[0].gain, known))
+    )
+    assert best[0][0] == 1  # after the first place
+    assert best[-1][2] == places
+    gains = [gain for _, gain, _ in best]
+    assert gains == sorted(gains)
+    # places all over the room come first: a tenth of them has most of what can be gained
+    assert [gain for tried, gain, _ in best if tried <= len(shares) / 10][-1] > 0.9 * places[0].gain
