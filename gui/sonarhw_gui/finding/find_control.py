@@ -21,7 +21,7 @@ from sonarhw_gui.finding.find_request import (
 )
 from sonarhw_gui.finding.loaded_scans import loaded_scans
 from sonarhw_gui.run_control import RunControl
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.shown.overlaid_scan import OverlaidScan
 from sonarhw_gui.shown.shown import Shown
 
@@ -40,8 +40,14 @@ class FindState:
     hypotheses: Hypotheses | None = None  # without those rejected
     answer: RoomAnswer | None = None  # of a complete search, also after walls of it were rejected
     refused: "tuple[DraftWall | DraftPost, ...]" = ()
-    places: "tuple[NextPlace, ...]" = ()  # to scan next, best first
+    places: "tuple[NextPlace, ...]" = ()  # to scan next, best first; of those tried so far
     accepted: bool = False  # whether `answer` was made the room of the window
+    searched_in: tuple[str, str] = ("", "")  # name and file of the room shown when the search began
+
+    def is_in(self, scene: Scene) -> bool:
+        """Return whether the walls belong to the room of a scene: that of the search, or the accepted one."""
+        found = self.answer is not None and self.accepted and room_name(scene) == self.answer.room.name
+        return found or room_of(scene) == self.searched_in
 
     @property
     def whole(self) -> bool:
@@ -151,7 +157,7 @@ class FindControl(RunControl):
 
     def _search(self, request: FindRequest, state: FindState) -> None:
         self._request = request
-        self._begin(request, replace(state, running="searching", places=()))
+        self._begin(request, replace(state, running="searching", places=(), searched_in=room_of(self._shown().scene)))
 
     def _begin(self, request: FindRequest | NextRequest, state: FindState) -> None:
         self._run(request)
@@ -169,10 +175,15 @@ class FindControl(RunControl):
             state = replace(state, hypotheses=progress.newest, answer=None, accepted=False)
         if (progress.share, progress.tried) != (state.share, state.tried):
             state = replace(state, share=progress.share, tried=progress.tried)
-        return state
+        return state if progress.places == state.places else replace(state, places=progress.places)
 
     def _finished(self, answer: RoomAnswer | NextAnswer) -> FindState:
         if isinstance(answer, NextAnswer):
             return replace(self.state, running="", places=answer.places)
         found = replace(self.state, hypotheses=answer.hypotheses, answer=answer, accepted=False)
         return replace(found, running="", share=1.0)
+
+
+def room_of(scene: Scene) -> tuple[str, str]:
+    """Return name and file of the room of a scene, which edits do not change; empty without a room."""
+    return room_name(scene), scene.room_file if scene.room is not None else ""

@@ -39,6 +39,7 @@ _HINT = (
     "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
     "(F12). This takes up to minutes."
 )
+_ELSEWHERE = "These walls were found while another room was shown, so they are not drawn in this one."
 _KEY = "Rings in the plan: echoes that speak for the selected wall. Crosses: against it. Silence counts too."
 
 
@@ -95,6 +96,8 @@ class FindPanel(QWidget):
             self._fill()
         elif any(getattr(before, part) is not getattr(shown, part) for part in ("readings", "overlays", "scene")):
             self._enable()
+            if self._is_elsewhere(before) is not self._is_elsewhere(shown):
+                self._draw()
 
     @Slot(object)
     def show_search(self, state: FindState) -> None:
@@ -178,7 +181,12 @@ class FindPanel(QWidget):
 
     def _draw(self) -> None:
         if self.isVisible():
-            self.drawn.emit(drawing_of(self._state, self.list.currentRow()))
+            elsewhere = self._shown is not None and self._is_elsewhere(self._shown)
+            self.drawn.emit(None if elsewhere else drawing_of(self._state, self.list.currentRow()))
+
+    def _is_elsewhere(self, shown: Shown) -> bool:
+        """Return whether the walls found belong to another room than the one shown."""
+        return self._state.hypotheses is not None and not self._state.is_in(shown.scene)
 
     @Slot()
     def _accept(self) -> None:
@@ -234,7 +242,8 @@ class FindPanel(QWidget):
             result.setVisible(some)
         self.next.setText(next_text(state, shown.look.unit.text) if shown is not None else "")
         self.next.setVisible(bool(self.next.text()))
-        self.note.setText(_KEY if self.list.currentRow() >= 0 else "" if some else _HINT)
+        elsewhere = shown is not None and self._is_elsewhere(shown)
+        self.note.setText(_ELSEWHERE if elsewhere else _KEY if self.list.currentRow() >= 0 else "" if some else _HINT)
         self.note.setVisible(bool(self.note.text()))
 
 

@@ -83,6 +83,7 @@ class FindProgress(RunProgress):
         super().__init__()
         self.tried = 0  # rooms
         self.newest: Hypotheses | None = None
+        self.places: tuple[NextPlace, ...] = ()  # the best ones to scan next so far, best first
 
     def check(self) -> None:
         """Count a tried room. Raises Cancelled."""
@@ -93,6 +94,10 @@ class FindProgress(RunProgress):
         """Store the share that is done. Raises Cancelled."""
         self.report(share)
         self.raise_if_cancelled()
+
+    def take_places(self, places: "tuple[NextPlace, ...]") -> None:
+        """Store the best places so far."""
+        self.places = places
 
     def raise_if_cancelled(self) -> None:
         """Raise Cancelled if the search should end."""
@@ -197,8 +202,10 @@ class NextRequest:
         """Try places in the room. Raises InputError, Cancelled."""
         from sonarhw_compare.room_finding.next_place import next_places
 
-        found, board = self.answered.found, self.answered.hypotheses.board
-        return NextAnswer(self, next_places(found, self.answered.room, board, _MOST_NEXT, self.progress.tick))
+        found, room, board = self.answered.found, self.answered.room, self.answered.hypotheses.board
+        progress = self.progress
+        places = next_places(found, room, board, _MOST_NEXT, progress.tick, progress.take_places)
+        return NextAnswer(self, places)
 
 
 def _one_board(scans: tuple[LoadedScan, ...]) -> Board:

@@ -55,10 +55,11 @@ def next_text(state: FindState, unit: Callable[[float], str]) -> str:
         return ""
     best = state.places[0]
     if best.gain <= 0 or not best.sectors:
-        return "Another scan would make no wall or post more certain."
+        return "" if state.running else "Another scan would make no wall or post more certain."
     x, y = (unit(at) for at in best.position)
     sectors = ", ".join(f"{in_degrees(begin, 0):.0f}° to {in_degrees(end, 0):.0f}°" for begin, end in best.sectors)
-    return f"Scan next at x {x}, y {y}: gain {best.gain:.1f} nats, most from headings {sectors}."
+    so_far = "Best so far, while other places are tried: s" if state.running else "S"
+    return f"{so_far}can next at x {x}, y {y}: gain {best.gain:.1f} nats, most from headings {sectors}."
 
 
 def _size(found: Hypotheses, row: int, unit: LengthUnit) -> str:

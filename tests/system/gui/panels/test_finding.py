@@ -1,6 +1,8 @@
 """The dock "Find the room" with mouse and keys: walls appear, are explained, rejected, accepted, undone and edited."""
 
+import itertools
 import math
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +10,14 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
+from sonarhw_compare.room_finding import next_place
 from sonarhw_gui.finding.find_control import FindState
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_board
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
 
+from tests.checkout import CHECKOUT
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import keep_pictures, predicted, until
 
@@ -139,7 +143,7 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
 
     qtbot.mouseClick(panel.plan, LEFT)
     assert panel.progress.isVisible()
-    until(qtbot, lambda: plan.next_scan.isVisible())
+    until(qtbot, lambda: not window.session.finding.state.running and plan.next_scan.isVisible())
     best = window.session.finding.state.places[0]
     assert f"x {best.position[0]:.3f} m, y {best.position[1]:.3f} m: gain {best.gain:.1f} nats" in panel.next.text()
     assert np.column_stack(plan.next_scan.getData()) == pytest.approx(np.array([best.position]))
@@ -149,6 +153,52 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
     qtbot.keyClick(window, Qt.Key.Key_M, CONTROL)
     until(qtbot, lambda: not plan.surfaces.isVisible() and not plan.next_scan.isVisible())
     assert not any(window.legend.explained[name].isVisible() for name in ("wall found", "for it", "against it"))
+
+
+def test_the_best_place_so_far_is_shown_while_others_are_tried(
+    qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel, plan, finding = window.finding, window.views.plan.drawing.found, window.session.finding
+    find(qtbot, window)
+    tried, held = itertools.count(), threading.Event()
+    predict = next_place.predict_scan
+
+    def held_after_ten(*scene: object) -> object:
+        if next(tried) == 10:
+            held.wait(60.0)
+        return predict(*scene)
+
+    monkeypatch.setattr(next_place, "predict_scan", held_after_ten)
+    qtbot.mouseClick(panel.plan, LEFT)
+    until(qtbot, lambda: finding.state.share > 0.1 and plan.next_scan.isVisible())
+    assert finding.state.running == "planning"
+    assert panel.next.text().startswith("Best so far, while other places are tried: scan next at x ")
+    assert panel.progress.isVisible()
+    keep_pictures(qtbot, window, "next_so_far")
+    (best, *_) = finding.state.places
+
+    qtbot.mouseClick(panel.cancel, LEFT)  # the best one so far stays
+    held.set()
+    until(qtbot, lambda: panel.next.text().startswith("Scan next at x "))
+    assert finding.state.places[0] is best
+    assert not panel.progress.isVisible()
+    assert plan.next_scan.isVisible()
+
+
+def test_found_walls_are_not_drawn_in_another_room(qtbot: QtBot, window: MainWindow, folder: Path) -> None:
+    panel = window.finding
+    find(qtbot, window)
+    until(qtbot, lambda: len(drawn_walls(window)) == 2)
+    window.session.open_file(str(CHECKOUT / "rooms" / "corridor.toml"))
+    until(qtbot, lambda: window.session.shown.scene.room_file == "corridor.toml")
+    until(qtbot, lambda: not drawn_walls(window))
+    assert not window.legend.explained["wall found"].isVisible()
+    assert "another room" in panel.note.text()
+    keep_pictures(qtbot, window, "found_elsewhere")
+    assert panel.list.count() == 2  # nothing is lost
+
+    window.session.open_file(str(folder / "corner.toml"))
+    until(qtbot, lambda: len(drawn_walls(window)) == 2)
 
 
 def test_a_rejected_wall_is_not_found_again(qtbot: QtBot, window: MainWindow) -> None:
