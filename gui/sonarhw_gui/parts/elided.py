@@ -17,8 +17,9 @@ class ElidedLabel(PlainLabel):
     @Slot(str)
     def setText(self, text: str) -> None:
         """Set the text and the tooltip."""
-        super().setText(text)
-        self.setToolTip(text)
+        if text != self.text():
+            super().setText(text)
+            self.setToolTip(text)
 
     def minimumSizeHint(self) -> QSize:
         """Return a minimum width of 0."""

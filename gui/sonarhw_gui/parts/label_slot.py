@@ -25,8 +25,8 @@ class LabelSlot(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Pass a layout request of the label to the parent only if its height has changed."""
-        if event.type() is QEvent.Type.LayoutRequest and self._height != self._needed_height():
-            self._height = self._needed_height()
+        if event.type() is QEvent.Type.LayoutRequest and self._height != (needed := self._needed_height()):
+            self._height = needed
             self.updateGeometry()
         return super().event(event)
 

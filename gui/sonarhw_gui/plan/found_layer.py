@@ -7,6 +7,7 @@ from PySide6.QtCore import Qt
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.shown.found_drawing import NO_POINTS, FoundDrawing, NextScan
@@ -20,8 +21,8 @@ class FoundLayer:
     """Dashed surfaces, marks at readings, and the next place with its headings."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.surfaces, self.chosen = (pg.PlotCurveItem(connect="finite") for _ in range(2))
-        self.sectors = pg.PlotCurveItem(connect="finite")
+        self.surfaces, self.chosen = (Line(connect="finite") for _ in range(2))
+        self.sectors = Line(connect="finite")
         self.speaking_for = Spots(size=15, symbol="o", brush=None)
         self.against = Spots(size=15, symbol="x", brush=None)
         self.next_scan = Spots(size=20, symbol="star")
@@ -79,7 +80,7 @@ class FoundLayer:
         _set(self.sectors, _sectors(place, reach))
 
 
-def _set(item: pg.PlotCurveItem | Spots, points: FloatArray) -> None:
+def _set(item: Line | Spots, points: FloatArray) -> None:
     item.setData(*points.T)
     item.setVisible(len(points) > 0)
 

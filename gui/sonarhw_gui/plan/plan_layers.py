@@ -15,6 +15,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, half_power_angle, wall_lines
@@ -33,10 +34,10 @@ class RoomLayer:
     """Walls and posts, the selected one thicker, and handles at the corners."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._walls = pg.PlotCurveItem(connect="pairs")
+        self._walls = Line(connect="pairs")
         self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
         self._posts.setPen(pg.mkPen(None))
-        self._chosen_wall = pg.PlotCurveItem()
+        self._chosen_wall = Line()
         self._corners = Spots(size=8, symbol="s", brush=None)
         self._corners.setZValue(20)  # over readings
         for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
@@ -72,8 +73,8 @@ class SensorLayer:
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
-        self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
-        self._axis, self._turntable, self._zero = pg.PlotCurveItem(), pg.PlotCurveItem(), pg.PlotCurveItem()
+        self._beam = Line(pen=None, fillLevel="enclosed")
+        self._axis, self._turntable, self._zero = Line(), Line(), Line()
         self._handle = Spots(size=11, symbol="o")
         self._sensor = Spots(size=_SENSOR, symbol="d")
         for z, item in (
@@ -130,19 +131,20 @@ class PathLayer:
     """The path that explains the selected reading, numbered by bounce, and the path pointed at in a list."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._rays, self._pointed = pg.PlotCurveItem(), pg.PlotCurveItem()
+        self._rays, self._pointed = Line(), Line()
         self._pointed.setZValue(28)
         self._labels = [_label() for _ in range(_MOST_LABELLED)]
         self._texts: list[tuple[str, FloatArray]] = []
         self._sensor: Point = (0.0, 0.0)
         self._colour = "k"
+        self._drawn_with: tuple[str, Qt.PenStyle] | None = None  # colour and style of the rays
         for item in (self._rays, self._pointed, *self._labels):
             plot.addItem(item)
         plot.vb.sigRangeChanged.connect(self._lay_out)
 
     def set_look(self, look: Look) -> None:
         """Use the colours and sizes of `look`."""
-        self._colour = look.palette.chosen
+        self._colour, self._drawn_with = look.palette.chosen, None  # the width depends on the screen
         self._pointed.setPen(cosmetic_pen(look.palette.predicted, width=3))
         for label in self._labels:
             label.setColor(look.palette.paper)
@@ -154,7 +156,9 @@ class PathLayer:
         path = chosen_path(shown) if shown.draws(ViewLayer.RAYS) else None
         points = _NOTHING if path is None else path.corners
         style = Qt.PenStyle.SolidLine if path is not None and path.explains else Qt.PenStyle.DotLine
-        self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
+        if (self._colour, style) != self._drawn_with:
+            self._drawn_with = self._colour, style
+            self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
         self._texts, self._sensor = bounce_labels(points), shown.scene.pose.position
         for k, label in enumerate(self._labels):
@@ -198,7 +202,7 @@ class RulerLayer:
     """A line between two points, labelled with its length and direction."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._line = pg.PlotCurveItem()
+        self._line = Line()
         self._ends = Spots(size=13, symbol="crosshair", brush=None)
         self.label = pg.TextItem()
         for item in (self._line, self._ends, self.label):

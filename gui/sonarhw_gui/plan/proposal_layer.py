@@ -5,6 +5,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.marks import ReadingMarks
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
@@ -19,7 +20,7 @@ class ProposalLayer:
     """Dashed walls and posts, and rings."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.surfaces = pg.PlotCurveItem(connect="finite")
+        self.surfaces = Line(connect="finite")
         self._posts = Spots(size=_SMALLEST, symbol="+", brush=None)
         self.rings = Spots(size=15, symbol="o", brush=None)
         for z, item in ((35, self.surfaces), (35, self._posts), (34, self.rings)):
@@ -38,9 +39,7 @@ class ProposalLayer:
         lines = [] if proposal is None else [*_walls(proposal), *_circles(proposal)]
         outline = np.vstack(lines) if lines else np.empty((0, 2))
         self.surfaces.setData(*outline.T)
-        self.surfaces.setVisible(len(outline) > 0)
         self._posts.setData(*(np.empty((0, 2)) if proposal is None else proposal.posts[:, :2]).T)
-        self._posts.setVisible(proposal is not None)
         draw_rings(self.rings, proposal, marks)
 
 
@@ -49,7 +48,6 @@ def draw_rings(rings: Spots, proposal: Proposal | None, marks: ReadingMarks) -> 
     found = [] if proposal is None else [marks.position_of(reading) for reading in proposal.readings]
     positions = [position for position in found if position is not None]
     rings.setData(*np.array(positions).reshape(-1, 2).T)
-    rings.setVisible(bool(positions))
 
 
 def _walls(proposal: Proposal) -> list[np.ndarray]:

@@ -7,6 +7,7 @@ from sonarhw_compare.sound.moments import Pulse, counted_position, moment_at
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.shown.shown import Shown
@@ -20,13 +21,16 @@ class SoundLayer:
     """The burst of each path with its wavefront, the disc of blanking, and the range counted so far."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._deaf = pg.PlotCurveItem(fillLevel="enclosed")
-        self._ways = pg.PlotCurveItem(connect="finite")
-        self._others, self._winner = (pg.PlotCurveItem(connect="finite") for _ in range(2))
-        self._fronts = pg.PlotCurveItem(connect="finite")
-        self._counting = pg.PlotCurveItem()
+        self._deaf = Line(fillLevel="enclosed")
+        self._ways = Line(connect="finite")
+        self._others, self._winner = (Line(connect="finite") for _ in range(2))
+        self._fronts = Line(connect="finite")
+        self._counting = Line()
         self.counted = Spots(size=12, symbol="o")
-        items = (self._deaf, self._ways, self._others, self._winner, self._fronts, self._counting, self.counted)
+        items: tuple[pg.GraphicsObject, ...] = (
+            *(self._deaf, self._ways, self._others, self._winner, self._fronts),
+            *(self._counting, self.counted),
+        )
         for z, item in zip((-12, 26, 27, 28, 28, 26, 29), items, strict=True):
             item.setZValue(z)
             item.setVisible(False)

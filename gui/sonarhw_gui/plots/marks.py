@@ -4,14 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pyqtgraph as pg
-from pyqtgraph.GraphicsScene.mouseEvents import HoverEvent
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QPainter, QPen, QPolygonF
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import Spots, TipSpots
 from sonarhw_gui.shown.shown import ClassPoints
 
 _SIZE, _SMALL = 9, 7  # pixels
@@ -97,7 +96,7 @@ class ReadingMarks:
 
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Class, Placed] = {}
-        self.scatters = {kind: _scatter(kind, tip) for kind in MARKS}
+        self.scatters = {kind: TipSpots(size=_SIZE, symbol=MARKS[kind].symbol, tip=tip) for kind in MARKS}
         self._crowded = False
         self._colours = LIGHT
         self._ring = Spots(size=_RING, symbol="o", brush=None)
@@ -134,7 +133,8 @@ class ReadingMarks:
             if not few or not known:
                 scatter.clear()
             if few:  # draw only new points of a growing scan; each added point takes time
-                scatter.addPoints(*positions[known:].T, data=points.readings[known:])
+                new = positions[known:]
+                scatter.addPoints(new[:, 0], new[:, 1], points.readings[known:])
         self.placed = placed
 
     def _style_scatters(self) -> None:
@@ -169,15 +169,3 @@ def _unchanged_count(before: Placed, now: Placed) -> int:
     count = len(before[1])
     same = before[0].readings == now[0].readings[:count] and np.array_equal(before[1], now[1][:count])
     return count if same else 0
-
-
-def _scatter(kind: Class, tip: Callable[[int], str]) -> Spots:
-    return _Scatter(size=_SIZE, symbol=MARKS[kind].symbol, hoverable=True, tip=lambda x, y, data: tip(data))
-
-
-class _Scatter(Spots):
-    """Checks for a mark under the mouse before pyqtgraph creates an object for every mark, which takes milliseconds."""
-
-    def hoverEvent(self, ev: HoverEvent) -> None:
-        if not self._toolTipCleared or (not ev.exit and self._maskAt(ev.pos()).any()):
-            super().hoverEvent(ev)

@@ -17,7 +17,6 @@ class NoteMarks:
     def __init__(self, plot: pg.PlotItem) -> None:
         self.spots = Spots(size=NOTE_SIZE, symbol=note_symbol())
         self.spots.setZValue(ABOVE_MARKS)
-        self.spots.setVisible(False)
         plot.addItem(self.spots, ignoreBounds=True)
 
     def set_look(self, colours: Palette) -> None:
@@ -28,8 +27,10 @@ class NoteMarks:
     def draw(self, notes: NoteTexts, marks: ReadingMarks) -> None:
         """Draw the notes on the readings that `marks` draws."""
         noted = list(notes.by_reading)
-        drawn = marks.placed.values() if noted else ()
+        if not noted:
+            self.spots.clear()
+            return
+        drawn = marks.placed.values()
         places = np.vstack([NO_POSITIONS, *(at[np.isin(points.readings, noted)] for points, at in drawn)])
         places = places[np.isfinite(places).all(axis=1)]
-        self.spots.setVisible(len(places) > 0)
         self.spots.setData(*places.T)

@@ -34,7 +34,7 @@ class Sentence(PlainLabel):
 
     def show_state(self, shown: Shown) -> None:
         """Show the sentence of the selected reading, in grey while it belongs to an older prediction."""
-        self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
+        _fade(self, shown.outdated)
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look, _SIZE))
@@ -66,15 +66,21 @@ class BounceLine(ElidedLabel):
 
     def show_state(self, shown: Shown) -> None:
         """Show note and bounces, in grey while they belong to an older prediction."""
-        self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
+        _fade(self, shown.outdated)
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look))
             self.setFixedHeight(ceil(QFontMetricsF(self.font()).lineSpacing()) + _BELOW)
         note = "" if shown.asked is not None else shown.notes.of(shown.chosen)
         text = " — ".join(filter(None, (f"note: {note}" if note else "", bounces_text(shown))))
-        if text != self.text():
-            self.setText(text)
+        self.setText(text)
+
+
+def _fade(label: PlainLabel, outdated: bool) -> None:
+    """Show a text in grey or in black. Qt sends a change of the palette even if the role is the same."""
+    role = QPalette.ColorRole.PlaceholderText if outdated else QPalette.ColorRole.WindowText
+    if label.foregroundRole() != role:
+        label.setForegroundRole(role)
 
 
 def shortened_to_lines(text: str, font: QFont, width: float, lines: int) -> str:

@@ -211,8 +211,11 @@ class MainWindow(TabbedWindow):
         session = self.session
         log = Path(session.log_file).name if session.replay.loaded else ""
         files = " · ".join(filter(None, (log, session.shown.scene.room_file)))
-        self.setWindowTitle(f"sonarhw — {session.shown.title}{' — ' if files else ''}{files}[*]")
-        self.setWindowModified(session.unsaved.changed)
+        title = f"sonarhw — {session.shown.title}{' — ' if files else ''}{files}[*]"
+        if title != self.windowTitle():
+            self.setWindowTitle(title)
+        if session.unsaved.changed is not self.isWindowModified():
+            self.setWindowModified(session.unsaved.changed)
 
     def _update_texts_soon(self) -> None:
         if not (self.session.status.scanning or self.session.showing.forecast.dragging):
@@ -227,6 +230,7 @@ class MainWindow(TabbedWindow):
         self.sentence.show_state(self.session.shown)
         self.bounces.show_state(self.session.shown)
         self.status_bar.show_state(self.session.status)
+        self.device.show_status(self.session.status)
 
     @Slot()
     def _show_again(self) -> None:
@@ -262,7 +266,6 @@ class MainWindow(TabbedWindow):
     def _show_status(self, status: Status) -> None:
         self._update_texts_soon()
         self.banner.show_state(status)
-        self.device.show_status(status)
         show_scanner(self.commands, status)
         self.files.shipped.setEnabled(not status.scanning)
         self.files.menuAction().setEnabled(not status.scanning)

@@ -13,8 +13,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF
 
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import TipSpots
 from sonarhw_gui.trace.trace_axes import EMPTY, Heights
 from sonarhw_gui.work.chosen_trace import NamedEcho
 
@@ -48,9 +49,10 @@ class EchoNames:
         self._heights = EMPTY
         self._rows, self._per_pixel = _ROWS, 1.0
         self._items: list[pg.TextItem] = []
-        self._stems = pg.PlotCurveItem(connect="pairs")
-        self._heads = Spots(size=7, symbol="t", pen=None, hoverable=True, tip=_tip_text)
-        for item in (self._stems, self._heads):
+        self._stems = Line(connect="pairs")
+        # by whether the echo is detectable
+        self._heads = {detected: TipSpots(size=7, symbol="t", pen=None) for detected in (False, True)}
+        for item in (self._stems, *self._heads.values()):
             view.addItem(item, ignoreBounds=True)
         view.sigXRangeChanged.connect(self._lay_out)
         view.sigResized.connect(self._lay_out)
@@ -61,6 +63,8 @@ class EchoNames:
         self._font.setPointSizeF(_POINTS * look.scale)
         self._metrics = QFontMetricsF(self._font)
         self._stems.setPen(cosmetic_pen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
+        for detected, heads in self._heads.items():
+            heads.setBrush(self._colour(detected))
         for item in self._items:
             item.setFont(self._font)
             item.fill = pg.mkBrush(look.palette.paper)
@@ -69,12 +73,10 @@ class EchoNames:
         """Draw the names of these echoes and set the height range of the plot."""
         self._echoes = tuple(sorted(echoes, key=lambda echo: (not echo.first, -echo.level_db)))
         self._heights = heights
-        self._heads.setData(
-            np.array([echo.time for echo in self._echoes]),
-            np.array([heights.of(echo.level_db) for echo in self._echoes]),
-            data=[self._tip(echo) for echo in self._echoes],
-            brush=[pg.mkBrush(self._colour(echo)) for echo in self._echoes],
-        )
+        for detected, heads in self._heads.items():
+            some = [echo for echo in self._echoes if echo.detectable is detected]
+            levels = [heights.of(echo.level_db) for echo in some]
+            heads.setData([echo.time for echo in some], levels, [self._tip(echo) for echo in some])
         self._lay_out()
 
     def set_visible(self, visible: bool) -> None:
@@ -90,7 +92,8 @@ class EchoNames:
         self._per_pixel = (top - bottom) / max(height - self._rows * row, (1 - _SHARE) * height)
         self._view.setYRange(bottom, bottom + height * self._per_pixel, padding=0)
         names = self._fitting() if self._visible else []
-        self._heads.setVisible(self._visible)
+        for heads in self._heads.values():
+            heads.setVisible(self._visible)
         self._stems.setData(*self._stem_ends(names).T)
         while len(self._items) < len(names):
             item = pg.TextItem(fill=pg.mkBrush(self._look.palette.paper))
@@ -101,7 +104,7 @@ class EchoNames:
         for item in self._items[len(names) :]:
             item.setVisible(False)
         for item, name in zip(self._items, names, strict=False):
-            item.setText(name.text, color=self._colour(name.echo))
+            item.setText(name.text, color=self._colour(name.echo.detectable))
             item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
             item.setPos(name.echo.time, self._middle(name.row))
             item.setVisible(True)
@@ -110,8 +113,8 @@ class EchoNames:
         """Return the height of the middle of a row; row 0 is the highest."""
         return self._heights.top + (self._rows - row - 0.5) * _ROW * self._look.scale * self._per_pixel
 
-    def _colour(self, echo: NamedEcho) -> str:
-        return self._look.palette.predicted if echo.detectable else self._look.palette.ink
+    def _colour(self, detectable: bool) -> str:
+        return self._look.palette.predicted if detectable else self._look.palette.ink
 
     def _fitting(self) -> list[_Name]:
         """Return the names that fit: first the reported echo, then by level."""
@@ -157,7 +160,3 @@ def shortened(via: str, longest: int) -> str:
         return via
     half = (longest - 1) // 2
     return f"{via[:half]}…{via[-half:]}"
-
-
-def _tip_text(x: float, y: float, data: str) -> str:
-    return data

@@ -1,15 +1,14 @@
 """Marks in the trace plot: blanking, threshold, gain, and the echoes that the board reported."""
 
-import math
-
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
+from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import TipSpots
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_axes import GainAxis, Heights
 from sonarhw_gui.work.chosen_trace import ChosenTrace
@@ -26,10 +25,10 @@ class TraceMarks:
         self._drawn = False  # whether there is a trace
         self._blanking = pg.LinearRegionItem(movable=False)
         self._blanking.setZValue(_BEHIND)
-        self._threshold = pg.PlotCurveItem(connect="pairs")
-        self._gain = pg.PlotCurveItem()
+        self._threshold = Line(connect="pairs")
+        self._gain = Line()
         self._gain.setZValue(_BEHIND + 1)
-        self._reported = Spots(size=9, symbol="t1", pen=None, hoverable=True, tip=_tip)
+        self._reported = TipSpots(size=9, symbol="t1", pen=None)
         self._reported.setZValue(5)
         self._items = (self._blanking, self._threshold, self._gain, self._reported)
         for item in self._items:
@@ -60,7 +59,7 @@ class TraceMarks:
         placed = self._gain_axis.heights_of_gains(trace.gain.curve.values[begun], heights)
         self._gain.setData(trace.gain.curve.times[begun], placed)
         data = [f"reported: {look.unit.text(trace.range_at(time))}, {time * 1e3:.2f} ms" for time in trace.echo_times]
-        self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data=data)
+        self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data)
 
     def set_visible(self, shown: Shown) -> None:
         """Show the marks of the layers that `shown` draws; without a trace, none."""
@@ -69,7 +68,3 @@ class TraceMarks:
             *((self._gain, None), (self._reported, ViewLayer.TRACE)),
         ):
             item.setVisible(self._drawn and layer not in shown.hidden)
-
-
-def _tip(x: float, y: float, data: str) -> str:
-    return data if math.isfinite(x + y) else ""

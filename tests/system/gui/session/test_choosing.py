@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
@@ -82,7 +83,7 @@ def test_every_predicted_echo_of_the_selected_heading_is_marked(qtbot: QtBot, wi
     row, prediction = window.session.shown.chosen_row, window.session.shown.prediction
     echoes = prediction.echoes(row.index) + prediction.blanked_echoes(row.index)
     speed = prediction.room.air.speed_of_sound
-    marked, _ = window.views.trace.names._heads.getData()
+    marked = np.concatenate([heads.getData()[0] for heads in window.views.trace.names._heads.values()])
     assert sorted(marked) == sorted(prediction.apparent_lengths[echo.path] / speed for echo in echoes)
     named = [item.toPlainText() for item in window.views.trace.names._items if item.isVisible()]
     assert "bottom>top>bottom" in named

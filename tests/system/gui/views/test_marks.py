@@ -27,11 +27,11 @@ def test_marks_follow_added_moved_and_removed_readings(qtbot: QtBot) -> None:
     for points, places in steps:
         marks.draw({Kind.MATCH: (points, places)})
         assert np.array_equal(np.column_stack(scatter.getData()), places)
-        assert list(scatter.data["data"]) == list(points.readings)
+        assert list(scatter.about) == list(points.readings)
         assert scatter.isVisible() == bool(points.readings)
 
 
-def _picture(qtbot: QtBot, scatter: pg.ScatterPlotItem, colours: tuple[str, ...]) -> bytes:
+def _picture(qtbot: QtBot, scatter: pg.GraphicsObject, colours: tuple[str, ...]) -> bytes:
     """Return the pixels of five spots, added in two steps, in the last of these colours."""
     plot = pg.PlotWidget(background="k")
     qtbot.addWidget(plot)

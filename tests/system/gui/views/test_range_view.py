@@ -64,7 +64,7 @@ def test_a_residual_beyond_the_scale_is_an_arrow_with_its_value_in_the_tooltip(
     room = shown.scene
     comparison = compare_readings(readings, room.room, room.pose, room.board)
     view.show_state(replace(shown, readings=readings, compared=ComparedScan((Stretch(0, comparison),))))
-    points = {kind: [(spot.pos().x(), spot.pos().y()) for spot in view.beyond[kind].points()] for kind in view.beyond}
+    points = {kind: list(zip(*view.beyond[kind].getData(), strict=True)) for kind in view.beyond}
     assert points == {Kind.SHORT: [], Kind.LONG: [(pytest.approx(180), pytest.approx(0.25))]}
     assert view.beyond[Kind.LONG].isVisible()
     assert colour_at(view, (180, 0.25)) == QColor(shown.look.palette.long).name()

@@ -71,7 +71,7 @@ def test_the_tooltip_of_an_echo_says_whether_its_level_is_a_sum(view: TraceView,
     alone = [replace(echo, summed=False) for echo in shown.trace.echoes]
     for echoes, sums in ((shown.trace.echoes, True), (alone, False)):
         view.names.draw(echoes, view.names._heights)
-        tips = [point.data() for point in view.names._heads.points()]
+        tips = [tip for heads in view.names._heads.values() for tip in heads.about]
         assert len(tips) >= 3
         assert all(("dB, sum of all arrivals within one wavelength" in tip) == sums for tip in tips)
 
@@ -85,7 +85,7 @@ def test_names_of_echoes_do_not_overlap(view: TraceView) -> None:
 
 
 def test_every_mark_is_at_the_time_of_its_echo(view: TraceView, shown: Shown) -> None:
-    x, _ = view.names._heads.getData()
+    x = np.concatenate([heads.getData()[0] for heads in view.names._heads.values()])
     assert sorted(x) == sorted(echo.time for echo in shown.trace.echoes)
     assert view.marks._blanking.getRegion() == (0.0, shown.scene.board.blanking)
     reported, height = view.marks._reported.getData()
