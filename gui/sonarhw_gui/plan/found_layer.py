@@ -7,9 +7,8 @@ from PySide6.QtCore import Qt
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
-from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import PlotLine, Spots
 from sonarhw_gui.shown.found_drawing import NO_POINTS, FoundDrawing, NextScan
 
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 49)
@@ -21,8 +20,8 @@ class FoundLayer:
     """Dashed surfaces, marks at readings, and the next place with its headings."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.surfaces, self.chosen = (Line(connect="finite") for _ in range(2))
-        self.sectors = Line(connect="finite")
+        self.surfaces, self.chosen = (PlotLine(connect="finite") for _ in range(2))
+        self.sectors = PlotLine(connect="finite")
         self.speaking_for = Spots(size=15, symbol="o", brush=None)
         self.against = Spots(size=15, symbol="x", brush=None)
         self.next_scan = Spots(size=20, symbol="star")
@@ -80,7 +79,7 @@ class FoundLayer:
         _set(self.sectors, _sectors(place, reach))
 
 
-def _set(item: Line | Spots, points: FloatArray) -> None:
+def _set(item: PlotLine | Spots, points: FloatArray) -> None:
     item.setData(*points.T)
     item.setVisible(len(points) > 0)
 

@@ -15,9 +15,8 @@ from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.look.theme import text_font
-from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import PlotLine, Spots
 from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, half_power_angle, wall_lines
 from sonarhw_gui.shown.bounces import chosen_path
 from sonarhw_gui.shown.shown import Shown
@@ -34,10 +33,10 @@ class RoomLayer:
     """Walls and posts, the selected one thicker, and handles at the corners."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._walls = Line(connect="pairs")
+        self._walls = PlotLine(connect="pairs")
         self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
         self._posts.setPen(pg.mkPen(None))
-        self._chosen_wall = Line()
+        self._chosen_wall = PlotLine()
         self._corners = Spots(size=8, symbol="s", brush=None)
         self._corners.setZValue(20)  # over readings
         for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
@@ -73,8 +72,8 @@ class SensorLayer:
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
-        self._beam = Line(pen=None, fillLevel="enclosed")
-        self._axis, self._turntable, self._zero = Line(), Line(), Line()
+        self._beam = PlotLine(pen=None, fillLevel="enclosed")
+        self._axis, self._turntable, self._zero = PlotLine(), PlotLine(), PlotLine()
         self._handle = Spots(size=11, symbol="o")
         self._sensor = Spots(size=_SENSOR, symbol="d")
         for z, item in (
@@ -131,7 +130,7 @@ class PathLayer:
     """The path that explains the selected reading, numbered by bounce, and the path pointed at in a list."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._rays, self._pointed = Line(), Line()
+        self._rays, self._pointed = PlotLine(), PlotLine()
         self._pointed.setZValue(28)
         self._labels = [_label() for _ in range(_MOST_LABELLED)]
         self._texts: list[tuple[str, FloatArray]] = []
@@ -202,7 +201,7 @@ class RulerLayer:
     """A line between two points, labelled with its length and direction."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._line = Line()
+        self._line = PlotLine()
         self._ends = Spots(size=13, symbol="crosshair", brush=None)
         self.label = pg.TextItem()
         for item in (self._line, self._ends, self.label):

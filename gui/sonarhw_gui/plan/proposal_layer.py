@@ -5,10 +5,9 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.marks import ReadingMarks
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import PlotLine, Spots
 from sonarhw_gui.shown.proposal import Proposal
 
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 49)
@@ -20,7 +19,7 @@ class ProposalLayer:
     """Dashed walls and posts, and rings."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.surfaces = Line(connect="finite")
+        self.surfaces = PlotLine(connect="finite")
         self._posts = Spots(size=_SMALLEST, symbol="+", brush=None)
         self.rings = Spots(size=15, symbol="o", brush=None)
         for z, item in ((35, self.surfaces), (35, self._posts), (34, self.rings)):

@@ -7,9 +7,8 @@ from sonarhw_compare.sound.moments import Pulse, counted_position, moment_at
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.plots.spots import PlotLine, Spots
 from sonarhw_gui.shown.shown import Shown
 
 _NOTHING = np.empty((0, 2))
@@ -21,11 +20,11 @@ class SoundLayer:
     """The burst of each path with its wavefront, the disc of blanking, and the range counted so far."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._deaf = Line(fillLevel="enclosed")
-        self._ways = Line(connect="finite")
-        self._others, self._winner = (Line(connect="finite") for _ in range(2))
-        self._fronts = Line(connect="finite")
-        self._counting = Line()
+        self._deaf = PlotLine(fillLevel="enclosed")
+        self._ways = PlotLine(connect="finite")
+        self._others, self._winner = (PlotLine(connect="finite") for _ in range(2))
+        self._fronts = PlotLine(connect="finite")
+        self._counting = PlotLine()
         self.counted = Spots(size=12, symbol="o")
         items: tuple[pg.GraphicsObject, ...] = (
             *(self._deaf, self._ways, self._others, self._winner, self._fronts),

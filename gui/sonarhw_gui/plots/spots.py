@@ -1,4 +1,4 @@
-"""Points of equal look, fast enough for 30 repaints per second.
+"""Points of equal look, and lines, fast enough for 30 repaints per second.
 
 A scatter of pyqtgraph gives each of its points a symbol, a pen and a row of a table. With those, new points took longer
 than their drawing.
@@ -199,3 +199,19 @@ class TipSpots(Spots):
             tips.append(f"({len(under) - _MOST_TIPS} others...)")
         box.setToolTip("\n\n".join(tips))
         self._tells = bool(tips)
+
+
+class PlotLine(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
+    """A curve. Qt skips it at repaints while it has no points, and setting no points again has no effect."""
+
+    def __init__(self, **style: object) -> None:
+        super().__init__(np.empty(0), np.empty(0), **style)
+        self.setFlag(self.GraphicsItemFlag.ItemHasNoContents)
+
+    def setData(self, x: ArrayLike = (), y: ArrayLike = (), **style: object) -> None:
+        """Draw a line through these points, (n,) each."""
+        count, before = np.size(x), 0 if self.xData is None else len(self.xData)
+        if count or before or style:
+            super().setData(np.asarray(x, float), np.asarray(y, float), **style)
+        if bool(count) is not bool(before):
+            self.setFlag(self.GraphicsItemFlag.ItemHasNoContents, not count)

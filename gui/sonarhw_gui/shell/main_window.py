@@ -36,6 +36,7 @@ from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.plots.legend import Legend
 from sonarhw_gui.readings.sentence import BounceLine, Sentence
 from sonarhw_gui.scans.scans_panel import ScansPanel
+from sonarhw_gui.session.turns import Turns
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.accessible_names import name_tab_stops
 from sonarhw_gui.shell.command_states import show_history, show_scanner
@@ -60,7 +61,7 @@ _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _LOW = 640  # pixels
 _NO_PAINT = 500  # ms
-_TEXT_INTERVAL = 100  # ms between updates of text during a scan or a drag: text takes as much time as the plots
+_TEXT_INTERVAL = 33  # ms between updates of one third of the text during a scan or a drag, because text takes long
 
 
 class MainWindow(TabbedWindow):
@@ -91,8 +92,7 @@ class MainWindow(TabbedWindow):
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
-        self._text_timer = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
-        self._text_timer.timeout.connect(self._update_texts)
+        self._texts = Turns((self._show_texts, self._show_sentence, self._show_figures), _TEXT_INTERVAL, self)
         # once for all tabs and plots that are created when they are first visible
         self._names_timer = QTimer(self, singleShot=True, interval=0)
         self._names_timer.timeout.connect(self._name_tab_stops)
@@ -219,16 +219,18 @@ class MainWindow(TabbedWindow):
 
     def _update_texts_soon(self) -> None:
         if not (self.session.status.scanning or self.session.showing.forecast.dragging):
-            self._text_timer.stop()
-            self._update_texts()
-        elif not self._text_timer.isActive():
-            self._text_timer.start()
+            self._texts.all_now()
+        else:
+            self._texts.soon()
 
-    @Slot()
-    def _update_texts(self) -> None:
+    def _show_texts(self) -> None:
         self.views.show_texts(self.session.shown)
+
+    def _show_sentence(self) -> None:
         self.sentence.show_state(self.session.shown)
         self.bounces.show_state(self.session.shown)
+
+    def _show_figures(self) -> None:
         self.status_bar.show_state(self.session.status)
         self.device.show_status(self.session.status)
 

@@ -13,9 +13,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF
 
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import TipSpots
+from sonarhw_gui.plots.spots import PlotLine, TipSpots
 from sonarhw_gui.trace.trace_axes import EMPTY, Heights
 from sonarhw_gui.work.chosen_trace import NamedEcho
 
@@ -49,7 +48,7 @@ class EchoNames:
         self._heights = EMPTY
         self._rows, self._per_pixel = _ROWS, 1.0
         self._items: list[pg.TextItem] = []
-        self._stems = Line(connect="pairs")
+        self._stems = PlotLine(connect="pairs")
         # by whether the echo is detectable
         self._heads = {detected: TipSpots(size=7, symbol="t", pen=None) for detected in (False, True)}
         for item in (self._stems, *self._heads.values()):

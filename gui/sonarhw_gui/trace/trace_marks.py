@@ -6,9 +6,8 @@ from PySide6.QtCore import Qt
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import ViewLayer
-from sonarhw_gui.plots.line import Line
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import TipSpots
+from sonarhw_gui.plots.spots import PlotLine, TipSpots
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_axes import GainAxis, Heights
 from sonarhw_gui.work.chosen_trace import ChosenTrace
@@ -25,8 +24,8 @@ class TraceMarks:
         self._drawn = False  # whether there is a trace
         self._blanking = pg.LinearRegionItem(movable=False)
         self._blanking.setZValue(_BEHIND)
-        self._threshold = Line(connect="pairs")
-        self._gain = Line()
+        self._threshold = PlotLine(connect="pairs")
+        self._gain = PlotLine()
         self._gain.setZValue(_BEHIND + 1)
         self._reported = TipSpots(size=9, symbol="t1", pen=None)
         self._reported.setZValue(5)

@@ -2,9 +2,12 @@
 
 import gc
 import sys
+from functools import partial
 from pathlib import Path
 
+from PySide6.QtCore import QObject
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.session.turns import Turns
 
 from sonarhw.log import read_log
 from tests.conftest import Count
@@ -34,3 +37,23 @@ def test_repaints_do_not_leak_references_to_none(
     repaint(count(*REPAINTS))
     gc.collect()
     assert abs(sys.getrefcount(None) - before) < NOISE
+
+
+def test_texts_take_turns_and_each_shows_the_last_change(qtbot: QtBot) -> None:
+    owner, state, drawn = QObject(), [0], []
+
+    def draw(part: int) -> None:
+        drawn.append((part, state[0]))
+        if len(drawn) == 1:  # a change after the first part was drawn
+            state[0] = 1
+            turns.soon()
+
+    turns = Turns([partial(draw, part) for part in range(3)], 1, owner)
+    turns.soon()
+    until(qtbot, lambda: len(drawn) >= 4)
+    assert drawn == [(0, 0), (1, 1), (2, 1), (0, 1)]
+    turns.soon()
+    turns.all_now()
+    assert [part for part, _ in drawn[4:]] == [0, 1, 2]
+    qtbot.wait(20)
+    assert len(drawn) == 7  # without a change, nothing is due
