@@ -210,8 +210,8 @@ class PlotLine(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no type
 
     def setData(self, x: ArrayLike = (), y: ArrayLike = (), **style: object) -> None:
         """Draw a line through these points, (n,) each."""
-        count, before = np.size(x), 0 if self.xData is None else len(self.xData)
-        if count or before or style:
+        count, before = np.size(x), None if self.xData is None else len(self.xData)
+        if count or style or before != 0:
             super().setData(np.asarray(x, float), np.asarray(y, float), **style)
         if bool(count) is not bool(before):
             self.setFlag(self.GraphicsItemFlag.ItemHasNoContents, not count)
