@@ -23,7 +23,6 @@ class Banner(QFrame):
         super().__init__()
         self.setObjectName("banner")
         self._notices = Notices()
-        self._trouble = ""  # of the last status
         self._label = PlainLabel()
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
@@ -61,10 +60,8 @@ class Banner(QFrame):
 
     def show_state(self, status: Status) -> None:
         """Show a problem with the scanner for as long as it lasts."""
-        if status.trouble != self._trouble:
-            self._trouble = status.trouble
-            self._notices.set_state(status.trouble)
-            self._show()
+        self._notices.set_state(status.trouble)
+        self._show()
 
     @Slot(str)
     def show_message(self, message: str) -> None:

@@ -78,7 +78,7 @@ def test_the_log_of_a_scan_contains_the_board(qtbot: QtBot, open_with: OpenWith,
 def test_stop_ends_a_scan_and_its_log_is_complete(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
-    assert window.status_bar.badge.text() == "● live"
+    until(qtbot, lambda: window.status_bar.badge.text() == "● live")
     assert not window.commands.scan.isEnabled()
     window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
