@@ -3,7 +3,7 @@
 Each board has random constants, a tilted head, and five scans of a wall by a fake scanner: 3 mm beside the stated
 distance, 0.5 dB of scatter in level, three pings at each heading. Prints the error and the half of the 95 % interval of
 each constant, *open* if the calibration says that the scans do not determine it, and the share of the intervals that
-contain the constant. Takes some 5 s of processor time a board.
+contain the constant. Takes some 10 s of processor time a board.
 """
 
 import argparse

@@ -14,7 +14,7 @@ from sonarhw.link.serial_link import MOST, Link
 
 MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 TICK = 0.05  # s; longest delay until `close` takes effect
-STOPPED = 0.3  # s; after a longer time between two reads, the system had stopped this process
+_STOPPED = 0.3  # s; after a longer time between two reads, the system had stopped this process
 
 
 class LinkThread:
@@ -129,7 +129,7 @@ class LinkThread:
             now = self.now() if data else begun
             if data:
                 self._session.receive(data, now)
-            elif self.now() - self._looked > STOPPED:
+            elif self.now() - self._looked > _STOPPED:
                 # what runs on the same machine, such as an emulated board, may have been stopped too: this time is no
                 # silence of the device
                 self._session.keep_alive(self.now())

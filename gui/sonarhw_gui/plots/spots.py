@@ -127,8 +127,7 @@ class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         if self._extent is None:
             known = np.isfinite(self._x) & np.isfinite(self._y)
             x, y = self._x[known], self._y[known]
-            left, low = (float(x.min()), float(y.min())) if len(x) else (0.0, 0.0)
-            self._extent = QRectF(left, low, float(x.max()) - left, float(y.max()) - low) if len(x) else QRectF()
+            self._extent = QRectF(QPointF(x.min(), y.min()), QPointF(x.max(), y.max())) if len(x) else QRectF()
         return self._extent
 
     def _set(self, x: FloatArray, y: FloatArray) -> None:
