@@ -184,7 +184,7 @@ def profile(trial: Trial, fingerprint: str, today: date) -> str:
 {table}
 # The profile describes a population. Its spreads are those of readings of six sensors, between and within sensors, from
 # calibrations that began without spreads. At 95 % confidence, one of the six differs from this profile in its threshold
-# (M: -13.5 dB), and none in its aperture. Profiles of single sensors: examples/lego_nxt_*.toml.
+# (M: -14.5 dB), and none in its aperture. Profiles of single sensors: examples/lego_nxt_*.toml.
 name = "lego-nxt"
 aperture_radius = {APERTURES[a]:.5f}    # m, tuned
 frequency = 40000.0
