@@ -43,3 +43,17 @@ def watch_compilation(watcher: Watcher) -> None:
 def watcher() -> Watcher:
     """Return the object to which compilation is reported."""
     return _watcher
+
+
+_count = 0
+
+
+def count_kernel() -> None:
+    """Count a kernel that is compiled by itself."""
+    global _count
+    _count += 1
+
+
+def kernel_count() -> int:
+    """Return the number of known kernels, compiled or not."""
+    return _count

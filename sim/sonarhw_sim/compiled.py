@@ -1,164 +1,86 @@
-"""Compilation of kernels by numba: cached on disk, with NumPy's rules for division, and without the GIL.
+"""Decorators of kernels: numba compiles them with NumPy's rules for division, without the GIL, and stores the code.
 
-Without the GIL, the window stays responsive while another thread follows rays.
+Without the GIL, the window stays responsive while another thread follows rays. The first call of a kernel imports
+numba, not its decorator, because the import takes 0.2 s: the window is painted before it, and a command that predicts
+nothing does without it.
 """
 
-import gc
-import pickle
 from collections.abc import Callable
+from functools import update_wrapper
+from threading import RLock
 from typing import Any, TypeVar, cast
 
-from numba import njit
-from numba.core import event
-from numba.core.compiler import CompileResult
-from numba.core.runtime.nrt import rtsys
-from numba.core.serialize import dumps
+from sonarhw_sim.compilation import count_kernel
 
-from sonarhw_sim.compilation import watcher
-from sonarhw_sim.kernel_key import key_of, slot_of
-from sonarhw_sim.kernel_store import NotStored, kernel_folders, store, stored
-
-_Kernel = TypeVar("_Kernel", bound=Callable[..., Any])
-_Result: Any = CompileResult
-_event: Any = event
-_njit: Any = njit
-_dumps: Any = dumps
-_runtime: Any = rtsys
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_lock = RLock()  # threads may call a kernel for the first time at the same time
 
 
-def compiled(kernel: _Kernel) -> _Kernel:
+class Kernel:
+    """A function that numba compiles at its first call for each combination of argument types."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, object]) -> None:
+        """`options` are those of numba's compiler."""
+        self.py_func = function
+        self._options = options
+        self._dispatcher: Any = None
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function. Raises TypeError if only kernels may call it."""
+        return (self._dispatcher or self.dispatcher)(*arguments)
+
+    @property
+    def dispatcher(self) -> Any:
+        """The object of numba that compiles the function and contains the compiled code."""
+        if self._dispatcher is None:
+            from sonarhw_sim.kernels.compiler import dispatcher_of
+
+            with _lock:
+                if self._dispatcher is None:
+                    self._dispatcher = dispatcher_of(self.py_func, self._options)
+        return self._dispatcher
+
+    @property
+    def _numba_type_(self) -> Any:
+        """The type that numba uses where a kernel calls this one."""
+        return self.dispatcher._numba_type_
+
+    @property
+    def targetoptions(self) -> Any:
+        """The compiler options, in which numba finds whether this kernel becomes a part of its caller."""
+        return self.dispatcher.targetoptions
+
+
+def compiled(kernel: _Function) -> _Function:
     """Return `kernel` with compilation at its first call for each combination of argument types."""
-    return _compiled(kernel)
+    return _counted(kernel)
 
 
-def compiled_part(kernel: _Kernel) -> _Kernel:
+def compiled_part(kernel: _Function) -> _Function:
     """Return `kernel`, for calls by other kernels only: compilation takes a fifth less time without calls by Python.
 
     It makes and returns no array, so it counts no references: for tuples of arrays, that takes up to half of the time.
     A call by Python raises TypeError.
     """
-    return _part(kernel, _nrt=False)
+    return _counted(kernel, no_cpython_wrapper=True, _nrt=False)
 
 
-def array_part(kernel: _Kernel) -> _Kernel:
+def array_part(kernel: _Function) -> _Function:
     """Return `kernel` like `compiled_part`, but it may make and return arrays."""
-    return _part(kernel)
+    return _counted(kernel, no_cpython_wrapper=True)
 
 
-def _part(kernel: _Kernel, **options: Any) -> _Kernel:
-    dispatcher: Any = _compiled(kernel, no_cpython_wrapper=True, **options)
-
-    def add(result: Any) -> None:
-        # without the registration for calls by Python, which would call address 0
-        dispatcher.overloads[tuple(result.signature.args)] = result
-
-    dispatcher.add_overload, dispatcher._compile_for_args = add, _refuse(dispatcher)
-    return cast(_Kernel, dispatcher)
-
-
-def inlined(kernel: _Kernel) -> _Kernel:
+def inlined(kernel: _Function) -> _Function:
     """Return `kernel`, for calls by one other kernel: it becomes a part of that one and is not compiled by itself.
 
     A call by Python raises TypeError.
     """
-    dispatcher: Any = _njit(inline="always")(kernel)
-    dispatcher._compile_for_args = _refuse(dispatcher)
-    return cast(_Kernel, dispatcher)
+    return cast(_Function, Kernel(kernel, {"inline": "always"}))
 
 
-def _refuse(dispatcher: Any) -> Callable[..., None]:
-    def refuse(*_arguments: Any, **_named: Any) -> None:
-        raise TypeError(f"{dispatcher.__name__} can be called by kernels only; decorate it with @compiled instead")
-
-    return refuse
-
-
-def _compiled(kernel: _Kernel, **options: Any) -> _Kernel:
+def _counted(kernel: _Function, **options: object) -> _Function:
+    count_kernel()
     # without the wrapper for calls by C, which nothing uses
     options["no_cfunc_wrapper"] = True
-    dispatcher = _njit(error_model="numpy", nogil=True, **options)(kernel)
-    dispatcher._cache = _KernelCache(dispatcher)
-    _progress.known += 1
-    return cast(_Kernel, dispatcher)
-
-
-class _KernelCache:
-    """The compiled code of one kernel on disk, in the form that numba's dispatcher calls.
-
-    numba's own cache checks only the file of the kernel itself, so it can use old code of a kernel in another file. It
-    raises errors for damaged files and unwritable folders.
-    """
-
-    cache_path = None
-
-    def __init__(self, dispatcher: Any) -> None:
-        self._kernel, self._options = dispatcher.py_func, repr(sorted(dispatcher.targetoptions.items()))
-
-    def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """Return the code for a signature; None if it must be compiled."""
-        # target_context.refresh() would load all that the compiler needs, in 0.2 s; the compiler calls it itself
-        _runtime.initialize(target_context)
-        name = self._name(signature, target_context.codegen())
-        for folder in kernel_folders():
-            payload = stored(folder, name)
-            if payload is not None:
-                return _Result._rebuild(target_context, *pickle.loads(payload))
-        return None
-
-    def save_overload(self, signature: Any, result: Any) -> None:
-        """Store the code for a signature. If that is not possible, the next run compiles again."""
-        if result.lifted or result.library.has_dynamic_globals:
-            return  # the code contains addresses of this process
-        name = self._name(signature, result.codegen)
-        try:
-            store(name, name.rpartition("-")[0], _dumps(result._reduce()))
-        except NotStored as reason:
-            _progress.not_stored(str(reason))
-
-    def _name(self, signature: Any, codegen: Any) -> str:
-        """Return the name of the file: kernel, slot, key."""
-        processor, kernel = codegen.magic_tuple(), self._kernel
-        key = key_of(kernel, self._options, signature, processor)
-        path = f"{kernel.__module__}.{kernel.__qualname__}".replace("<", "").replace(">", "")
-        return f"{path}-{slot_of(signature, processor)}-{key}"
-
-
-class _Progress(_event.Listener):  # type: ignore[misc]  # numba declares no types for it
-    """Counts compiled kernels and reports them."""
-
-    def __init__(self) -> None:
-        self.known = self._done = self._depth = 0
-        self._reported = self._collects = False
-
-    def on_start(self, _: Any) -> None:
-        """Report that compilation is in progress."""
-        if not self._depth:
-            # the compiler creates millions of objects that live until its end; searching them for garbage takes seconds
-            self._collects = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-        watcher().compiling(self._done, self.known)
-
-    def on_end(self, happened: Any) -> None:
-        """Count the kernel; report the end if no caller of the kernel is being compiled."""
-        self._depth -= 1
-        self._done += isinstance(happened.data["dispatcher"]._cache, _KernelCache)
-        if not self._depth:
-            if self._collects:
-                # at its end, a search would take another second; instead, the process that compiles keeps 80 MB more
-                gc.freeze()
-                gc.enable()
-            watcher().compiled()
-
-    def not_stored(self, reason: str) -> None:
-        """Report once that compiled code cannot be stored."""
-        if not self._reported:
-            watcher().not_stored(
-                f"compiled kernels cannot be stored, so each command compiles them again: {reason}. "
-                "Set NUMBA_CACHE_DIR to a writable folder with 20 MB of free space"
-            )
-        self._reported = True
-
-
-_progress = _Progress()
-_event.register("numba:compile", _progress)
+    return cast(_Function, Kernel(kernel, {"error_model": "numpy", "nogil": True, **options}))

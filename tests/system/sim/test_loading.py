@@ -13,12 +13,13 @@ import math, sys
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 from sonarhw_sim.predict.room_echoes import RoomEchoes
+from sonarhw_sim.compiled import Kernel
 from sonarhw.echo_source import Ping
 
 def compiled():
     ours = [module for name, module in sys.modules.items() if name.startswith("sonarhw_sim.")]
-    return {key: len(kernel.signatures) for module in ours for key, kernel in vars(module).items()
-            if hasattr(kernel, "signatures")}
+    return {key: len(kernel.dispatcher.signatures) for module in ours for key, kernel in vars(module).items()
+            if isinstance(kernel, Kernel)}
 
 room = load_room("rooms/simple.toml")
 source = RoomEchoes(room, room.places["figure9"], load_board("paper"))
@@ -33,11 +34,12 @@ assert before and compiled() == before, (before, compiled())
 def test_no_command_uses_a_kernel_that_make_setup_does_not_compile(tmp_path: Path) -> None:
     program = """
 import contextlib, io, runpy, sys
+from sonarhw_sim.compiled import Kernel
 
 def compiled():
     ours = [(name, module) for name, module in sys.modules.items() if name.startswith("sonarhw")]
     return {(name, key, str(types)) for name, module in ours for key, kernel in vars(module).items()
-            if hasattr(kernel, "overloads") and kernel.py_func.__module__ == name for types in kernel.overloads}
+            if isinstance(kernel, Kernel) and kernel.__module__ == name for types in kernel.dispatcher.overloads}
 
 runpy.run_path("setup/compile_kernels.py")["compile_kernels"]()
 before = compiled()

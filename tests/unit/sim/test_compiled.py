@@ -74,7 +74,7 @@ def test_an_inlined_kernel_is_not_compiled_by_itself_and_refuses_calls_by_python
     with pytest.raises(TypeError, match="_third can be called by kernels only"):
         _third(3.0)
     assert _sum_of_thirds(np.array([1.5, 3.0])) == 1.5
-    assert not _third.overloads  # type: ignore[attr-defined]
+    assert not _third.dispatcher.overloads  # type: ignore[attr-defined]
     with pytest.raises(TypeError, match="_third can be called by kernels only"):
         _third(3.0)
 

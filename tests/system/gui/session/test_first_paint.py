@@ -1,5 +1,7 @@
 """The start of a window: it is painted first, then predictions begin, so that kernels do not delay the first paint."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,23 @@ def test_a_window_that_was_closed_before_its_paint_begins_nothing(window: MainWi
     window.close()
     window.session.begin()
     assert not window.session.showing.forecast.searching
+
+
+@pytest.mark.parametrize("command", ["demo", "gui simple", "gui {log}"])
+def test_no_slow_package_is_imported_before_the_first_paint(command: str, recorded: Path) -> None:
+    """Later, a thread imports the compiler of kernels; it takes longer than all of PySide6."""
+    program = """
+import os, sys
+from sonarhw_gui.session.window_session import WindowSession
+
+def end(session):
+    print(sorted({"numba", "llvmlite", "scipy", "matplotlib"} & set(sys.modules)), flush=True)
+    os._exit(0)
+
+WindowSession.begin = end  # called after the first paint
+from sonarhw_cli.entry import main
+main()
+"""
+    words = command.format(log=recorded).split()
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from sonarhw_sim import kernel_store
-from sonarhw_sim.kernel_store import NotStored, kernel_folders, store, stored
+from sonarhw_sim.kernels import kernel_store
+from sonarhw_sim.kernels.kernel_store import NotStored, kernel_folders, store, stored
 
 CODE = bytes(range(256)) * 8
 

@@ -1,0 +1,1 @@
+"""The compiler of kernels, and the storage of compiled code."""
