@@ -17,11 +17,12 @@ from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.scans.plot_message import PlotMessage
 from sonarhw_gui.shown.overlaid_scan import SHOWN
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 
-_HINT = "no scan to compare with: add a log, or keep this scan, in the panel Scans (F12)"
+_HINT = "No scan to compare with: add a log, or keep this scan, in the panel Scans (F12)."
 _SYMBOLS = {
     ScanChange.SAME: "o",
     ScanChange.NEARER: "t",
@@ -43,6 +44,7 @@ class DifferenceView(QWidget):
         self.gestures = Gestures(self)
         self.plot = new_plot()
         self.canvas = Canvas(self.plot)
+        self.message = PlotMessage(self.plot)  # why there are no differences
         self.summary = PlainLabel(wordWrap=True)
         self.summary.setAlignment(Qt.AlignmentFlag.AlignLeft)
         self.summary.setContentsMargins(8, 2, 8, 2)
@@ -85,6 +87,7 @@ class DifferenceView(QWidget):
     def _set_look(self, look: Look) -> None:
         self.canvas.set_look(look)
         self.summary.setFont(text_font(look, 0.9))
+        self.message.set_look(look)
         label_axis(self.plot.getAxis("bottom"), "heading in the room (°)")
         label_length(self.plot.getAxis("left"), "Δ", look)  # short, because the view is often low
         self._noise.setBrush(look.palette.tolerance)
@@ -103,7 +106,11 @@ class DifferenceView(QWidget):
         for change, marks in self.marks.items():
             at = [(math.degrees(row.heading), row.difference or 0.0) for row in rows if row.change is change]
             marks.setData(*np.array(at, dtype=np.float64).reshape(-1, 2).T)
-        self.summary.setText(text)
+        compared = self.difference is not None
+        self.summary.setText(text if compared else "")
+        self.summary.setVisible(compared)
+        self.message.show_text("" if compared else text)
+        self.canvas.setAccessibleDescription(text)
         self.fit()
 
     def _move(self, place: QPointF | None) -> None:
@@ -136,7 +143,7 @@ def _other_scans(before: Shown, shown: Shown) -> bool:
 
 
 def _difference(shown: Shown) -> tuple[ScanDifference | None, str]:
-    """Return the differences of the chosen pair, and a line of text."""
+    """Return the differences of the chosen pair and their summary, or None and the reason."""
     if shown.pair is None:
         return None, _HINT
     (first, one), (second, other) = (_scan(shown, number) for number in (shown.pair.first, shown.pair.second))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
-from PySide6.QtWidgets import QFileDialog, QStyle, QStyleOptionViewItem
+from PySide6.QtWidgets import QFileDialog, QGraphicsTextItem, QStyle, QStyleOptionViewItem
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_compare.two_scans.scan_difference import ScanChange
@@ -106,6 +106,32 @@ def test_a_kept_scan_stays_when_another_log_is_opened(qtbot: QtBot, window: Main
     next(one for one in window.views.openers if one.text() == "Differences").trigger()
     view = window.views.differences
     until(qtbot, lambda: view.difference is not None and view.difference.changes[ScanChange.FARTHER] > 20)
+
+
+def test_differences_without_a_second_scan_are_a_sentence_instead_of_empty_axes(
+    qtbot: QtBot, window: MainWindow
+) -> None:
+    next(one for one in window.views.openers if one.text() == "Differences").trigger()
+    view = window.views.differences
+    until(qtbot, view.isVisible)
+
+    def axes() -> list[bool]:
+        return [view.plot.getAxis(side).isVisible() for side in ("left", "bottom")]
+
+    text = next(
+        item for item in view.canvas.scene().items() if isinstance(item, QGraphicsTextItem) and item.isVisible()
+    )
+    assert text.toPlainText().startswith("No scan to compare with: ")
+    assert view.canvas.sceneRect().contains(text.sceneBoundingRect())
+    assert axes() == [False, False]
+    qtbot.mouseClick(window.scans.keep, LEFT)
+    until(qtbot, lambda: axes() == [True, True])
+    assert not text.isVisible()
+    assert "same" in view.summary.text()
+    assert view.summary.isVisible()
+    qtbot.mouseClick(window.scans.remove, LEFT)
+    until(qtbot, text.isVisible)
+    assert axes() == [False, False]
 
 
 def test_two_sweeps_of_one_log(qtbot: QtBot, open_with: OpenWith, folder: Path, tmp_path: Path) -> None:
