@@ -1,7 +1,8 @@
-"""`sonarhw calibrate LOG… --distance D…`: a board profile from scans of a plate at several distances."""
+"""`sonarhw calibrate LOG…`: a board profile from scans of a plate (--distance) or of a known room (--room)."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,16 +10,21 @@ from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.output import write_figure, write_text
+from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_of_pose, print_place
 
 if TYPE_CHECKING:
+    from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
+    from sonarhw_compare.known_room.room_calibration import RoomCalibration
     from sonarhw_compare.plate.plate_calibration import PlateCalibration
     from sonarhw_compare.plate.plate_readings import PlateReadings
     from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.room.model import Room
 
 
-def calibrate_logs(
+def calibrate_with_plate(
     logs: Sequence[Path],
     distances: Sequence[float],
     directions: Sequence[float],
@@ -30,26 +36,61 @@ def calibrate_logs(
 
     Raises InputError, and NoPlate if a log shows no plate.
     """
-    from sonarhw_compare.plate.plate_calibration import calibrate_with_plates
-    from sonarhw_compare.plate.plate_profile import plate_profile
+    from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
     from sonarhw_sim.board.profile import load_board
 
     board = load_board(board_name)
-    _check(logs, distances, directions, board)
+    _check_plates(logs, distances, directions, board)
     turns = list(directions) * (len(logs) if len(directions) == 1 else 1) or [0.0] * len(logs)
-    scans = [_readings(*one, board) for one in zip(logs, distances, turns, strict=True)]
+    scans = [_plate_readings(*one, board) for one in zip(logs, distances, turns, strict=True)]
     found = calibrate_with_plates(board, scans)
-    name = out.stem.encode(errors="replace").decode()
-    text = plate_profile(board, found, scans, name).text
-    with written_file(out, overwrite=force) as file:
-        file.write(text.encode())
-    for line in _lines(found, board):
+    write_text(out, plate_profile(board, found, scans, profile_name(out)).text, force)
+    for line in [*_value_lines(found), *_kept_lines(found, board)]:
         print_line(line)
     for doubt in found.doubts:
         warn(doubt)
 
 
-def _check(logs: Sequence[Path], distances: Sequence[float], directions: Sequence[float], board: "Board") -> None:
+def calibrate_with_room(
+    logs: Sequence[Path],
+    room_name: str,
+    places: Sequence[str],
+    poses: Sequence[str],
+    board_name: str,
+    out: Path,
+    plot: Path | None,
+    force: bool,
+) -> None:
+    """Write the profile that the logs give and a picture of the scans, and print each value. Raises InputError."""
+    from sonarhw_compare.known_room.room_calibration import calibrate_in_room, room_profile
+    from sonarhw_sim.board.profile import load_board
+
+    board, room = load_board(board_name), open_room(room_name)
+    scans = _placed(logs, room, places, poses, board_name)
+    with progress_of_share() as show:
+        found = calibrate_in_room(board, scans, room, show)
+    write_text(out, room_profile(board, found, scans, room.name, profile_name(out)).text, force)
+    if plot is not None:
+        from sonarhw_compare.known_room.calibration_picture import draw_calibration
+
+        write_figure(plot, draw_calibration(found, scans), force)
+    for line in [*_value_lines(found), *_own_body_lines(found), *_kept_lines(found, board)]:
+        print_line(line)
+    for scan, before, after in zip(scans, found.before, found.after, strict=True):
+        print_line(f"{scan.name}: before {before.line}")
+        print_line(f"{scan.name}: after {after.line}")
+    for doubt in (*found.proposals, *found.doubts):
+        warn(doubt)
+
+
+def profile_name(out: Path) -> str:
+    """Return the name of the profile in a file: that of the file."""
+    return out.stem.encode(errors="replace").decode()
+
+
+def _check_plates(
+    logs: Sequence[Path], distances: Sequence[float], directions: Sequence[float], board: "Board"
+) -> None:
     """Raise InputError unless there is a distance for each log, and directions as the logs need them."""
     if board.ring is not None:
         raise InputError(f"--board {board.name}: has a ring of sensors; a plate calibrates a head on a turntable")
@@ -70,7 +111,7 @@ def _check(logs: Sequence[Path], distances: Sequence[float], directions: Sequenc
         raise InputError(f"{min(twice)}: is given twice; give each log once")
 
 
-def _readings(log: Path, distance: float, direction: float, board: "Board") -> "PlateReadings":
+def _plate_readings(log: Path, distance: float, direction: float, board: "Board") -> "PlateReadings":
     from sonarhw_compare.plate.plate_readings import plate_readings
 
     scan = open_scan(log, board.name)
@@ -85,11 +126,47 @@ def _blanked_until(scan: "GivenScan") -> float:
     return seconds_of(settings.blanking_us) if settings else 0.0
 
 
-def _lines(found: "PlateCalibration", start: "Board") -> list[str]:
-    """Return one line for each value, found or kept."""
-    from sonarhw_compare.plate.plate_profile import interval_text, value_text
+def _placed(
+    logs: Sequence[Path], room: "Room", places: Sequence[str], poses: Sequence[str], board_name: str
+) -> "list[PlacedScan]":
+    """Return the scans at the given places or poses, or at those of the logs."""
+    from sonarhw_compare.fit import PlacedScan
 
-    lines = [
-        f"{one.key}: {value_text(one)}, 95 % {interval_text(one)}; before: {one.before:g}" for one in found.findings
+    check_one_of_each(places, poses, len(logs))
+    scans = []
+    for k, log in enumerate(logs):
+        scan = open_scan(log, board_name)
+        if poses:
+            given = place_of_pose(poses[k])
+            here = replace(room.place(given.position), heading=given.heading)
+        else:
+            here = scan.place(room, places[k] if places else None)
+        print_place(room, here)
+        scans.append(PlacedScan(scan.readings, here, log.stem, str(log)))
+    return scans
+
+
+def _value_lines(found: "PlateCalibration | RoomCalibration") -> list[str]:
+    return [f"{one.key}: {one.text}, 95 % {one.interval_text}; before: {one.before:g}" for one in found.findings]
+
+
+def _own_body_lines(found: "RoomCalibration") -> list[str]:
+    if not found.own_body:
+        return []
+    parts = [
+        f"own body: turntable angles {part.from_deg:g} to {part.to_deg:g} degrees, "
+        f"{part.nearest:g} to {part.farthest:g} m"
+        for part in found.own_body
     ]
-    return lines + [f"{key}: stays {getattr(start, key):g}; {reason}" for key, reason in found.kept.items()]
+    return [*parts, f"own body: {counted(found.own_echoes, 'reading')} left out"]
+
+
+def _kept_lines(found: "PlateCalibration | RoomCalibration", start: "Board") -> list[str]:
+    return [f"{key}: stays {_present(start, key)}; {reason}" for key, reason in found.kept.items()]
+
+
+def _present(start: "Board", key: str) -> str:
+    """Return the value of a key, such as `mount.ahead`, or the number of its parts."""
+    section, _, name = key.rpartition(".")
+    value = getattr(getattr(start, section) if section else start, name)
+    return f"{value:g}" if isinstance(value, float) else counted(len(value), "part")

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.headings import heading_text
@@ -29,7 +29,7 @@ from sonarhw_cli.console.options import (
     RoomOfLog,
     RoomTolerance,
 )
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_figure
 from sonarhw_cli.console.progress import progress_of_fit
 from sonarhw_cli.console.room_input import print_place
 
@@ -125,13 +125,15 @@ def compare(
         _check_not_given({"--explain": explained}, "needs --json; without both, a sentence explains every reading")
     if out is not None:
         checked_out(out, (".toml",), force, log_file, room_name, board)
-    suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
+    if plot is not None:
+        checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
     tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
     probabilities = _Probabilities(model, receiver, pings or 1, tolerance)
     if plot is not None:
-        with written_file(plot, overwrite=force) as file:
-            save_comparison(comparison, file, suffix, probabilities.shading(comparison))
+        from sonarhw_compare.matching.comparison_picture import draw_comparison
+
+        write_figure(plot, draw_comparison(comparison, probabilities.shading(comparison)), force)
     if missing:
         find_missing(comparison, receiver, as_json=as_json, out=out, force=force)
         return
@@ -216,16 +218,6 @@ def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
     summary = comparison.summary()
     for doubt in few_explained(str(log_file), summary.within_5cm, summary.n_echo):
         warn(doubt)
-
-
-def save_comparison(
-    comparison: "Comparison", out: BinaryIO, suffix: str = ".png", shading: "RangeShading | None" = None
-) -> None:
-    """Write the picture of the scan over its prediction, with the shading of its probabilities if there is one."""
-    from sonarhw_compare.matching.comparison_picture import draw_comparison
-    from sonarhw_compare.pictures.picture_file import write_picture
-
-    write_picture(draw_comparison(comparison, shading), out, suffix)
 
 
 def _figures(comparison: "Comparison", found: "Fit | None", explained: bool, notes: "PlacedNotes") -> dict[str, object]:

@@ -12,7 +12,7 @@ from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import counted, write_rows
-from sonarhw_cli.console.output import checked_out, text_output, written_file
+from sonarhw_cli.console.output import checked_out, text_output, write_figure
 
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan
@@ -37,7 +37,8 @@ def compare_two(
     from sonarhw_compare.two_scans.difference_picture import draw_difference
     from sonarhw_compare.two_scans.scan_difference import scan_difference
 
-    suffix = "" if plot is None else checked_out(plot, PICTURES, force, first_file, second_file, option="--plot")
+    if plot is not None:
+        checked_out(plot, PICTURES, force, first_file, second_file, option="--plot")
     if csv is not None:
         checked_out(csv, (".csv", "-"), force, first_file, second_file, option="--csv")
     first = open_scan(first_file)
@@ -45,10 +46,7 @@ def compare_two(
     difference = scan_difference(*_series(first, second, sweeps))
     names = _names(first_file, second_file, sweeps)
     if plot is not None:
-        from sonarhw_compare.pictures.picture_file import write_picture
-
-        with written_file(plot, overwrite=force) as file:
-            write_picture(draw_difference(difference, names), file, suffix)
+        write_figure(plot, draw_difference(difference, names), force)
     if csv is not None:
         with text_output(csv, force) as out:
             write_rows(out, _HEADER, map(_row, difference.rows))

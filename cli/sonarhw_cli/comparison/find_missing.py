@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from sonarhw_compare.headings import in_degrees
 
 from sonarhw_cli.console.lines import print_json, print_line, warn
-from sonarhw_cli.console.output import written_file
+from sonarhw_cli.console.output import write_text
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
@@ -22,8 +22,7 @@ def find_missing(
     """Print the causes of the misfits of a comparison, and write the changed room to the file `out`."""
     found = _found(comparison, receiver)
     if out is not None and found.causes:
-        with written_file(out, overwrite=force) as file:
-            file.write(found.room.text.encode())
+        write_text(out, found.room.text, force)
     if as_json:
         print_json(asdict(comparison.summary()) | _figures(found))
     else:

@@ -14,7 +14,7 @@ from sonarhw_cli.comparison.fit_table import fit_figures, fit_lines
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan
 from sonarhw_cli.console.options import ROOM_NAME, BoardOfLog, Force, ReceiverChoice
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_text
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room, print_place
 
@@ -234,8 +234,7 @@ def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None, f
     if board_out is not None:
         texts.append((board_out, "--board-out", _fitted_board(fitted, board_out.stem).text))
     for file, option, text in texts:
-        with written_file(file, option, overwrite=force) as written:
-            written.write(text.encode())
+        write_text(file, text, force, option)
 
 
 def _fitted_room(fitted: FittedLogs) -> "Room":

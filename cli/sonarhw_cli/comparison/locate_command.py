@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.matching.few_explained import explains_few, few_explained
-from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
+from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.number_format import deviation_text, estimate_text
 from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_figure
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
@@ -46,13 +46,13 @@ def locate(
     force: Force = False,
 ) -> None:
     """Find the pose of a scan in a known room. Each possible pose is printed with its probability."""
-    suffix = "" if out is None else checked_out(out, PICTURES, force, log_file, room_name, board)
+    if out is not None:
+        checked_out(out, PICTURES, force, log_file, room_name, board)
     located = locate_log(log_file, room_name, board, receiver, height)
     if out is not None:
         from sonarhw_compare.locate.locate_picture import draw_located
 
-        with written_file(out, overwrite=force) as file:
-            write_picture(draw_located(located), file, suffix)
+        write_figure(out, draw_located(located), force)
     figures = _figures(located, near)
     if as_json:
         print_json(figures)

@@ -1,6 +1,5 @@
 """`sonarhw map`: estimate a room from one or several scans."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.headings import in_degrees
-from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
+from sonarhw_compare.pictures.picture_file import PICTURES
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_figure, write_text
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.room_input import open_room, print_place
+from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_of_pose, print_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -186,20 +185,16 @@ def _write(
 ) -> None:
     """Write room file, report and picture. `known` is the room that the logs contain."""
     if shown and files.room:
-        with written_file(files.room, overwrite=force) as file:
-            file.write(shown.room.text.encode())
+        write_text(files.room, shown.room.text, force)
     if shown and files.report:
         from sonarhw_compare.report.map_report import MapReport, map_report_html
 
         report = MapReport(
             shown.found, shown.room, tuple(shown.scans), shown.board, found, known, tuple(shown.lines), tuple(doubts)
         )
-        with written_file(files.report, overwrite=force) as file:
-            file.write(map_report_html(report).encode())
+        write_text(files.report, map_report_html(report), force)
     if files.picture:
-        figure = _figure(found, room, shown, known)
-        with written_file(files.picture, overwrite=force) as file:
-            write_picture(figure, file, checked_out(files.picture, PICTURES, True))
+        write_figure(files.picture, _figure(found, room, shown, known), force)
 
 
 def _figure(found: "RoomMap", room: "Room | None", shown: _RoomOfScans | None, known: "Room | None") -> "Figure":
@@ -307,30 +302,14 @@ def _placed(
 ) -> "list[PlacedScan]":
     from sonarhw_compare.fit import PlacedScan
 
-    if places and poses:
-        raise InputError("--place, --pose: give only one of them, once for each log")
-    for option, values in (("--place", places), ("--pose", poses)):
-        if values and len(values) != len(given):
-            raise InputError(f"{option}: expected one for each of {counted(len(given), 'log')}, got {len(values)}")
+    check_one_of_each(places, poses, len(given))
     scans = []
     for k, scan in enumerate(given):
-        place = _pose(poses[k]) if poses else _place(scan, room, places[k] if places else None)
+        place = place_of_pose(poses[k]) if poses else _place(scan, room, places[k] if places else None)
         if room is not None or not poses:
             print_place(scan.room(room), place)
         scans.append(PlacedScan(scan.readings, place, Path(scan.where).stem, scan.where))
     return scans
-
-
-def _pose(text: str) -> "Place":
-    from sonarhw_sim.room.model import Place
-
-    try:
-        x, y, degrees = map(float, text.split(","))
-    except ValueError as error:
-        raise InputError(f"--pose {text}: expected X,Y,DEG: metres, metres, degrees") from error
-    if not all(map(math.isfinite, (x, y, degrees))):
-        raise InputError(f"--pose {text}: expected three finite numbers")
-    return Place(text, (x, y), math.radians(degrees))
 
 
 def _place(scan: "GivenScan", room: "Room | None", wanted: str | None) -> "Place":

@@ -9,7 +9,7 @@ from sonarhw_sim.choices import Receiver
 from sonarhw_cli.comparison.compare_command import warn_of_few_explained
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
 from sonarhw_cli.console.options import BoardOfLog, FitOption, Force, PlaceName, ReceiverChoice, RoomOfLog
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_text
 from sonarhw_cli.console.progress import progress_of_fit
 from sonarhw_cli.console.room_input import print_place
 
@@ -31,9 +31,7 @@ def report(
     from sonarhw_compare.report.html_report import report_html
 
     checked_out(out, (".html",), force, log_file, room_name, board)
-    page = report_html(report_on(log_file, room_name, place, board, receiver, fit))
-    with written_file(out, overwrite=force) as file:
-        file.write(page.encode())
+    write_text(out, report_html(report_on(log_file, room_name, place, board, receiver, fit)), force)
 
 
 def report_on(

@@ -10,13 +10,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from io import StringIO, TextIOBase
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import TYPE_CHECKING, BinaryIO, TextIO
 from urllib.parse import parse_qsl
 
 from sonarhw.atomic_file import atomic_file, is_special
 from sonarhw.errors import InputError, OutputError
 from sonarhw_cli.console.lines import print_note
 from sonarhw_cli.console.options import STDOUT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @contextmanager
@@ -25,6 +28,20 @@ def written_file(path: Path, what: str = "file", *, overwrite: bool = False) -> 
     with atomic_file(path, what, overwrite=overwrite) as file:
         yield file
     print_written(path)
+
+
+def write_text(out: Path, text: str, force: bool, what: str = "file") -> None:
+    """Write a text file. Raises OutputError."""
+    with written_file(out, what, overwrite=force) as file:
+        file.write(text.encode())
+
+
+def write_figure(out: Path, figure: "Figure", force: bool) -> None:
+    """Write a picture in the format of the file's suffix; PNG for a device or a pipe. Raises OutputError."""
+    from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
+
+    with written_file(out, overwrite=force) as file:
+        write_picture(figure, file, PICTURES[0] if is_special(out) else out.suffix.lower())
 
 
 def print_written(path: Path) -> None:
@@ -45,8 +62,7 @@ def text_output(out: str, overwrite: bool) -> Iterator[TextIO]:
         return
     text = StringIO(newline="")
     yield text
-    with written_file(Path(out), overwrite=overwrite) as file:
-        file.write(text.getvalue().encode())
+    write_text(Path(out), text.getvalue(), overwrite)
 
 
 @contextmanager

@@ -10,8 +10,7 @@ from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
-from sonarhw_cli.comparison.calibrate_logs import calibrate_logs
-from sonarhw_cli.comparison.calibrate_with_room import calibrate_with_room
+from sonarhw_cli.comparison.calibrate_logs import calibrate_with_plate, calibrate_with_room, profile_name
 from sonarhw_cli.console.connect import connect_turntable
 from sonarhw_cli.console.interruption import interruption
 from sonarhw_cli.console.lines import print_line
@@ -26,7 +25,7 @@ from sonarhw_cli.console.options import (
     order_in_degrees,
     refuse_given,
 )
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_text
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
@@ -115,12 +114,11 @@ def calibrate(
     if len(logs) == len(sources):
         refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
         if room_name is None:
-            calibrate_logs(logs, distances or [], directions or [], board, out, force)
+            calibrate_with_plate(logs, distances or [], directions or [], board, out, force)
         else:
-            picture = (
-                None if plot is None else (plot, checked_out(plot, PICTURES, force, *sources, board, option="--plot"))
-            )
-            calibrate_with_room(logs, room_name, places or [], poses or [], board, out, picture, force)
+            if plot is not None:
+                checked_out(plot, PICTURES, force, *sources, board, option="--plot")
+            calibrate_with_room(logs, room_name, places or [], poses or [], board, out, plot, force)
         return
     if room_name is not None:
         raise InputError(f"--room {room_name}: expected logs (*{LOG}), not the URL of a scanner; scan first")
@@ -193,10 +191,7 @@ def _calibrate_scanner(
         arcs=_arcs(profile, distance, step),
         delay=plate_echo(profile, Air(), distance).delay,
     )
-    name = out.stem.encode(errors="replace").decode()
-    text = _with_calibration(profile.text, name, found)
-    with written_file(out, overwrite=force) as file:
-        file.write(text.encode())
+    write_text(out, _with_calibration(profile.text, profile_name(out), found), force)
     print_line(_result_line(found, distance))
 
 

@@ -13,7 +13,7 @@ from sonarhw_sim.choices import ROOM_TOLERANCE
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.options import LOG
-from sonarhw_cli.console.output import print_written, written_file
+from sonarhw_cli.console.output import print_written, write_figure, written_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -162,14 +162,12 @@ def _listening(scan: "PredictedScan") -> float:
     return listening_time(scan.board, scan.room.air)
 
 
-def write_predicted_picture(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:
-    """Write the plan of the room with the prediction as a picture in the format of `suffix`."""
+def write_predicted_picture(scan: "PredictedScan", out: Path, force: bool) -> None:
+    """Write the plan of the room with the prediction as a picture."""
     from sonarhw_compare.pictures.overlay_picture import draw_plan
-    from sonarhw_compare.pictures.picture_file import write_picture
 
-    figure = draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}")
-    with written_file(out, overwrite=force) as file:
-        write_picture(figure, file, suffix)
+    title = f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}"
+    write_figure(out, draw_plan(scan, title=title), force)
 
 
 def write_film_of_sound(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
+from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import BoardName, Force, RoomName
-from sonarhw_cli.console.output import checked_out, written_file
+from sonarhw_cli.console.output import checked_out, write_figure
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
 if TYPE_CHECKING:
@@ -71,7 +71,8 @@ def check(
     from sonarhw_sim.check.room_check import check_room, refusals_of
     from sonarhw_sim.room.model import SHIPPED_ROOMS, parse_room
 
-    picture = checked_out(plot, PICTURES, force, room_name, board, option="--plot") if plot is not None else ""
+    if plot is not None:
+        checked_out(plot, PICTURES, force, room_name, board, option="--plot")
     profile = load_board(board)
     text, where = SHIPPED_ROOMS.read(room_name)
     if refusals := refusals_of(text, where):
@@ -80,7 +81,9 @@ def check(
     room = parse_room(text, where)
     findings = check_room(room, profile)
     if plot is not None:
-        _draw(room, findings, plot, picture, force)
+        from sonarhw_compare.pictures.room_picture import draw_checked_room
+
+        write_figure(plot, draw_checked_room(room, findings), force)
     if as_json:
         print_json({"file": where, "refused": [], "findings": [asdict(finding) for finding in findings]})
     else:
@@ -108,10 +111,3 @@ def _print(where: str, room: "Room", findings: "list[Finding]") -> None:
         )
     )
     print_line(f"{where}: {counted(len(findings), 'finding') if findings else 'no findings'}; {content}")
-
-
-def _draw(room: "Room", findings: "list[Finding]", plot: Path, kind: str, force: bool) -> None:
-    from sonarhw_compare.pictures.room_picture import draw_checked_room
-
-    with written_file(plot, overwrite=force) as file:
-        write_picture(draw_checked_room(room, findings), file, kind)

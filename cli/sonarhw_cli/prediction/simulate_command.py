@@ -191,7 +191,7 @@ def _write(
         case ".npz":
             write_predicted_npz(scan, settings, Path(out), force)
         case suffix if suffix in PICTURES:
-            write_predicted_picture(scan, Path(out), suffix, force)
+            write_predicted_picture(scan, Path(out), force)
         case suffix if suffix in FILMS:
             write_film_of_sound(scan, Path(out), suffix, force)
         case ".mcap":

@@ -69,16 +69,18 @@ def _can_open_window() -> bool:
 
 
 def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
+    from sonarhw_compare.matching.comparison_picture import draw_comparison
     from sonarhw_compare.matching.probability_score import score_comparison
+    from sonarhw_compare.pictures.picture_file import write_picture
 
-    from sonarhw_cli.comparison.compare_command import compare_log, save_comparison, summary_lines
+    from sonarhw_cli.comparison.compare_command import compare_log, summary_lines
     from sonarhw_cli.instrument.scan_command import scan
 
     log, picture, figures = (folder / name for name in FILES)
     scan(context, demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
     comparison, _ = compare_log(log, ROOM, PLACE)
     with atomic_file(picture, OPTION, overwrite=force) as file:
-        save_comparison(comparison, file)
+        write_picture(draw_comparison(comparison), file, picture.suffix)
     with atomic_file(figures, OPTION, overwrite=force) as file:
         file.write((json_text(asdict(comparison.summary()) | asdict(score_comparison(comparison))) + "\n").encode())
     for line in summary_lines(comparison.summary()):

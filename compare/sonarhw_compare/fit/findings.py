@@ -17,6 +17,7 @@ from sonarhw_sim.room.room_writing import with_air, with_place
 from sonarhw.harmless_text import harmless
 from sonarhw_compare.fit.values.parameters import Parameter, values_by_part
 from sonarhw_compare.fit.values.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X
+from sonarhw_compare.profile_edit import below_header, set_marked
 
 Values = Mapping[Parameter, float]
 
@@ -102,21 +103,12 @@ def found_board(
             deviation = None if deviations is None else deviations.get(parameter)
             section, _, key = quantity.key.rpartition(".")
             table = profile.setdefault(section, tomlkit.table()) if section else profile
-            _set(
-                table, key, quantity.read(board), quantity.read(quantity.put(board, value)), deviation, quantity.digits
-            )
+            spread = "" if deviation is None else f" ± {deviation:.{quantity.digits}f}"
+            changed = round(quantity.read(quantity.put(board, value)), quantity.digits)
+            set_marked(table, key, changed, quantity.read(board), f"fitted{spread}")
             found.append(quantity.name)
     text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs, unconstrained)
     return parse_board(text, f"profile {name!r}")
-
-
-def _set(table: Any, key: str, before: float, value: float, deviation: float | None, digits: int) -> None:
-    """Set a value and mark it as fitted; the comment of the old value is kept beside the old value."""
-    said = table[key].trivia.comment.lstrip("# ") if key in table else ""
-    spread = "" if deviation is None else f" ± {deviation:.{digits}f}"
-    table[key] = round(value, digits)
-    table[key].comment(f"fitted{spread}; before: {before:g}" + (f" ({said})" if said else ""))
-    table[key].trivia.comment_ws = "  "
 
 
 def _with_provenance(
@@ -128,13 +120,3 @@ def _with_provenance(
     if unconstrained:
         header.append(f"# Kept, the scans hardly constrain it: {', '.join(unconstrained)}.")
     return below_header(header, text, before)
-
-
-def below_header(header: Sequence[str], text: str, before: str) -> str:
-    """Return the text of a profile below a new header; its old one is quoted as that of profile `before`."""
-    lines = text.splitlines()
-    behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))
-    quoted = [f"#   {line.removeprefix('#').removeprefix(' ')}".rstrip() for line in lines[:behind]]
-    if quoted:
-        quoted.insert(0, f"# Header of profile {before!r}, for its own values only:")
-    return "\n".join([*header, *quoted, *lines[behind:]]) + "\n"

@@ -14,6 +14,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import harmless
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.known_room.detection_rule import Between, choose_detection
@@ -27,7 +28,7 @@ from sonarhw_compare.known_room.turntable_fit import (
     spreads,
 )
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
-from sonarhw_compare.plate.plate_calibration import Z95, PlateFinding
+from sonarhw_compare.profile_edit import Z95, CalibratedValue, calibrated_profile
 
 _UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
 # standard deviations: 95 % confidence in the five values of the geometry together (Bonferroni's inequality), so that
@@ -60,7 +61,7 @@ class RoomCalibration:
     """The result: what was found, what stays as it was and why, doubts, and the scans before and after."""
 
     board: Board  # with the values found
-    findings: tuple[PlateFinding, ...]
+    findings: tuple[CalibratedValue, ...]
     own_body: tuple[OwnBodyPart, ...]  # found; empty if none, or if it stays
     own_echoes: int  # readings of the own body
     kept: dict[str, str]  # reason by key
@@ -121,6 +122,24 @@ def calibrate_in_room(
     )
 
 
+def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedScan], room: str, name: str) -> Board:
+    """Return the profile `start` with another name and what was found. Its header names the scans and the `room`.
+
+    Raises InputError if the text of the profile cannot be changed.
+    """
+    keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
+    header = [
+        f"# Calibrated by `sonarhw calibrate` in room {harmless(room)!r}, beginning with profile {start.name!r}: "
+        f"{', '.join(keys)}.",
+        "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
+        "# Spreads are those of readings, as they are in the logs.",
+    ]
+    for scan, after in zip(scans, found.after, strict=True):
+        x, y = scan.place.position
+        header.append(f"#   {harmless(scan.title)}: at {x:g}, {y:g} m; {after.line}")
+    return calibrated_profile(start, name, header, found.findings, found.kept, found.own_body)
+
+
 def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
     if start.ring is not None:
         raise InputError(f"board {start.name!r} is a ring of sensors and has no turntable to calibrate")
@@ -135,14 +154,14 @@ class _Result:
 
     def __init__(self, board: Board) -> None:
         self.board = board
-        self.findings: list[PlateFinding] = []
+        self.findings: list[CalibratedValue] = []
         self.own_body: tuple[OwnBodyPart, ...] = ()
         self.kept: dict[str, str] = {}
         self.proposals: list[str] = []
 
     def add(self, key: str, found: Between, before: float, unit: str) -> None:
         """Add a value with its 95 % interval."""
-        self.findings.append(PlateFinding(key, found.value, found.low, found.high, before, unit))
+        self.findings.append(CalibratedValue(key, found.value, found.low, found.high, before, unit))
         self.board = replace(self.board, **{key: found.value})  # type: ignore[arg-type]
 
     def add_measured(self, key: str, found: SharedValue, before: float, unit: str) -> None:

@@ -8,13 +8,14 @@ import numpy as np
 from sonarhw_sim.board.profile import Board
 
 from sonarhw.errors import NoPlate
+from sonarhw.harmless_text import harmless
 from sonarhw_compare.plate.blanking_fit import TOGETHER, blanking_end
 from sonarhw_compare.plate.level_fit import LevelFit, fit_levels, free_keys
 from sonarhw_compare.plate.level_keys import LevelKey
 from sonarhw_compare.plate.plate_readings import PlateReadings
 from sonarhw_compare.plate.pulse_fit import Measured, PulseShape, pulse_shape, ring_down
+from sonarhw_compare.profile_edit import Z95, CalibratedValue, calibrated_profile
 
-Z95 = 1.96  # standard deviations to each side of a 95 % interval
 # half of a 95 % interval up to which a value counts as determined: dB, or share of the aperture
 _MOST_DB = 1.0
 _MOST_APERTURE = 0.05
@@ -27,23 +28,11 @@ _MISFIT_DB = 1.0  # from which on the gain does not explain the levels at all di
 
 
 @dataclass(frozen=True)
-class PlateFinding:
-    """A value that the scans determine."""
-
-    key: str  # of the profile
-    value: float
-    low: float  # 95 % interval
-    high: float
-    before: float
-    unit: str
-
-
-@dataclass(frozen=True)
 class PlateCalibration:
     """The result: what was found, what stays as it was and why, and doubts."""
 
     board: Board  # with the values found
-    findings: tuple[PlateFinding, ...]
+    findings: tuple[CalibratedValue, ...]
     kept: dict[str, str]  # reason by key
     doubts: tuple[str, ...]
 
@@ -68,6 +57,17 @@ def calibrate_with_plates(start: Board, scans: Sequence[PlateReadings]) -> Plate
     return PlateCalibration(result.board, tuple(result.findings), result.kept, tuple(result.doubts))
 
 
+def plate_profile(start: Board, found: PlateCalibration, scans: Sequence[PlateReadings], name: str) -> Board:
+    """Return the profile `start` with another name and the values found. Its header names the scans.
+
+    Raises InputError if the text of the profile cannot be changed.
+    """
+    keys = ", ".join(finding.key for finding in found.findings)
+    header = [f"# Calibrated by `sonarhw calibrate` with a plate, beginning with profile {start.name!r}: {keys}."]
+    header += [f"#   {harmless(scan.name)}: plate at {scan.distance:g} m" for scan in scans]
+    return calibrated_profile(start, name, header, found.findings, found.kept)
+
+
 def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateReadings]:
     """Return the scans whose echo begins after the board is blanked. Raises NoPlate if there is none."""
     kept = [
@@ -84,7 +84,7 @@ class _Result:
 
     def __init__(self, start: Board) -> None:
         self.start = self.board = start
-        self.findings: list[PlateFinding] = []
+        self.findings: list[CalibratedValue] = []
         self.kept: dict[str, str] = {}
         self.doubts: list[str] = []
 
@@ -98,7 +98,7 @@ class _Result:
         # without `ring_cycles`, the ring-down is that of `rise_cycles`
         before = getattr(self.start, key)
         before = float(self.start.rise_cycles if before is None else before)
-        self.findings.append(PlateFinding(key, value, low, high, before, unit))
+        self.findings.append(CalibratedValue(key, value, low, high, before, unit))
         self.board = replace(self.board, **{key: value})  # type: ignore[arg-type]
 
 

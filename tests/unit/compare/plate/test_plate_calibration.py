@@ -3,8 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from sonarhw_compare.plate.plate_calibration import calibrate_with_plates
-from sonarhw_compare.plate.plate_profile import plate_profile
+from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
 from sonarhw_compare.plate.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
 
