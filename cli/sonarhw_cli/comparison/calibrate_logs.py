@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, NoPlate
 from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import counted
@@ -34,7 +34,7 @@ def calibrate_with_plate(
 ) -> None:
     """Write the profile that the logs give, and print each value. `directions` are degrees: none, one, or one a log.
 
-    Raises InputError, and NoPlate if a log shows no plate.
+    Raises InputError, and NoPlate if a log shows no plate, or if the logs determine no value.
     """
     from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
     from sonarhw_sim.board.profile import load_board
@@ -44,11 +44,17 @@ def calibrate_with_plate(
     turns = list(directions) * (len(logs) if len(directions) == 1 else 1) or [0.0] * len(logs)
     scans = [_plate_readings(*one, board) for one in zip(logs, distances, turns, strict=True)]
     found = calibrate_with_plates(board, scans)
-    write_text(out, plate_profile(board, found, scans, profile_name(out)).text, force)
+    if found.findings:
+        write_text(out, plate_profile(board, found, scans, profile_name(out)).text, force)
     for line in [*_value_lines(found), *_kept_lines(found, board)]:
         print_line(line)
     for doubt in found.doubts:
         warn(doubt)
+    if not found.findings:
+        raise NoPlate(
+            f"{out}: not written: the logs determine no value of the profile, for the reasons above; "
+            "scan as they say, or calibrate with --room and scans of a known room"
+        )
 
 
 def calibrate_with_room(

@@ -91,3 +91,18 @@ def test_a_wrong_distance_gives_no_profile(folder: Path, capsys: pytest.CaptureF
     assert run(["calibrate", log, "--distance", "2.5", "--out", str(out)]) == 1
     assert "far.mcap: the plate is detected at 0 headings" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_logs_that_determine_no_value_give_no_profile(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = str(tmp_path / "plate.mcap"), tmp_path / "mine.toml"
+    sector = ["--from", "-40", "--to", "40", "--step", "1"]
+    board = ["--board", "hc-sr04"]
+    assert run(["simulate", str(folder / "wall.toml"), "--place", "far", *board, *sector, "--out", log]) == 0
+    capsys.readouterr()
+    assert run(["calibrate", log, "--distance", "1", *board, "--out", str(out)]) == 1
+    printed = capsys.readouterr()
+    assert "aperture_radius: stays 0.0" in printed.out
+    assert "mine.toml: not written: the logs determine no value" in printed.err
+    assert not out.exists()
