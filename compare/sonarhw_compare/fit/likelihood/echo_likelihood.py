@@ -8,7 +8,7 @@ between them. The log-likelihood is
 
 with N the normal density and m the share of a path's normal distribution inside the intervals of listening. For one
 echo, this is exactly the density of the first of independent arrivals. With probability `lost`, a ping receives nothing
-from the room and reports only strays, if anything. docs/comparing/fit.md derives this.
+from the room and reports only strays, if anything. docs/explanation/fit_method.md derives this.
 """
 
 import math
