@@ -14,7 +14,8 @@ from docs.building.draw_wiring import FIRMWARE, drawing, drawing_path
 from docs.building.wiring_table import COMBINATIONS, CONTROLLERS, Combination, Wire, left_parts, right_parts
 from tests.checkout import CHECKOUT
 
-GUIDE = (CHECKOUT / "docs" / "building" / "building.md").read_text(encoding="utf-8")
+PAGES = [CHECKOUT / "docs" / name for name in ("building/building.md", "devices/raspberry_pi.md")]
+GUIDE = "".join(page.read_text(encoding="utf-8") for page in PAGES)
 SVG = "{http://www.w3.org/2000/svg}"
 each_combination = pytest.mark.parametrize("combination", COMBINATIONS, ids=lambda one: one.name)
 
@@ -70,7 +71,7 @@ def test_the_drawing_is_the_one_that_the_script_makes(combination: Combination) 
     assert drawing_path(combination).read_text(encoding="utf-8") == drawing(combination), (
         "run python -m docs.building.draw_wiring"
     )
-    assert f"({drawing_path(combination).name})" in GUIDE
+    assert f"{drawing_path(combination).name})" in GUIDE
 
 
 @each_combination
