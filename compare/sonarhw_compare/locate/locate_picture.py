@@ -11,7 +11,7 @@ from sonarhw_sim.room.model import Place
 
 from sonarhw_compare.locate.poses import NEAR, Located, Pose
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
-from sonarhw_compare.pictures.overlay_picture import draw_heading, draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_heading, draw_room, mark_sensors
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
@@ -39,7 +39,7 @@ def draw_located(located: Located) -> Figure:
     _draw_places(axes, located)
     for pose in located.poses[:_MOST_POSES]:
         _draw_pose(axes, pose, _ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))
-    axes.plot([], [], "^", color=PREDICTED, ms=8, label="probable pose, turntable step 0 along the arrow")
+    mark_sensors(axes, np.empty((0, 2)), color=PREDICTED, label="probable pose, turntable step 0 along the arrow")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{picture_text(located.room.name)}: where the scan was taken")
     axes.set_aspect("equal")
     # the image would limit the axes to the walls
@@ -88,7 +88,6 @@ def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards:
 
 
 def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
-    x, y = pose.position
     draw_heading(axes, pose.position, pose.heading, length, PREDICTED)
-    axes.plot(x, y, "^", color=PREDICTED, ms=8)
-    _write_beside(axes, f"{pose.probability:.0%}", (x, y), pose.heading - math.pi / 2, PREDICTED)
+    mark_sensors(axes, pose.position, label="", color=PREDICTED)
+    _write_beside(axes, f"{pose.probability:.0%}", pose.position, pose.heading - math.pi / 2, PREDICTED)

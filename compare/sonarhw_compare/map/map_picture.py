@@ -11,6 +11,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.map.arcs import Arc, direction
 from sonarhw_compare.map.room_map import Layer, RoomMap
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.overlay_picture import mark_sensors
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _ARC_STEPS = 20
@@ -38,7 +39,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
         _draw_layer(axes, layer)
         if room is not None:
             _draw_outline(axes, room)
-        axes.plot(*sensors.T, "^", color="black", ms=7, ls="none", label="sensor")
+        mark_sensors(axes, sensors)
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
     outline = [] if room is None else [room.walls.reshape(-1, 2)]

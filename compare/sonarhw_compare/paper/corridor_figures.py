@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from sonarhw_sim.choices import Model, Receiver
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
+from sonarhw_compare.paper.drawing import MEASURED, finish_plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_room, mark_sensors
 
 _STEP = 0.1  # m from place to place
 _START = PaperScene("corridor", "-2,0.5", (0.0, 360.0, 5.0), "polaroid-6500", receiver=Receiver.FIRST_ECHO)
@@ -102,7 +102,7 @@ def _draw() -> Figure:
     draw_room(top, middle.scan.room)
     top.plot((-2, 2), (0.5, 0.5), "-", color=MEASURED, lw=2.5, label="positions of the sensor")
     points(top, middle, "predicted from the middle position")
-    mark_sensor(top, middle)
+    mark_sensors(top, middle.scan.place.position)
     finish_plan(top, "a corridor 20 m long and 1.8 m wide", (-11.2, 11.2, -4.6, 5.4), "upper center")
     _draw_errors(bottom, figure)
     return figure

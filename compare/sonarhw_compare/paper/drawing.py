@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from sonarhw_compare.paper.setting import PaperScene
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_room, mark_sensors
 from sonarhw_compare.pictures.points import points_at
 
 GREEN = "#009E73"
@@ -35,7 +35,7 @@ def plan(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, legend: Corn
     """Draw the room within `bounds` (left, right, bottom, top; m), the sensor, and the scan over it."""
     draw_room(axes, scene.scan.room)
     points(axes, scene, "predicted")
-    mark_sensor(axes, scene)
+    mark_sensors(axes, scene.scan.place.position)
     finish_plan(axes, title, bounds, legend)
 
 
@@ -54,11 +54,6 @@ def points(
 def _same_wall(scene: PaperScene, here: int, there: int) -> bool:
     first, second = scene.readings[here], scene.readings[there]
     return first.via == second.via != () and first.range == second.range
-
-
-def mark_sensor(axes: Axes, scene: PaperScene, label: str = "sensor") -> None:
-    """Mark the position of the sensor, or of its turning axis."""
-    axes.plot(*scene.scan.place.position, "^", color="black", mec="white", ms=8, label=label, zorder=5)
 
 
 def mark_silence(axes: Axes, scene: PaperScene, radius: float) -> None:

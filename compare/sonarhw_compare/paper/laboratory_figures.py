@@ -10,10 +10,10 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.paper.drawing import GREEN, MEASURED, PREDICTED, finish_plan, mark_sensor, note, points, sheet
+from sonarhw_compare.paper.drawing import GREEN, MEASURED, PREDICTED, finish_plan, note, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene, PredictedReading, ranges, span
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_room, mark_sensors
 
 SCANS = tuple(
     PaperScene("figure3_4", "table", (start, start + 360, 5.0), "polaroid-6500", receiver=Receiver.FIRST_ECHO)
@@ -153,7 +153,7 @@ def _draw() -> Figure:
     looks = ((PREDICTED, "o"), (MEASURED, "s"), (GREEN, "D"))
     for scene, (colour, marker) in zip(SCANS, looks, strict=True):
         points(axes, scene, f"every 5° from {scene.degrees[0]:g}°", colour, marker, 4)
-    mark_sensor(axes, SCANS[0])
+    mark_sensors(axes, SCANS[0].scan.place.position)
     note(axes, "blackboard", (1.8, 0.02), (1.8, 0.55))
     note(axes, "outer corner", (3.6, 3.0), (2.9, 2.6))
     note(axes, "person", (3.7, 1.5), (3.2, 1.0))

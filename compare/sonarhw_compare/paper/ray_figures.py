@@ -14,13 +14,12 @@ from sonarhw_compare.paper.drawing import (
     PREDICTED,
     finish_plan,
     label_walls,
-    mark_sensor,
     sheet,
 )
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene
 from sonarhw_compare.paper.simple_room_figures import FIGURE_9
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_room, mark_sensors
 
 READING = replace(FIGURE_9, degrees=(270.0, 271.0, 1.0))
 _LEGS = (0.085, 0.742, 0.742, 0.085)  # m
@@ -80,7 +79,7 @@ def _draw() -> Figure:
         via = " > ".join(scan.paths.via(echo.path, scan.room))
         label = f"{echo.range:.3f} m, {echo.level_db:.1f} dB: {via}"
         axes.plot(*corners.T, style, color=colour, lw=1.2 if number else 2.6, zorder=4 - number, label=label)
-    mark_sensor(axes, READING)
+    mark_sensors(axes, READING.scan.place.position)
     finish_plan(axes, "The reading at 270°, and the three echoes after it", (-0.06, 0.99, -0.1, 0.8), "upper left")
     axes.legend(loc="center left", bbox_to_anchor=(0.08, 0.72), fontsize=9)
     return figure

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from sonarhw_sim.choices import Receiver, Unit
 
-from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, mark_sensor, note, plan, points, sheet
+from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, note, plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene, PredictedReading, ranges, span
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_room, mark_sensors
 
 _ROUND = (0.0, 360.0, 3.0)
 FIGURE_7 = PaperScene("simple", "figure7", _ROUND, unit=Unit.REFLECT)
@@ -198,7 +198,7 @@ def _draw_9() -> Figure:
 def _draw_robot(axes: Axes, bounds: Bounds) -> None:
     draw_room(axes, ROBOT.scan.room)
     points(axes, ROBOT, "predicted")
-    mark_sensor(axes, ROBOT, "centre of its body")
+    mark_sensors(axes, ROBOT.scan.place.position, "centre of its body")
     note(axes, "0.425 m: multiple reflections", (0.574, 0.085 - 0.425), (0.574, -0.9))
     finish_plan(axes, "the same wall in front of a B12 robot", bounds, "upper left")
 

@@ -10,10 +10,10 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
+from sonarhw_compare.paper.drawing import MEASURED, finish_plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
 from sonarhw_compare.paper.setting import PaperScene
-from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.overlay_picture import draw_room, mark_sensors
 from sonarhw_compare.pictures.points import points_at
 
 RAY_FOLLOWING = PaperScene("kuc_siegel", "figure6", (0.0, 360.0, 3.0))
@@ -118,7 +118,7 @@ def _draw() -> Figure:
     scan = RAY_FOLLOWING.scan
     where = points_at(scan.standpoints, scan.headings, single_reflections(RAY_FOLLOWING))
     axes.plot(*where.T, "x", color=MEASURED, ms=5, label="single reflections only (independent model)")
-    mark_sensor(axes, RAY_FOLLOWING)
+    mark_sensors(axes, RAY_FOLLOWING.scan.place.position)
     finish_plan(axes, "One room by two models, every 3°", (-3.8, 5.4, -2.9, 4.9), "upper left")
     return figure
 

@@ -13,7 +13,7 @@ from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.room.model import Room
 
-from sonarhw.readings import Origin
+from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.pictures.colours import MEASURED, OWN_BODY, PREDICTED, WALL
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
@@ -39,7 +39,6 @@ def draw_plan(
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
     draw_room(axes, scan.room)
-    x, y = scan.place.position
     predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
     drawn = ((measured, ".", MEASURED, 6, origin.value), (own_body, "D", OWN_BODY, 4, "own body"))
@@ -48,7 +47,7 @@ def draw_plan(
             headings, ranges = np.array(readings).T
             sensors = standpoints(scan.board, scan.place, headings)
             axes.plot(*points_at(sensors, headings, ranges).T, marker, color=colour, ms=size, ls="none", label=label)
-    axes.plot(x, y, "^", color="black", ms=9, label="sensor")
+    mark_sensors(axes, scan.place.position)
     named = picture_text(title or f"{scan.room.name}, place {scan.place.name}")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
     axes.set_aspect("equal")
@@ -74,6 +73,14 @@ def _draw_shading(axes: Axes, scan: PredictedScan, shading: RangeShading) -> Non
     mesh.set_cmap(LinearSegmentedColormap.from_list("opacity", [(PREDICTED, 0.0), (PREDICTED, 1.0)]))
     mesh.set_clim(0.0, 1.0)
     axes.add_collection(mesh, autolim=False)
+
+
+def mark_sensors(
+    axes: Axes, positions: FloatArray | tuple[float, float], label: str = "sensor", color: str = "black"
+) -> None:
+    """Mark the positions of sensors, (n, 2) m or one, by dots. A dot states no heading: a scan has many."""
+    x, y = np.transpose(positions)
+    axes.plot(x, y, "o", color=color, mec="white", ms=8, ls="none", label=label, zorder=5)
 
 
 def draw_heading(axes: Axes, position: tuple[float, float], heading: float, length: float, color: str) -> None:

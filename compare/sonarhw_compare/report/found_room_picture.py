@@ -16,6 +16,7 @@ from sonarhw_compare.map.certainty import headings_and_ranges
 from sonarhw_compare.map.rejection import judged_readings
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.overlay_picture import mark_sensors
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
@@ -54,7 +55,7 @@ def draw_found_room(
     if known is not None:
         _draw_known(plans[2], scans, room, board, known)
     for axes in plans:
-        axes.plot(*sensors.T, "^", color="black", ms=7, ls="none", label="sensor")
+        mark_sensors(axes, sensors)
         axes.set(xlabel="x (m)")
         axes.set_aspect("equal")
         axes.grid(alpha=0.25)
