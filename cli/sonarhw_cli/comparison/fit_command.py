@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.fit.values.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, PlaceQuantity, words_of
-from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.fit_table import fit_figures, fit_lines
@@ -19,7 +18,7 @@ from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room, print_place
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit import FitResult
+    from sonarhw_compare.fit import FitOptions, FitResult
     from sonarhw_compare.fit.fit_setting import FitSetting
     from sonarhw_compare.fit.values.parameters import Parameter
     from sonarhw_sim.board.profile import Board
@@ -108,10 +107,13 @@ def fit(
 ) -> None:
     """Fit place, heading, board and room to scans. Each value is printed with its credible interval."""
     _check_files(out, board_out, free, force, room_name, board, *log_files)
-    fitted = fit_logs(
-        log_files, room_name, places or [], board, receiver, free, priors or [], samples, seed, room_tolerance, exact
-    )
-    write_fitted(fitted, out, board_out, force)
+    from sonarhw_compare.fit import FitOptions
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    prediction = PredictionOptions(receiver=receiver)
+    options = FitOptions(prediction, seed, samples, room_tolerance=room_tolerance, exact=exact)
+    fitted = _fitted(log_files, room_name, places or [], board, free, priors or [], options)
+    _write_fitted(fitted, out, board_out, force)
     result = fitted.result
     if as_json:
         print_json(fit_figures(result))
@@ -158,28 +160,20 @@ class FittedLogs:
         return applied(poses, self.setting.room, given, self.setting.board)[1]
 
 
-def fit_logs(
+def _fitted(
     log_files: Sequence[Path],
     room_name: str | None,
     places: Sequence[str],
     board: str | None,
-    receiver: Receiver | None,
     free: str,
     priors: Sequence[str],
-    samples: int,
-    seed: int,
-    room_tolerance: float = ROOM_TOLERANCE,
-    exact: bool = False,
+    options: "FitOptions",
 ) -> FittedLogs:
-    """Fit logs.
-
-    Room, places and board that are not given are taken from the logs. Raises InputError if they do not contain them.
-    """
-    from sonarhw_compare.fit import FitOptions, fit_scans
+    """Fit logs. Room, places and board that are not given are taken from them. Raises InputError if they have none."""
+    from sonarhw_compare.fit import fit_scans
     from sonarhw_compare.fit.fit_setting import check_count, fit_setting
     from sonarhw_compare.fit.values.priors import check_words
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.predict.prediction import PredictionOptions
 
     words = [word for word in free.split(",") if word.strip()]
     # reading the logs may take seconds, so all else is checked first
@@ -193,9 +187,6 @@ def fit_logs(
     for scan in setting.scans:
         if scan.place.name:  # otherwise the whole room is searched
             print_place(setting.room, scan.place)
-    options = FitOptions(
-        PredictionOptions(receiver=receiver), seed, samples, room_tolerance=room_tolerance, exact=exact
-    )
     with progress_of_share() as show:
         result = fit_scans(
             setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=show
@@ -223,7 +214,7 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
             raise InputError(f"{option} {file}: would contain no fitted value; add one of these to --free: {names}")
 
 
-def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None, force: bool) -> None:
+def _write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None, force: bool) -> None:
     """Write the fitted room and the fitted board profile to the given files.
 
     Values that the scans hardly constrain stay as they were.

@@ -8,7 +8,6 @@ import typer
 from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.matching.few_explained import explains_few, few_explained
 from sonarhw_compare.pictures.picture_file import PICTURES
-from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFile, open_in_room
@@ -46,9 +45,22 @@ def locate(
     force: Force = False,
 ) -> None:
     """Find the pose of a scan in a known room. Each possible pose is printed with its probability."""
+    from sonarhw_compare.locate.poses import locate_scan
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
     if out is not None:
         checked_out(out, PICTURES, force, log_file, room_name, board)
-    located = locate_log(log_file, room_name, board, receiver, height)
+    scan, room, chosen = open_in_room(log_file, room_name, board)
+    prediction = PredictionOptions(receiver=receiver)
+    with progress_of_share() as show:
+        located = locate_scan(
+            scan.readings,
+            room,
+            chosen,
+            prediction=prediction,
+            height=height,
+            tick=lambda share: show(share, "locating"),
+        )
     if out is not None:
         from sonarhw_compare.locate.locate_picture import draw_located
 
@@ -61,31 +73,6 @@ def locate(
     echoes = sum(reading.range is not None for reading in located.readings)
     for doubt in few_explained(str(log_file), located.explained, echoes, located=True):
         warn(doubt)
-
-
-def locate_log(
-    log_file: Path,
-    room_name: str | None = None,
-    board: str | None = None,
-    receiver: Receiver | None = None,
-    height: float | None = None,
-) -> "Located":
-    """Locate a log in a room.
-
-    Room and board that are not given are taken from the log. Raises InputError if it does not contain them.
-    """
-    from sonarhw_compare.in_one_call import locate
-
-    scan, room, chosen = open_in_room(log_file, room_name, board)
-    with progress_of_share() as show:
-        return locate(
-            scan,
-            room,
-            chosen,
-            receiver=receiver,
-            height=height,
-            progress=lambda share: show(share, "locating"),
-        )
 
 
 def _figures(located: "Located", near: float) -> dict[str, Any]:

@@ -1,10 +1,9 @@
 """`sonarhw report`: write one HTML file about a scan: room, scan, comparison, every reading, settings."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.comparison.compare_command import warn_of_few_explained
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
@@ -12,9 +11,6 @@ from sonarhw_cli.console.options import BoardOfLog, FitOption, Force, PlaceName,
 from sonarhw_cli.console.output import checked_out, write_text
 from sonarhw_cli.console.progress import progress_of_fit
 from sonarhw_cli.console.room_input import print_place
-
-if TYPE_CHECKING:
-    from sonarhw_compare.report.html_report import Report
 
 
 def report(
@@ -28,27 +24,11 @@ def report(
     force: Force = False,
 ) -> None:
     """Write one HTML file about a scan. It has pictures, a summary, notes, every reading and the settings."""
-    from sonarhw_compare.report.html_report import report_html
-
-    checked_out(out, (".html",), force, log_file, room_name, board)
-    write_text(out, report_html(report_on(log_file, room_name, place, board, receiver, fit)), force)
-
-
-def report_on(
-    log_file: Path,
-    room_name: str | None,
-    place: str | None,
-    board: str | None,
-    receiver: Receiver | None,
-    fit: str = "",
-) -> "Report":
-    """Return the report on a log.
-
-    Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
-    """
     from sonarhw_compare.in_one_call import fitted_report
+    from sonarhw_compare.report.html_report import report_html
     from sonarhw_sim.predict.prediction import PredictionOptions
 
+    checked_out(out, (".html",), force, log_file, room_name, board)
     scan, room, chosen = open_in_room(log_file, room_name, board)
     here = scan.place(room, place)
     print_place(room, here)
@@ -56,4 +36,4 @@ def report_on(
     with progress_of_fit(fit) as tick:
         made = fitted_report(scan, room, here, chosen, fit, notes, options=options, tick=tick)
     warn_of_few_explained(log_file, made.comparison)
-    return made
+    write_text(out, report_html(made), force)
