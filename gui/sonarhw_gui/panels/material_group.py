@@ -3,20 +3,16 @@
 from functools import partial
 
 from PySide6.QtCore import Slot
-from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.room.room_file import Material
 from sonarhw_sim.room.room_writing import materials
 
 from sonarhw_gui.panels.room_groups import Change, Group
-from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.parts.plain_label import TitleLabel
 from sonarhw_gui.parts.slider_field import SliderField
 from sonarhw_gui.scene.scene_edit import with_material_values
 from sonarhw_gui.shown.shown import Shown
-
-_BOLD = QFont()
-_BOLD.setBold(True)
 
 
 class MaterialGroup(Group):
@@ -61,9 +57,7 @@ class MaterialGroup(Group):
             self.sliders[name] = reflectance, scatter
             reflectance.changed.connect(self._set_share)
             scatter.changed.connect(self._set_share)
-            title = PlainLabel(name)
-            title.setFont(_BOLD)  # a style sheet would keep the colour of the look that it was created in
-            self.rows.insertRow(3 * row, title)
+            self.rows.insertRow(3 * row, TitleLabel(name))
             self.rows.insertRow(3 * row + 1, "Reflectance", reflectance)
             self.rows.insertRow(3 * row + 2, "Scatter", scatter)
 

@@ -3,7 +3,7 @@
 from html import escape
 
 from PySide6.QtCore import Slot
-from PySide6.QtGui import Qt
+from PySide6.QtGui import QFont, Qt
 from PySide6.QtWidgets import QLabel, QWidget
 
 
@@ -17,6 +17,16 @@ class PlainLabel(QLabel):
     def setToolTip(self, text: str) -> None:
         """Set the tooltip."""
         super().setToolTip(plain_tip(text))
+
+
+class TitleLabel(PlainLabel):
+    """A bold label."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        bold = QFont()
+        bold.setBold(True)  # only this property: a style sheet would keep the colour of the look that it was made in
+        self.setFont(bold)
 
 
 def plain_tip(text: str) -> str:

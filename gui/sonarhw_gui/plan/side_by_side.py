@@ -5,7 +5,7 @@ from functools import cached_property
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from sonarhw_gui.parts.elided import ElidedLabel
-from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.parts.plain_label import TitleLabel
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures, ViewEntry
@@ -23,7 +23,7 @@ class SideBySide(QWidget):
         self._row.setContentsMargins(0, 0, 0, 0)
         self._row.setSpacing(1)
         self._created = False
-        self.title = PlainLabel("Measured")  # of the left plan: the origin of the readings
+        self.title = TitleLabel("Measured")  # of the left plan: the origin of the readings
 
     @cached_property
     def measured(self) -> PlanDrawing:
@@ -55,7 +55,7 @@ class SideBySide(QWidget):
         return self
 
     def _arrange(self) -> None:
-        for title, view in ((self.title, self.measured), (PlainLabel("Predicted"), self.predicted)):
+        for title, view in ((self.title, self.measured), (TitleLabel("Predicted"), self.predicted)):
             self._row.addLayout(_titled(title, view), stretch=1)
         self.predicted.plot.setXLink(self.measured.plot)
         self.predicted.plot.setYLink(self.measured.plot)
@@ -63,12 +63,11 @@ class SideBySide(QWidget):
             moved.plot.vb.sigRangeChangedManually.connect(other.note_frame)
 
 
-def _titled(title: PlainLabel, view: PlanDrawing) -> QVBoxLayout:
+def _titled(title: TitleLabel, view: PlanDrawing) -> QVBoxLayout:
     message = ElidedLabel()
     view.message_changed.connect(message.setText)
     head = QHBoxLayout()
     head.setContentsMargins(8, 3, 8, 3)
-    title.setStyleSheet("font-weight: bold")
     head.addWidget(title)
     head.addWidget(message, stretch=1)
     column = QVBoxLayout()

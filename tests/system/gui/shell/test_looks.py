@@ -1,12 +1,13 @@
 """Dark and light, units, text size and the three large views, by key; all views follow."""
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QRect, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT, MARKS
@@ -109,6 +110,42 @@ def test_every_colour_of_a_reading_contrasts_with_the_background(palette: object
         assert contrast(colour, palette.paper) > 3.0
     assert contrast(palette.ink, palette.paper) > 7.0
     assert contrast(palette.warning_ink, palette.warning_paper) > 4.5
+
+
+def test_every_text_of_a_visible_window_can_be_read_in_the_look_chosen_last(qtbot: QtBot, window: MainWindow) -> None:
+    """The look changes while each view and each panel is visible."""
+    views, (room, device, find) = (
+        window.commands.views.actions(),
+        [
+            next(one for one in window.docks.actions if one.text() == name)
+            for name in ("Room", "Device", "Find the room")
+        ],
+    )
+    unreadable: set[str] = set()
+    for view, panel in zip(views, (room, device, find), strict=True):
+        view.trigger()
+        panel.trigger()
+        for _ in range(2):
+            qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
+            unreadable |= faint_labels(window)
+        panel.trigger()
+    assert unreadable == set()
+
+
+def faint_labels(window: MainWindow) -> set[str]:
+    """Return the texts of visible labels in which no pixel contrasts with the most frequent colour."""
+    labels = [one for one in window.findChildren(QLabel) if one.text() and not one.visibleRegion().isEmpty()]
+    assert len(labels) > 5
+    QApplication.processEvents()  # style sheets are applied between events
+    picture, found = window.grab().toImage(), set()
+    for label in labels:
+        seen = label.visibleRegion().boundingRect()
+        part = picture.copy(QRect(label.mapTo(window, seen.topLeft()), seen.size()))
+        colours = Counter(part.pixelColor(x, y).name() for x in range(part.width()) for y in range(part.height()))
+        ground = colours.most_common(1)[0][0]
+        if max(contrast(colour, ground) for colour in colours) < 2.0:
+            found.add(label.text())
+    return found
 
 
 def contrast(one: str, other: str) -> float:
