@@ -38,7 +38,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/rays/kernel.py",
-        "leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number",
+        "if leg.opening > 1.0:",
         ("1.0 → (1.5)",),
         "a post spreads the tube by more than half, unless its radius is larger than four times its distance",
     ),
@@ -207,7 +207,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/rays/kernel.py",
-        "going = leg.amplitude * math.sqrt(leg.length / leg.width) > faintest",
+        "going = leg.amplitude * math.sqrt(leg.length / leg.width) > search.faintest",
         ("leg.amplitude * math.sqrt(leg.length / leg.width) → (leg.amplitude / math.sqrt(leg.length / leg.width))",),
         "a tube is at least as wide as it is long, so fewer rays are stopped early",
     ),

@@ -1,14 +1,57 @@
-"""Numbers of pairs of numbers, in order of their first appearance: growing arrays and a hash table. For kernels.
+"""The candidates of a fan and their sequences of surfaces, numbered in order of their first appearance. For kernels.
 
 A sequence of surfaces is the number of the sequence without its last surface, and that surface; a candidate of a fan is
-the number of its sequence, and its target. So both are found without a comparison of whole sequences.
+the number of its sequence, and its target. So both are found without a comparison of whole sequences. Pairs of numbers
+are found by a hash table.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import array_part, compiled_part, inlined
 from sonarhw_sim.room.grid import IntArray
+
+_ROOM = 1024  # rows at first
+_SLOTS = 4  # for each row, at first, a power of two
+
+
+class CandidateTable(NamedTuple):
+    """Room for candidates and sequences."""
+
+    candidates: IntArray  # (c, 3): as in `Fan`
+    misses: FloatArray  # (c,): how near the ray passes the target, relative to the limit
+    keys: IntArray  # (c, 2): sequence and target
+    slots: IntArray  # hash table of the keys, -1 where empty
+    sequences: IntArray  # (s, 2): number of the sequence without the last surface, 0 for none, and that surface
+    sequence_slots: IntArray
+
+
+def no_candidates() -> CandidateTable:
+    """Return an empty table."""
+    keys, sequences = np.empty((2, _ROOM, 2), np.int32)
+    slots, sequence_slots = np.full((2, _SLOTS * _ROOM), -1, np.int32)
+    return CandidateTable(np.empty((_ROOM, 3), np.int32), np.empty(_ROOM), keys, slots, sequences, sequence_slots)
+
+
+@inlined
+def is_full(table: CandidateTable, found: int, known: int) -> bool:
+    """Return whether there is no room for more than `found` candidates or `known` sequences."""
+    full: bool = (found == table.misses.shape[0]) | (known == table.sequences.shape[0])
+    return full
+
+
+@array_part
+def with_room(table: CandidateTable, found: int, known: int) -> CandidateTable:
+    """Return the same table with room for twice as many of what is full."""
+    candidates, misses, keys, slots, sequences, sequence_slots = table
+    if found == misses.shape[0]:
+        candidates, misses = _longer(candidates, misses)
+        keys, slots = _grown(keys, slots)
+    if known == sequences.shape[0]:
+        sequences, sequence_slots = _grown(sequences, sequence_slots)
+    return CandidateTable(candidates, misses, keys, slots, sequences, sequence_slots)
 
 
 @compiled_part
@@ -26,7 +69,7 @@ def number_of(first: int, second: int, pairs: IntArray, count: int, slots: IntAr
 
 
 @array_part
-def grown(pairs: IntArray, slots: IntArray) -> tuple[IntArray, IntArray]:
+def _grown(pairs: IntArray, slots: IntArray) -> tuple[IntArray, IntArray]:
     """Return twice as many rows for pairs, and a hash table with twice as many slots; all of `pairs` are entered."""
     count = pairs.shape[0]
     more, larger = np.empty((2 * count, 2), np.int32), np.empty(2 * slots.shape[0], np.int32)
@@ -38,7 +81,7 @@ def grown(pairs: IntArray, slots: IntArray) -> tuple[IntArray, IntArray]:
 
 
 @inlined
-def longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
+def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return both arrays with twice the capacity; numba would need a second to compile a concatenation."""
     count = misses.shape[0]
     more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)

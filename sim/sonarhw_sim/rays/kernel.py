@@ -9,22 +9,24 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays import path_table
-from sonarhw_sim.rays.candidate_table import grown, longer, number_of
+from sonarhw_sim.rays.candidate_table import CandidateTable, is_full, no_candidates, number_of, with_room
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.first_surface import first_among, reflect
-from sonarhw_sim.rays.passing import KernelHeights, Passing, no_heights, surface_at
-from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
+from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, no_heights, surface_at
+from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, list_points, listed
 
 # Distance, in ray spacings, within which a ray is a candidate. A path midway between two rays is half a spacing from
 # both; the rest finds paths through gaps narrower than the spacing.
 ALLOWANCE = 1.5
 WIDER = 16.0  # times this distance, if rays have slopes
 _MOST_TOUCHES = 100_000_000  # 400 MB
+_Numbers = NDArray[np.int64]  # as kernels compute with, so that none is compiled twice
 
 
 class _Leg(NamedTuple):
@@ -38,6 +40,52 @@ class _Leg(NamedTuple):
     width: float  # m per radian of departure: distance from its neighbour
     opening: float  # growth of that width per metre
     amplitude: float
+
+
+class _Branch(NamedTuple):
+    """Rays of one direction, with different slopes, that have touched the same surfaces so far."""
+
+    direction: int
+    begin: int  # of these rays, in the order of the workspace
+    end: int
+    row: int  # of `touched`
+    bounces: int
+    sequence: int  # number of the surfaces touched
+
+
+class _Search(NamedTuple):
+    """What stays the same while rays are followed: arguments of `follow_fan`, and values derived from them."""
+
+    source: FloatArray
+    directions: FloatArray
+    slopes: FloatArray  # (n, k), of the rays in each direction
+    surfaces: Surfaces
+    heights: KernelHeights
+    reflectances: FloatArray
+    targets: FloatArray
+    radii: FloatArray
+    longest: FloatArray
+    edges: Listing  # the targets after the first, by the cells near them
+    detectable: Detectable
+    spacing: float  # rad
+    max_length: float  # m, of the longest path to any target
+    max_return: float  # m, of the longest path to any target and straight on to the receiver
+    faintest: float  # amplitude of the faintest path to any target
+    steepest: float
+
+
+class _Workspace(NamedTuple):
+    """Arrays to fill; k slopes in each direction, t targets."""
+
+    # row d k + j belongs to slope j of direction d; rays with different slopes are one ray until they meet a surface
+    # that only some of them pass, and only one row is filled for them
+    touched: IntArray  # as in `Fan`
+    nearby: _Numbers  # (t,): targets that a leg may pass
+    is_nearby: BoolArray  # (t,): whether each is one of these; False between two legs
+    order: _Numbers  # (k,): slopes of a direction, those of one branch beside each other
+    touches: _Numbers  # (k,): the surface that each of them touches where the branch meets a low one; -1: passes
+    waiting: _Numbers  # (k, 7): branches that wait at a surface, and that surface
+    waiting_legs: FloatArray  # (k, 9): their legs to the surface, and its distance
 
 
 class Fan(NamedTuple):
@@ -87,8 +135,7 @@ def follow_fan(
             f"{slopes.size} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
             "reflections in all, because of memory; use fewer rays or fewer reflections"
         )
-    touched = np.empty((slopes.size, max_bounces), np.int32)
-    candidates = _follow(
+    search = _Search(
         source,
         directions,
         slopes,
@@ -98,244 +145,263 @@ def follow_fan(
         targets,
         radii,
         longest,
-        detectable,
         list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
-        touched,
-        np.full((2, 4096), -1, np.int32),
-        np.zeros(len(targets), np.int32),
+        detectable,
         spacing,
         max_length,
         float(np.append(longest[1:] + to_receiver, longest[0]).max()),
         float(detectable.least.min()),
         steepest,
-        path_table.MOST_POINTS,
     )
+    space = _workspace(len(targets), slopes.shape[1], np.empty((slopes.size, max_bounces), np.int32))
+    candidates = _follow(search, space, no_candidates(), path_table.MOST_POINTS)
     path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
-    return Fan(touched, candidates, np.repeat(directions, slopes.shape[1]))
+    return Fan(space.touched, candidates, np.repeat(directions, slopes.shape[1]))
+
+
+def _workspace(targets: int, slopes: int, touched: IntArray) -> _Workspace:
+    order, touches = np.empty((2, slopes), np.int64)
+    waiting, legs = np.empty((slopes, 7), np.int64), np.empty((slopes, 9))
+    return _Workspace(touched, np.empty(targets, np.int64), np.zeros(targets, np.bool_), order, touches, waiting, legs)
 
 
 @compiled
-def _follow(
-    source: FloatArray,
-    directions: FloatArray,
-    slopes: FloatArray,
-    surfaces: Surfaces,
-    heights: KernelHeights,
-    reflectances: FloatArray,
-    targets: FloatArray,
-    radii: FloatArray,
-    longest: FloatArray,
-    detectable: Detectable,
-    edges: Listing,
-    touched: IntArray,
-    slots: IntArray,
-    met: IntArray,
-    spacing: float,
-    max_length: float,
-    max_return: float,
-    faintest: float,
-    steepest: float,
-    most_points: int,
-) -> IntArray:
-    """Fill `touched` (n k, b) and return the candidates of `follow_fan`, up to `most_points` points in all.
-
-    `slopes` (n, k) are the slopes of the rays in each direction; row d k + j of `touched` belongs to slope j of
-    direction d. Rays with different slopes are one ray until they meet a surface that only some of them pass, and only
-    one row is filled for them. `edges` lists the targets after the first, by the cells near them; `slots` (2, n) are
-    hash tables, all -1; `met` (t,) is all 0; `max_return` is the length of the longest path to any target and straight
-    on to the receiver, m.
-    """
-    # one long function: passing growing lists between compiled functions costs 5 to 20 % of the time
-    walls, posts, cells, (starts, numbers) = surfaces
-    leaving, least, axis_x, axis_y, receiving = detectable
-    max_bounces, count = touched.shape[1], slopes.shape[1]
-    candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
-    keys, sequences, known = np.empty((1024, 2), np.int32), np.empty((1024, 2), np.int32), 0
-    key_slots, sequence_slots = slots
-    nearby, leg_number = np.empty(targets.shape[0], np.int32), 0
-    deepest = 0
-    same_transducer = targets[0, 0] == source[0] and targets[0, 1] == source[1]
-    # branches that wait, at the surface that they meet: the leg to it, and in whole numbers the rest
-    order, met_by = np.empty(count, np.int32), np.empty(count, np.int32)
-    legs, states = np.empty((count, 10)), np.empty((count, 6), np.int32)
-    for direction in range(directions.shape[0]):
-        if leaving[direction] <= faintest:
-            continue
-        for k in range(count):
-            order[k] = k
-        begin, end, waiting = 0, count, 0
-        flattest, ray = _flattest(slopes[direction], order, begin, end), direction * count
-        touched[ray] = -1
-        dx, dy = math.cos(directions[direction]), math.sin(directions[direction])
-        leg = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[direction])
-        # a plain -1 has a type of its own, for which `first_among` would be compiled once more
-        surface: int = np.int64(-1)  # type: ignore[assignment]
-        following: int = np.int64(-1)  # type: ignore[assignment]
-        bounces, distance, at_surface, sequence = 0, 0.0, False, 0
-        while True:
-            going = True
-            if not at_surface:
-                # find the next surface
-                distance, following = first_among(
-                    leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
-                )
-                reach = min(distance, max_length - leg.length)
-
-                # note every target that this leg passes; not the receiver on the first leg if that starts there
-                leg_number += 1
-                passed = 0
-                if flattest <= steepest:
-                    passed = _edges_along(
-                        leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
-                    )
-                if bounces > 0 or not same_transducer:
-                    nearby[passed] = 0
-                    passed += 1
-                for k in range(passed):
-                    target = nearby[k]
-                    tx, ty = targets[target, 0], targets[target, 1]
-                    miss, loudest = _passes(leg, reach, tx, ty, radii[target], longest[target], spacing)
-                    if target == 0 and miss >= 0.0:
-                        loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
-                    if miss < 0.0 or loudest <= least[target]:
-                        continue
-                    if found == candidates.shape[0]:
-                        candidates, misses = longer(candidates, misses)
-                        keys, key_slots = grown(keys, key_slots)
-                    number = number_of(sequence, target, keys, found, key_slots)
-                    # of equal candidates, the ray that passes nearest in widths of its tube is kept: where posts spread
-                    # the tube, only that ray leads to the exact path
-                    if number == found or miss < misses[number]:
-                        candidates[number, 0], candidates[number, 1], candidates[number, 2] = ray, bounces, target
-                        misses[number] = miss
-                    found = max(found, number + 1)
-                    if bounces > deepest:
-                        deepest = bounces
-                    if found * (deepest + 2) > most_points:
-                        return candidates[:found]
-
-                # stop where the path leaves the room, is long enough or can no longer return in time
-                going = leg.length + distance <= max_length
-                if going:
-                    going = _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) <= max_return
-
-            at_surface = False
-            if going:
-                # pass the surface, if it is not as high as the ray is there
-                surface = following
-                if heights.low[following]:
-                    x, y = leg.x + distance * leg.dx, leg.y + distance * leg.dy
-                    for k in range(begin, end):
-                        climb = slopes[direction, order[k]] * (leg.length + distance)
-                        met_by[k] = surface_at(x, y, climb, following, heights, walls)
-                    middle = _parted(met_by, order, begin, end)
-                    if middle < end:
-                        legs[waiting, 0], legs[waiting, 1] = leg.x, leg.y
-                        legs[waiting, 2], legs[waiting, 3] = leg.dx, leg.dy
-                        legs[waiting, 4], legs[waiting, 5], legs[waiting, 6] = leg.length, leg.width, leg.opening
-                        legs[waiting, 7], legs[waiting, 8] = leg.amplitude, distance
-                        states[waiting, 0], states[waiting, 1], states[waiting, 2] = middle, end, bounces
-                        states[waiting, 3], states[waiting, 4] = following, direction * count + order[middle]
-                        states[waiting, 5] = sequence
-                        touched[states[waiting, 4]] = touched[ray]
-                        legs[waiting, 9] = _flattest(slopes[direction], order, middle, end)
-                        waiting += 1
-                        end = middle
-                        flattest = _flattest(slopes[direction], order, begin, end)
-                    following = int(met_by[begin])
-                    if following < 0:
-                        leg = _passed(leg, distance)
-                        continue
-                going = bounces < max_bounces
-
-            if going:
-                # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
-                leg = _reflected(leg, distance, following, reflectances[following], walls, posts)
-                going = leg.amplitude * math.sqrt(leg.length / leg.width) > faintest
-            if going:
-                surface = following
-                touched[ray, bounces] = following
-                bounces += 1
-                if known == sequences.shape[0]:
-                    sequences, sequence_slots = grown(sequences, sequence_slots)
-                sequence = number_of(sequence, following, sequences, known, sequence_slots) + 1
-                known = max(known, sequence)
-            elif waiting == 0:
-                break
-            else:
-                waiting -= 1
-                leg = _Leg(
-                    legs[waiting, 0],
-                    legs[waiting, 1],
-                    legs[waiting, 2],
-                    legs[waiting, 3],
-                    legs[waiting, 4],
-                    legs[waiting, 5],
-                    legs[waiting, 6],
-                    legs[waiting, 7],
-                )
-                distance, flattest, at_surface = legs[waiting, 8], legs[waiting, 9], True
-                begin, end, bounces = states[waiting, 0], states[waiting, 1], states[waiting, 2]
-                following, ray, sequence = states[waiting, 3], states[waiting, 4], states[waiting, 5]
-    return candidates[:found]
+def _follow(search: _Search, space: _Workspace, table: CandidateTable, most_points: int) -> IntArray:
+    """Return the candidates of `follow_fan`; not all of them, if they have more than `most_points` points in all."""
+    direction, found, known = 0, 0, 0
+    while True:
+        direction, found, known = _follow_directions(direction, found, known, search, space, table)
+        deepest = 0
+        for k in range(found):
+            deepest = max(deepest, table.candidates[k, 1])
+        if direction == search.directions.shape[0] or found * (deepest + 2) > most_points:
+            return table.candidates[:found]
+        table = with_room(table, found, known)
 
 
 @compiled_part
-def _flattest(slopes: FloatArray, order: IntArray, begin: int, end: int) -> float:
-    """Return the least slope, up or down, of the rays between `begin` and `end`."""
+def _follow_directions(
+    first: int, found: int, known: int, search: _Search, space: _Workspace, table: CandidateTable
+) -> tuple[int, int, int]:
+    """Follow the rays from direction `first` on; return the direction reached, and `found` and `known` there.
+
+    These are the numbers of candidates and of sequences in the table. Where it is full, the rays of the direction
+    reached have to be followed again, which changes no candidate.
+    """
+    # this part makes no arrays: growing them here would cost 10 to 25 % of the time
+    for direction in range(first, search.directions.shape[0]):
+        leaving = search.detectable.leaving[direction]
+        if leaving > search.faintest:
+            dx, dy = math.cos(search.directions[direction]), math.sin(search.directions[direction])
+            leg = _Leg(search.source[0], search.source[1], dx, dy, 0.0, 0.0, 1.0, leaving)
+            found, known = _follow_direction(direction, leg, found, known, search, space, table)
+            if is_full(table, found, known):
+                return direction, found, known
+    return search.directions.shape[0], found, known
+
+
+@inlined
+def _follow_direction(
+    direction: int, leg: _Leg, found: int, known: int, search: _Search, space: _Workspace, table: CandidateTable
+) -> tuple[int, int]:
+    """Follow the rays of one direction until the table is full; return `found` and `known`."""
+    walls, posts, cells, (starts, numbers) = search.surfaces
+    branch = _whole_branch(direction, space)
+    # a plain -1 has a type of its own, for which `first_among` would be compiled once more
+    surface: int = np.int64(-1)  # type: ignore[assignment]
+    following: int = np.int64(-1)  # type: ignore[assignment]
+    distance, flattest, waiting, going = 0.0, _flattest(branch, search, space), 0, True
+    while going or waiting > 0:
+        if going:
+            distance, following = first_among(
+                leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
+            )
+            found = _note_targets(leg, distance, branch, flattest <= search.steepest, found, search, space, table)
+            if is_full(table, found, known):
+                break
+            going = _can_return(leg, distance, search)
+        else:
+            waiting -= 1
+            branch, leg, distance, following = _resumed(waiting, space)
+            flattest, going = _flattest(branch, search, space), True
+        if not going:
+            continue
+
+        # pass the surface, if it is not as high as the ray is there
+        surface = following
+        if search.heights.low[following]:
+            branch, waiting = _divided(branch, leg, distance, following, waiting, search, space)
+            flattest, following = _flattest(branch, search, space), space.touches[branch.begin]
+            if following < 0:
+                leg = _passed(leg, distance)
+                continue
+
+        # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
+        going = branch.bounces < space.touched.shape[1]
+        if going:
+            leg = _reflected(leg, distance, following, search.reflectances[following], walls, posts)
+            going = leg.amplitude * math.sqrt(leg.length / leg.width) > search.faintest
+        if going:
+            surface = following
+            branch = _reflected_branch(branch, following, known, space, table)
+            known = max(known, branch.sequence)
+            if is_full(table, found, known):
+                break
+    return found, known
+
+
+@inlined
+def _note_targets(
+    leg: _Leg,
+    distance: float,
+    branch: _Branch,
+    edges_too: bool,
+    found: int,
+    search: _Search,
+    space: _Workspace,
+    table: CandidateTable,
+) -> int:
+    """Enter every target that a leg passes, until the table is full; return `found`.
+
+    The receiver is none of them on the first leg if that starts there.
+    """
+    source, targets = search.source, search.targets
+    reach = min(distance, search.max_length - leg.length)
+    passed = _edges_along(leg, reach, search, space) if edges_too else 0
+    if branch.bounces > 0 or targets[0, 0] != source[0] or targets[0, 1] != source[1]:
+        space.nearby[passed] = 0
+        passed += 1
+    for k in range(passed):
+        target = space.nearby[k]
+        miss = _miss(leg, reach, target, search)
+        if miss < 0.0:
+            continue
+        number = number_of(branch.sequence, target, table.keys, found, table.slots)
+        # of equal candidates, the ray that passes nearest in widths of its tube is kept: where posts spread the tube,
+        # only that ray leads to the exact path
+        if number == found or miss < table.misses[number]:
+            table.candidates[number, 0], table.candidates[number, 1] = branch.row, branch.bounces
+            table.candidates[number, 2], table.misses[number] = target, miss
+        found = max(found, number + 1)
+        if found == table.misses.shape[0]:
+            break
+    return found
+
+
+@inlined
+def _miss(leg: _Leg, reach: float, target: int, search: _Search) -> float:
+    """Return the distance at which a leg passes a target, relative to the limit.
+
+    It is negative if the leg is not near, or its path is too long or too faint.
+    """
+    tx, ty = search.targets[target, 0] - leg.x, search.targets[target, 1] - leg.y
+    ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
+    on = max(ahead, 0.0)
+    width = leg.width + leg.opening * on
+    near = ALLOWANCE * search.spacing * width + search.radii[target]
+    if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > search.longest[target] + near:
+        return -1.0
+    loudest = leg.amplitude * math.sqrt((leg.length + on) / width)
+    if target == 0:
+        loudest *= _most_received(leg, search.spacing, search.detectable)
+    # at the start of the first leg, the tube has no width, and `loudest` is not a number
+    return -1.0 if loudest <= search.detectable.least[target] else aside / near
+
+
+@inlined
+def _most_received(leg: _Leg, spacing: float, detectable: Detectable) -> float:
+    """Return the largest beam factor of the receiver for the directions of a tube."""
+    cosine = -leg.dx * detectable.axis_x - leg.dy * detectable.axis_y
+    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
+    most: float = detectable.receiving[int(aside / math.pi * (detectable.receiving.shape[0] - 1))]
+    return most
+
+
+@inlined
+def _can_return(leg: _Leg, distance: float, search: _Search) -> bool:
+    """Return whether a path is in the room at `distance` ahead, not too long, and near enough to return in time."""
+    if leg.length + distance > search.max_length:
+        return False
+    x, y = search.targets[0, 0] - leg.x - distance * leg.dx, search.targets[0, 1] - leg.y - distance * leg.dy
+    home = math.hypot(x, y)
+    width = leg.width + leg.opening * (distance + home)
+    return leg.length + distance + home - ALLOWANCE * search.spacing * width <= search.max_return
+
+
+@inlined
+def _whole_branch(direction: int, space: _Workspace) -> _Branch:
+    """Return the branch of all rays of a direction at departure."""
+    count = space.order.shape[0]
+    for k in range(count):
+        space.order[k] = k
+    space.touched[direction * count] = -1
+    return _Branch(direction, 0, count, direction * count, 0, 0)
+
+
+@compiled_part
+def _flattest(branch: _Branch, search: _Search, space: _Workspace) -> float:
+    """Return the least slope, up or down, of the rays of a branch."""
     least = np.inf
-    for k in range(begin, end):
-        least = min(least, abs(slopes[order[k]]))
+    for k in range(branch.begin, branch.end):
+        least = min(least, abs(search.slopes[branch.direction, space.order[k]]))
     return least
 
 
-@compiled_part
-def _parted(met_by: IntArray, order: IntArray, begin: int, end: int) -> int:
-    """Move the rays between `begin` and `end` that meet the same as the first of them to the front.
+@inlined
+def _divided(
+    branch: _Branch, leg: _Leg, distance: float, surface: int, waiting: int, search: _Search, space: _Workspace
+) -> tuple[_Branch, int]:
+    """Return those rays of a branch that touch the same as its first one, at a low surface, and how many branches wait.
 
-    Returns the row behind these rays.
+    The other rays of the branch wait from now on.
     """
-    middle = begin + 1
-    for k in range(begin + 1, end):
-        if met_by[k] == met_by[begin]:
+    middle, order = _part(branch, leg, distance, surface, search, space), space.order
+    if middle == branch.end:
+        return branch, waiting
+    row = branch.direction * order.shape[0] + order[middle]
+    for k in range(space.touched.shape[1]):  # an assignment of the whole row would make an array
+        space.touched[row, k] = space.touched[branch.row, k]
+    rest = _Branch(branch.direction, middle, branch.end, row, branch.bounces, branch.sequence)
+    for k in range(len(rest)):
+        space.waiting[waiting, k] = rest[k]
+    for k in range(len(leg)):
+        space.waiting_legs[waiting, k] = leg[k]
+    space.waiting[waiting, len(rest)], space.waiting_legs[waiting, len(leg)] = surface, distance
+    kept = _Branch(branch.direction, branch.begin, middle, branch.row, branch.bounces, branch.sequence)
+    return kept, waiting + 1
+
+
+@compiled_part
+def _part(branch: _Branch, leg: _Leg, distance: float, surface: int, search: _Search, space: _Workspace) -> int:
+    """Move the rays of a branch that touch the same as its first one, at a low surface, to its front.
+
+    Returns the end of these rays.
+    """
+    x, y, length = leg.x + distance * leg.dx, leg.y + distance * leg.dy, leg.length + distance
+    slopes, order, touches, middle = search.slopes[branch.direction], space.order, space.touches, branch.begin
+    for k in range(branch.begin, branch.end):
+        touches[k] = surface_at(x, y, slopes[order[k]] * length, surface, search.heights, search.surfaces.walls)
+        if touches[k] == touches[branch.begin]:
             order[k], order[middle] = order[middle], order[k]
-            met_by[k], met_by[middle] = met_by[middle], met_by[k]
+            touches[k], touches[middle] = touches[middle], touches[k]
             middle += 1
     return middle
 
 
-@compiled_part
-def _passes(
-    leg: _Leg, reach: float, x: float, y: float, radius: float, longest: float, spacing: float
-) -> tuple[float, float]:
-    """Return the distance at which a leg passes a target, relative to the limit, and its largest amplitude there.
-
-    The distance is negative if the leg is not near, or its path is too long.
-    """
-    tx, ty = x - leg.x, y - leg.y
-    ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
-    on = max(ahead, 0.0)
-    width = leg.width + leg.opening * on
-    near = ALLOWANCE * spacing * width + radius
-    if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > longest + near:
-        return -1.0, 0.0
-    return aside / near, leg.amplitude * math.sqrt((leg.length + on) / width)
+@inlined
+def _resumed(row: int, space: _Workspace) -> tuple[_Branch, _Leg, float, int]:
+    """Return the branch that waits in this row, its leg, and distance and number of the surface that it meets."""
+    b, leg = space.waiting[row], space.waiting_legs[row]
+    branch = _Branch(b[0], b[1], b[2], b[3], b[4], b[5])
+    return branch, _Leg(leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7]), leg[8], b[6]
 
 
-@compiled_part
-def _most_received(leg: _Leg, axis_x: float, axis_y: float, spacing: float, receiving: FloatArray) -> float:
-    """Return the largest beam factor of the receiver for the directions of a tube."""
-    cosine = -leg.dx * axis_x - leg.dy * axis_y
-    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
-    most: float = receiving[int(aside / math.pi * (receiving.shape[0] - 1))]
-    return most
-
-
-@compiled_part
-def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: float) -> float:
-    """Return the least length of a path that continues from `distance` ahead to the receiver: straight."""
-    home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
-    return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
+@inlined
+def _reflected_branch(branch: _Branch, surface: int, known: int, space: _Workspace, table: CandidateTable) -> _Branch:
+    """Return the branch after it has touched one more surface; the sequence may be new, as number `known` + 1."""
+    space.touched[branch.row, branch.bounces] = surface
+    sequence = number_of(branch.sequence, surface, table.sequences, known, table.sequence_slots) + 1
+    return _Branch(branch.direction, branch.begin, branch.end, branch.row, branch.bounces + 1, sequence)
 
 
 @inlined
@@ -356,43 +422,31 @@ def _reflected(
     return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
 
 
-@compiled_part
-def _edges_along(
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    reach: float,
-    spread: bool,
-    cells: Cells,
-    edges: Listing,
-    nearby: IntArray,
-    met: IntArray,
-    leg_number: int,
-) -> int:
-    """Fill `nearby` with the targets (edge k is target k + 1) that a leg may pass; return their number.
+@inlined
+def _edges_along(leg: _Leg, reach: float, search: _Search, space: _Workspace) -> int:
+    """Fill in the targets (edge k is target k + 1) that a leg may pass; return their number.
 
-    An edge is listed in every cell from which a ray without posts could be near it. A tube spread by a post (`spread`)
-    is wider, so all edges are targets. `met` (t,) contains the last leg near each target, so that a target listed in
-    many cells is taken once.
+    An edge is listed in every cell from which a ray without posts could be near it, and taken once. A tube spread by a
+    post is wider, so all edges are targets.
     """
-    count = 0
-    if spread:
+    cells, nearby, is_nearby, count = search.surfaces.cells, space.nearby, space.is_nearby, 0
+    if leg.opening > 1.0:
         for k in range(nearby.shape[0] - 1):
             nearby[k] = k + 1
         return int(nearby.shape[0] - 1)
-    if edges.numbers.shape[0] == 0:
+    if search.edges.numbers.shape[0] == 0:
         return 0
-    walk = enter(cells, x, y, dx, dy)
+    walk = enter(cells, leg.x, leg.y, leg.dx, leg.dy)
     while walk.inside:
-        for k in listed(cells, edges, walk):
-            if met[k + 1] != leg_number:
-                met[k + 1] = leg_number
-                nearby[count] = k + 1
+        for k in listed(cells, search.edges, walk):
+            if not is_nearby[k + 1]:
+                is_nearby[k + 1], nearby[count] = True, k + 1
                 count += 1
         if min(walk.next_column, walk.next_row) > reach:
             break
         walk = advance(cells, walk)
+    for k in range(count):
+        is_nearby[nearby[k]] = False
     return count
 
 

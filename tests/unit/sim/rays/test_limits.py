@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sonarhw_sim.rays import partial_paths, path_table
+from sonarhw_sim.rays import candidate_table, partial_paths, path_table
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, EdgePaths, join_at_edges
-from sonarhw_sim.rays.kernel import follow_fan
+from sonarhw_sim.rays.kernel import Fan, follow_fan
 from sonarhw_sim.rays.partial_paths import PartialPaths
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 
@@ -48,6 +48,23 @@ def test_candidates_of_the_fan_are_limited_as_if_all_had_as_many_points_as_the_l
     monkeypatch.setattr(path_table, "MOST_POINTS", count * points - 1)
     with pytest.raises(InputError, match=rf"^too many paths: \d+ or more, with up to {points} points each"):
         follow_fan(*fan)
+
+
+def test_candidates_do_not_depend_on_the_room_that_their_table_has_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = room_of([(0, 0, 2, 0), (2, 0, 2, 2), (2, 2, 0, 2), (0, 2, 0, 0), (0.5, 0.6, 0.9, 0.7)])
+    fans: list[Fan] = []
+    monkeypatch.setattr(
+        partial_paths, "follow_fan", lambda *given, **named: fans.append(follow_fan(*given, **named)) or fans[-1]
+    )
+    search = PathSearch(max_length=12.0, wavelength=0.007)
+    find_paths(room, (1.1, 1.3), search)
+    monkeypatch.setattr(candidate_table, "_ROOM", 4)
+    find_paths(room, (1.1, 1.3), search)
+    before, after = fans
+    assert len(before.candidates) > 256
+    assert np.array_equal(before.candidates, after.candidates)
+    for ray, bounces, _ in before.candidates:
+        assert np.array_equal(before.touched[ray, :bounces], after.touched[ray, :bounces])
 
 
 def test_a_table_of_too_many_paths_is_refused_before_it_is_joined(monkeypatch: pytest.MonkeyPatch) -> None:
