@@ -6,7 +6,7 @@ from .board.ring import Ring
 from .board.traces import Signal
 from .choices import EdgeStrength, Model, Receiver, Unit
 from .predict.models import predict_with
-from .predict.predicted_scan import Echo, PredictedScan
+from .predict.predicted_scan import Echo, PredictedPing, PredictedScan
 from .predict.prediction import PredictionOptions, paths_for, predict_scan
 from .predict.room_echoes import Disturbance, RoomEchoes
 from .rays.paths import Paths
@@ -23,6 +23,7 @@ __all__ = [
     "Mount",
     "Paths",
     "Place",
+    "PredictedPing",
     "PredictedScan",
     "PredictionOptions",
     "Receiver",

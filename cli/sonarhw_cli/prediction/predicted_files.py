@@ -97,7 +97,7 @@ def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str |
             yield math.degrees(heading), distance, None, None, None, via
             continue
         # the directivity straight ahead is 1 except for rounding: write 0 dB, not -1e-13
-        length, level = float(scan.paths.lengths[winner]), round(scan.level_of_reading(k), 9) + 0.0
+        length, level = float(scan.paths.lengths[winner]), round(scan.ping(k).level_of_reading, 9) + 0.0
         via = ">".join(scan.paths.via(int(winner), scan.room))
         yield math.degrees(heading), distance, length, level, int(bounces[winner]), via
 
@@ -142,7 +142,7 @@ def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out
 def _samples(scan: "PredictedScan", index: int, traces: TraceSettings) -> "NDArray[np.generic]":
     import numpy as np
 
-    signal = scan.signal_at(index, _listening(scan))
+    signal = scan.ping(index).signal(_listening(scan))
     match traces.kind:
         case TraceForm.RF:
             return signal.rf(traces.rate).astype(np.float32)
@@ -223,11 +223,11 @@ def _echo_times(scan: "PredictedScan", index: int) -> tuple[float, ...]:
     if math.isnan(scan.ranges[index]):
         return ()
     first = 2 * float(scan.ranges[index]) / scan.room.air.speed_of_sound
-    times = [float(time) for time in scan.echo_times_at(index)]
+    times = [float(time) for time in scan.ping(index).echo_times()]
     if scan.of_own_body is not None and scan.of_own_body[index]:
         return (first, *(time for time in times if time > first))
     return (first, *times[1:])
 
 
 def _envelope(scan: "PredictedScan", index: int, traces: TraceSettings) -> "Trace":
-    return scan.signal_at(index, _listening(scan)).envelope(traces.rate)
+    return scan.ping(index).signal(_listening(scan)).envelope(traces.rate)

@@ -120,8 +120,9 @@ def _arrivals(prediction: PredictedScan, index: int) -> list[Echo]:
     """Return the arrivals over the threshold and those at most `FAINTEST_DB` below it."""
     board, winner = prediction.board, int(prediction.winners[index])
     lower = replace(prediction, board=replace(board, threshold_db=board.threshold_db - FAINTEST_DB))
-    loud = [*prediction.echoes(index), *prediction.blanked_echoes(index)]
-    faint = [*lower.echoes(index), *lower.blanked_echoes(index)]
+    ping, fainter = prediction.ping(index), lower.ping(index)
+    loud = [*ping.echoes, *ping.blanked_echoes]
+    faint = [*fainter.echoes, *fainter.blanked_echoes]
     found: dict[tuple[int, frozenset[tuple[str, ...]]], Echo] = {}
     for echo in (*loud, *(echo for echo in faint if echo.level_db < board.threshold_db)):
         via = prediction.paths.via(echo.path, prediction.room)
@@ -145,7 +146,7 @@ def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iter
         if echo is not won:
             yield _candidate(prediction, echo)
     if winner >= 0:
-        level = won.level_db if won is not None else prediction.level_of_reading(index)
+        level = won.level_db if won is not None else prediction.ping(index).level_of_reading
         reported = float(prediction.ranges[index])
         yield replace(_candidate(prediction, Echo(winner, reported, level, float(lengths[winner]))), wins=True)
 

@@ -58,7 +58,8 @@ def contest(prediction: PredictedScan, index: int) -> Contest:
     row = next((k for k, step in enumerate(candidates) if step.level_db >= threshold), len(candidates))
     winner = candidates[row] if row < len(candidates) else None
     fainter = candidates[row - 1] if row > 0 else None
-    later = [echo for echo in prediction.echoes(index) if winner is not None and echo.range > winner.range]
+    echoes = prediction.ping(index).echoes
+    later = [echo for echo in echoes if winner is not None and echo.range > winner.range]
     return Contest(
         winner,
         None if winner is None else winner.level_db - threshold,
@@ -72,13 +73,14 @@ def contest(prediction: PredictedScan, index: int) -> Contest:
 
 def steps(prediction: PredictedScan, index: int) -> tuple[Step, ...]:
     """Return each echo that wins at heading `index` with some threshold, nearest and faintest first."""
-    lengths, (levels, loudest) = prediction.apparent_lengths, prediction.arrivals_at(index)
+    ping, lengths = prediction.ping(index), prediction.apparent_lengths
+    levels, loudest = ping.levels, ping.loudest
     listened = ~prediction.blanked & (lengths <= 2 * prediction.board.max_range + SLACK) & np.isfinite(levels)
     rows = np.flatnonzero(listened)
     rows = rows[np.argsort(lengths[rows], kind="stable")]
     before = np.maximum.accumulate(np.append(-math.inf, levels[rows]))[:-1]
     records = rows[levels[rows] > before]
-    ranges = prediction.board.reported(prediction.lengths_of_arrivals(loudest)[records] / 2)
+    ranges = prediction.board.reported(ping.arrival_lengths[records] / 2)
     above = before[levels[rows] > before]
     return tuple(
         Step(int(loudest[first]), float(distance), float(levels[first]), float(least))
@@ -125,7 +127,7 @@ def wall_changes(prediction: PredictedScan, index: int) -> tuple[WallChange, ...
     winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths
     if winner < 0 or paths.edges[winner] >= 0:
         return ()
-    straight = [echo for echo in prediction.echoes(index) if paths.edges[echo.path] < 0]
+    straight = [echo for echo in prediction.ping(index).echoes if paths.edges[echo.path] < 0]
     later = [echo for echo in straight if lengths[echo.path] - lengths[winner] > _SAME_LENGTH]
     rows = np.array([winner, *(echo.path for echo in later)], dtype=np.intp)
     growth = _growth(prediction, rows)

@@ -84,7 +84,7 @@ def receiver_change(half: float, range_: float, text: LengthText) -> str:
 
 def _within_blanking(prediction: PredictedScan, index: int, path: int | None, text: LengthText) -> list[str]:
     """Return that the nearest echo lies within blanking, if it does and is not that of `path`."""
-    blanked, paths = prediction.blanked_echoes(index), prediction.paths
+    blanked, paths = prediction.ping(index).blanked_echoes, prediction.paths
     if not blanked or blanked[0].path == path:
         return []
     nearest = blanked[0]

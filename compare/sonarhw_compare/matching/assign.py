@@ -42,7 +42,7 @@ class EchoStatistics:
 def assigned_echoes(comparison: Comparison, index: int) -> tuple[AssignedEcho, ...]:
     """Return every echo of reading `index`, nearest first, with its predicted echo."""
     measured = np.array(comparison.rows[index].reading.echo_ranges, dtype=np.float64) + comparison.offset
-    echoes = comparison.prediction.echoes(comparison.rows[index].index)
+    echoes = comparison.prediction.ping(comparison.rows[index].index).echoes
     chosen = assigned(measured, np.array([echo.range for echo in echoes], dtype=np.float64))
     return tuple(
         AssignedEcho(float(distance), None, None, None)

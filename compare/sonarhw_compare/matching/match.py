@@ -184,7 +184,7 @@ def _accounting_path(prediction: PredictedScan, index: int, measured: float, pre
     winner = int(prediction.winners[index])
     if winner >= 0 and predicted is not None and abs(predicted - measured) <= TOLERANCE:
         return winner
-    echoes = prediction.echoes(index)
+    echoes = prediction.ping(index).echoes
     nearest = min(echoes, key=lambda echo: abs(echo.range - measured), default=None)
     return nearest.path if nearest is not None and abs(nearest.range - measured) <= TOLERANCE else None
 

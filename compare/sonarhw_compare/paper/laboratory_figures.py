@@ -118,7 +118,8 @@ def _levels(scene: PaperScene, name: str) -> list[float]:
     """Return the level at each heading of the echo by one reflection off an object, dB."""
     scan = scene.scan
     path = _straight_from(scan.paths, scan.room, name)
-    return [float(scan.levels_at(k)[path]) if path is not None else -math.inf for k in range(len(scan.headings))]
+    pings = (scan.ping(k) for k in range(len(scan.headings)))
+    return [float(ping.levels[path]) if path is not None else -math.inf for ping in pings]
 
 
 def _straight_from(paths: Paths, room: Room, name: str) -> int | None:

@@ -45,7 +45,7 @@ def nothing_returns(scene: PaperScene = NO_TARGET) -> Claim:
 
 def one_echo(scene: PaperScene = TILTED) -> Claim:
     """Check figure 2b: one echo."""
-    echoes = scene.scan.echoes(0)
+    echoes = scene.scan.ping(0).echoes
     return Claim(
         "(b) plate tilted: one clean echo",
         f"above the threshold: echoes at {', '.join(f'{echo.range:.3f} m' for echo in echoes) or 'no range'}",
@@ -55,7 +55,7 @@ def one_echo(scene: PaperScene = TILTED) -> Claim:
 
 def many_echoes(scene: PaperScene = PARALLEL) -> Claim:
     """Check figure 2c: many evenly spaced echoes."""
-    found = np.array([echo.range for echo in scene.scan.echoes(0)])
+    found = np.array([echo.range for echo in scene.scan.ping(0).echoes])
     apart = np.diff(found)
     even = len(found) > 1 and float(np.ptp(apart)) < 1e-3
     spacing = f", {apart.mean():.3f} m apart" if len(apart) else ""
@@ -70,7 +70,7 @@ def strongest_is_reflected_by_the_plate(scene: PaperScene = AT_45) -> Claim:
     """Check figure 2d: the large echo and the small one before it."""
     early, late = _echo(scene, *_PLATE), _echo(scene, *_CABINET)
     scan = scene.scan
-    strongest = int(np.argmax(scan.levels_at(0)))
+    strongest = int(np.argmax(scan.ping(0).levels))
     via = scan.paths.via(strongest, scan.room)
     return Claim(
         "(d) plate at 45°: the strongest echo goes plate, far object, plate; a small earlier echo comes directly from "
@@ -115,7 +115,7 @@ def _loudest(scene: PaperScene, nearest: float, farthest: float) -> float:
 
 def _envelope(scene: PaperScene, farthest: float) -> tuple[FloatArray, FloatArray]:
     speed = scene.scan.room.air.speed_of_sound
-    trace = scene.scan.signal_at(0, 2 * farthest / speed).envelope()
+    trace = scene.scan.ping(0).signal(2 * farthest / speed).envelope()
     return trace.times * speed / 2, trace.samples
 
 
@@ -155,7 +155,7 @@ def _draw_magnified(axes: Axes, title: str, farthest: float, scenes: tuple[tuple
 
 def _trace(scene: PaperScene, farthest: float) -> tuple[FloatArray, FloatArray]:
     speed = scene.scan.room.air.speed_of_sound
-    samples = scene.scan.signal_at(0, 2 * farthest / speed).rf(_RATE)
+    samples = scene.scan.ping(0).signal(2 * farthest / speed).rf(_RATE)
     return np.arange(len(samples)) / _RATE * speed / 2, samples
 
 

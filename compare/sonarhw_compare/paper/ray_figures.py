@@ -42,7 +42,7 @@ def legs_of_the_reading(scene: PaperScene = READING) -> Claim:
 def level_is_the_product_of_reflectances(scene: PaperScene = READING) -> Claim:
     """Check that the level is the product of the reflectances."""
     scan, winner = scene.scan, int(scene.scan.winners[0])
-    level = float(scan.levels_at(0)[winner])
+    level = float(scan.ping(0).levels[winner])
     touched = [scan.room.reflectances[surface] for surface in scan.paths.surfaces[winner] if surface >= 0]
     expected = 20 * math.log10(math.prod(touched))
     return Claim(
@@ -73,7 +73,7 @@ def _draw() -> Figure:
     draw_room(axes, scan.room)
     label_walls(axes, READING, ("bottom", "right", "top", "left"), with_reflectance=True)
     colours = ((PREDICTED, "-"), (MEASURED, "--"), (GREEN, "-."), (ORANGE, ":"))
-    echoes = scan.echoes(0)[: _OTHERS + 1]
+    echoes = scan.ping(0).echoes[: _OTHERS + 1]
     for number, (echo, (colour, style)) in enumerate(zip(echoes, colours, strict=True)):
         corners = _drawn_apart(scan.paths.outline(echo.path))
         via = " > ".join(scan.paths.via(echo.path, scan.room))

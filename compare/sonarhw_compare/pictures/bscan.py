@@ -127,12 +127,11 @@ def predicted_row(scan: PredictedScan, heading: float, cells: RangeCells) -> Flo
     If each heading has its own paths, it is the trace of the nearest heading of the scan.
     """
     speed = scan.room.air.speed_of_sound
-    duration = 2 * cells.reach / speed
     if scan.only_at is None:
-        signal = replace(scan, headings=np.array([heading])).signal_at(0, duration)
+        ping = replace(scan, headings=np.array([heading])).ping(0)
     else:
-        signal = scan.signal_at(int(np.abs(np.angle(np.exp(1j * (scan.headings - heading)))).argmin()), duration)
-    return trace_row(signal.envelope(), speed, cells)
+        ping = scan.ping(int(np.abs(np.angle(np.exp(1j * (scan.headings - heading)))).argmin()))
+    return trace_row(ping.signal(2 * cells.reach / speed).envelope(), speed, cells)
 
 
 def difference(measured: BScan, predicted: BScan, floor_db: float | None) -> BScan:

@@ -111,7 +111,7 @@ class _Stage:
 
     def _draw_trace(self, axes: Axes) -> list[Artist]:
         ping, board = self._ping, self._ping.prediction.board
-        signal, floor = ping.prediction.signal_at(ping.index, ping.duration).envelope(), floor_of(board)
+        signal, floor = ping.prediction.ping(ping.index).signal(ping.duration).envelope(), floor_of(board)
         axes.axvspan(0, ping.blanking * 1e3, color=_SHADE, lw=0)
         axes.text(ping.blanking * 500, floor + 3, "blanking", ha="center", color="#555555", fontsize=9)
         axes.axhline(board.threshold_db, color="#777777", ls="--", lw=1)

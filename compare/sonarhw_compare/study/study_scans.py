@@ -88,7 +88,7 @@ def columns_of(scan: PredictedScan) -> ScanColumns:
         np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
         scan.ranges,
         at_echoes(scan.paths.lengths[winners]),
-        at_echoes(np.array([scan.level_of_reading(int(k)) for k in np.flatnonzero(echo)])),
+        at_echoes(np.array([scan.ping(int(k)).level_of_reading for k in np.flatnonzero(echo)])),
         at_echoes(scan.paths.bounces[winners].astype(np.float64)),
         at_echoes((scan.paths.edges[winners] >= 0).astype(np.float64)),
         _axis_distances(scan),

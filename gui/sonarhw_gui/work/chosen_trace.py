@@ -101,7 +101,7 @@ def chosen_trace(scene: Scene, reading: Reading | None, prediction: PredictedSca
     receiver = prediction.receiver if prediction else scene.options.receiver_of(scene.board)
     predicted, heading = None, scene.pose.heading + (0.0 if reading is None else board.turned(reading.angle))
     if prediction is not None:
-        predicted = _predicted(prediction.signal_at(index, duration), recorded, board, floor)
+        predicted = _predicted(prediction.ping(index).signal(duration), recorded, board, floor)
         heading = heading if reading is not None else float(prediction.headings[index])
     return ChosenTrace(
         heading=heading,
@@ -150,10 +150,9 @@ def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Ga
 
 
 def _echoes(prediction: PredictedScan, index: int, receiver: Receiver) -> tuple[NamedEcho, ...]:
-    detectable, blanked = prediction.echoes(index), prediction.blanked_echoes(index)
-    reported = int(prediction.winners[index])
-    named = [_named(prediction, echo, receiver, True, echo.path == reported) for echo in detectable]
-    return tuple(named + [_named(prediction, echo, receiver, False, False) for echo in blanked])
+    ping, reported = prediction.ping(index), int(prediction.winners[index])
+    named = [_named(prediction, echo, receiver, True, echo.path == reported) for echo in ping.echoes]
+    return tuple(named + [_named(prediction, echo, receiver, False, False) for echo in ping.blanked_echoes])
 
 
 def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable: bool, first: bool) -> NamedEcho:

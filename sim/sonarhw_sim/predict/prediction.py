@@ -14,15 +14,10 @@ from sonarhw_sim.board.gain import largest_gain
 from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
+from sonarhw_sim.predict.board_readings import with_own_body, with_readings
 from sonarhw_sim.predict.by_heading import SensorPair, find_by_heading
 from sonarhw_sim.predict.levels import KEPT_BELOW_THRESHOLD, faintest_kept, loud_enough, path_amplitudes
-from sonarhw_sim.predict.predicted_scan import (
-    PredictedScan,
-    silent_scan,
-    with_first_arrivals,
-    with_first_echoes,
-    with_own_body,
-)
+from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan
 from sonarhw_sim.rays.detectable import TransducerAxes
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
@@ -100,17 +95,10 @@ def _kept_below(board: Board, options: PredictionOptions) -> float:
 
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
     """Return a scan without readings as the receiver of `options` reports it, with their noise."""
-    scan = _received_by(scan, options)
-    return with_own_body(scan) if options.own_body and scan.board.own_body else scan
-
-
-def _received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
     receiver = options.receiver_of(scan.board)
-    scan = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0, grain=options.grain)
-    if receiver is Receiver.FIRST_ECHO:
-        return with_first_arrivals(scan) if scan.only_at is None else with_first_echoes(scan)
-    times, winners = scan.first_detected()
-    return replace(scan, winners=winners, distances=times * scan.room.air.speed_of_sound / 2)
+    silent = replace(scan, receiver=receiver, noise=options.noise, seed=options.seed or 0, grain=options.grain)
+    scan = with_readings(silent)
+    return with_own_body(scan) if options.own_body and scan.board.own_body else scan
 
 
 def paths_serve_all_headings(board: Board, unit: Unit) -> bool:

@@ -131,7 +131,8 @@ class RoomEchoes:
             times = self._detected(signal, scan.room.air.speed_of_sound, ping.listen)
             return PingResult(times, self._trace(signal, random) if ping.trace else None)
         times = self._first_echo_times(scan, ping, random)
-        return PingResult(times, self._trace(scan.signal_at(0, ping.listen), random) if ping.trace else None)
+        signal = scan.ping(0).signal(ping.listen)
+        return PingResult(times, self._trace(signal, random) if ping.trace else None)
 
     def _detected(self, signal: Signal, speed_of_sound: float, listen: float) -> tuple[float, ...]:
         times = counted_time(echo_times(signal.samples, self._board, speed_of_sound), self._board)
@@ -139,7 +140,7 @@ class RoomEchoes:
 
     def _signal(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Signal:
         """Return the receive signal of the board's own receiver, with the disturbance of each arrival."""
-        arrivals = scan.sound_at(0)
+        arrivals = scan.ping(0).sound
         count, speed = len(arrivals), scan.room.air.speed_of_sound
         level_db, timing = self._spreads(speed)
         levels = 10 ** (random.normal(0, level_db, count) / 20)
@@ -156,11 +157,10 @@ class RoomEchoes:
         return level_db, math.hypot(self._disturbance.timing, of_board)
 
     def _first_echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
-        count, speed = len(scan.paths), scan.room.air.speed_of_sound
+        count, speed, predicted = len(scan.paths), scan.room.air.speed_of_sound, scan.ping(0)
         level_db, timing = self._spreads(speed)
-        levels, loudest = scan.arrivals_at(0)
-        levels += random.normal(0, level_db, count)
-        counted = counted_time(scan.lengths_of_arrivals(loudest) / speed, self._board)
+        levels = predicted.levels + random.normal(0, level_db, count)
+        counted = counted_time(predicted.arrival_lengths / speed, self._board)
         times = counted + 2 * self._board.range_offset / speed + random.normal(0, timing, count)
         detected = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []

@@ -47,8 +47,8 @@ def _certain(scan: PredictedScan, index: int) -> tuple[PossibleEcho, ...]:
 
 def _among_arrivals(scan: PredictedScan, index: int) -> list[PossibleEcho]:
     """Return the echoes of the paper's receiver: arrivals within one burst are one echo."""
-    levels, loudest = scan.arrivals_at(index)
-    begins, lengths = scan.apparent_lengths, scan.lengths_of_arrivals(loudest)
+    ping, begins = scan.ping(index), scan.apparent_lengths
+    levels, loudest, lengths = ping.levels, ping.loudest, ping.arrival_lengths
     audible = np.flatnonzero(scan.in_time & (levels >= _least_level(scan.board)))
     audible = audible[np.argsort(begins[audible], kind="stable")]
     burst = covered_by_burst(scan.board, scan.room.air.speed_of_sound)
@@ -62,8 +62,8 @@ def _among_arrivals(scan: PredictedScan, index: int) -> list[PossibleEcho]:
 
 def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
     """Return the echoes of the board's own receiver: each rise of the charge by 3 dB begins one."""
-    speed, board = scan.room.air.speed_of_sound, scan.board
-    signal = scan.signal_at(index, 2 * board.max_range / speed)
+    speed, board, ping = scan.room.air.speed_of_sound, scan.board, scan.ping(index)
+    signal = ping.signal(2 * board.max_range / speed)
     levels = np.maximum(charge_levels(signal.samples, board, speed), _least_level(board) - _FALL_DB)
     times = np.arange(len(levels)) / RATE
     # a level is reached between two samples
@@ -78,7 +78,7 @@ def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
             continue
 
         def path_at(row: int, begin: int = begin) -> int:
-            return scan.path_detected_at(index, float(times[begin + row]), signal)
+            return ping.path_detected(float(times[begin + row]), signal)
 
         found.append(_possible_echo(levels[begin:end], distances[begin:end], path_at, board))
         missed *= 1.0 - found[-1].probability

@@ -181,7 +181,7 @@ def test_levels_are_those_of_the_winning_paths(tmp_path: Path, board: str, room:
     scan = predict_case(case, PathCache())
     with_echo = np.flatnonzero(scan.winners >= 0)
     levels = columns_of(scan).level_db
-    expected = [scan.levels_at(k)[scan.winners[k]] for k in with_echo]
+    expected = [scan.ping(k).levels[scan.winners[k]] for k in with_echo]
     np.testing.assert_allclose(levels[with_echo], expected, atol=1e-6)
     winners = scan.paths.select(scan.winners[with_echo])
     # mixing up departure and arrival would show only if they differ for some paths

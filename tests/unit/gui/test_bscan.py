@@ -137,7 +137,7 @@ def test_a_transducer_off_the_axis_is_predicted_at_the_headings_of_its_predictio
     cells = cells_for(2.0, 0.004)
     speed = room.air.speed_of_sound
     for k, heading in enumerate(scan.headings):
-        expected = trace_row(scan.signal_at(k, 2 * cells.reach / speed).envelope(), speed, cells)
+        expected = trace_row(scan.ping(k).signal(2 * cells.reach / speed).envelope(), speed, cells)
         np.testing.assert_array_equal(predicted_row(scan, heading + 1e-4 - math.tau, cells), expected)
 
 
@@ -255,7 +255,7 @@ def test_computation_in_slices_gives_the_same_rows_as_single_predictions(request
     answer = completed(request_of)
     cells = answer.rows.cells
     headings = request_of.outline.headings
-    expected = [request_of.outline.signal_at(k, 2 * cells.reach / SPEED) for k in range(len(headings))]
+    expected = [request_of.outline.ping(k).signal(2 * cells.reach / SPEED) for k in range(len(headings))]
     speed = request_of.scene.room.air.speed_of_sound
     np.testing.assert_allclose(answer.predicted.headings, headings, atol=1e-9)
     for row, signal in zip(answer.predicted.levels, expected, strict=True):

@@ -80,7 +80,7 @@ def test_blanking_and_threshold_come_from_the_board(before_a_wall: Scene) -> Non
 
 def test_a_carrier_is_predicted_at_the_sample_rate_of_the_measured_one(before_a_wall: Scene) -> None:
     prediction = predicted_of(before_a_wall)
-    samples = prediction.signal_at(0, 0.015).sampled()
+    samples = prediction.ping(0).signal(0.015).sampled()
     carried = Trace(samples, CONVERTER_RATE, 0.0, carrier=True)
     trace = chosen_trace(before_a_wall, reading(carried), prediction, 0)
     assert trace.predicted.undersampled

@@ -81,7 +81,7 @@ def test_every_predicted_echo_of_the_selected_heading_is_marked(qtbot: QtBot, wi
     window.session.showing.choose(27)
     until(qtbot, lambda: "Trace at 270.0°" in window.views.trace.title.text())
     row, prediction = window.session.shown.chosen_row, window.session.shown.prediction
-    echoes = prediction.echoes(row.index) + prediction.blanked_echoes(row.index)
+    echoes = prediction.ping(row.index).echoes + prediction.ping(row.index).blanked_echoes
     speed = prediction.room.air.speed_of_sound
     marked = np.concatenate([heads.getData()[0] for heads in window.views.trace.names._heads.values()])
     assert sorted(marked) == sorted(prediction.apparent_lengths[echo.path] / speed for echo in echoes)

@@ -204,7 +204,7 @@ def test_no_path_detectable_at_any_heading_is_left_out(scene: Scene) -> None:
     kept = PathsRequest(1, scene, scene.options).answer().paths
     headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
     everything = predict_scan(scene.room, scene.pose, scene.board, headings)
-    loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.echoes(k)}
+    loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.ping(k).echoes}
     assert 0 < len(loud) < len(everything.paths)
     assert loud <= set(kept.lengths)
 

@@ -72,7 +72,7 @@ def test_a_patch_in_a_likelihood_is_as_loud_as_all_that_are_received_with_it() -
     for row in np.flatnonzero((few.lengths > 2.1) & (few.lengths < 4))[::5].tolist():
         towards = few.departures[row : row + 1]
         scan = weigh_paths(room, here, BOARD, towards, every)
-        levels, loudest = scan.arrivals_at(0)
+        levels, loudest = scan.ping(0).levels, scan.ping(0).loudest
         same = int(np.abs(scan.paths.lengths - few.lengths[row]).argmin())
         assert scan.paths.scattered[loudest[same]]
         assert 20 * math.log10(few.gains[row]) == pytest.approx(levels[same], abs=0.1)

@@ -43,7 +43,7 @@ def test_empty_scans_have_no_assignments() -> None:
 
 def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
     heading = np.array([1.0])
-    predicted_echoes = predict_scan(ROOM, PLACE, BOARD, heading).echoes(0)[:3]
+    predicted_echoes = predict_scan(ROOM, PLACE, BOARD, heading).ping(0).echoes[:3]
     stray = predicted_echoes[0].range - 0.3
     times = tuple(2 * distance / SPEED for distance in (stray, *(echo.range + 0.004 for echo in predicted_echoes)))
     reading = Reading(0, 0, 0, 0.0, 0.0, times, SPEED)
@@ -60,7 +60,7 @@ def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
 def test_bias_and_spread_of_normal_residuals_are_their_mean_and_standard_deviation(
     bias: float, deviation: float
 ) -> None:
-    predicted_range = predict_scan(ROOM, PLACE, BOARD, np.array([1.0])).echoes(0)[0].range
+    predicted_range = predict_scan(ROOM, PLACE, BOARD, np.array([1.0])).ping(0).echoes[0].range
     residuals = bias + deviation * norm.ppf((np.arange(200) + 0.5) / 200)
     readings = [
         Reading(k, 0, k, 0.0, 0.1 * k, (2 * (predicted_range + residual) / SPEED,), SPEED)

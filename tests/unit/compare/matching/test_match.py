@@ -123,7 +123,8 @@ def test_a_reading_of_the_model_that_is_noise_has_no_path() -> None:
 
 
 def test_a_sentence_mentions_small_margins() -> None:
-    (echo,) = predict_scan(ROOM, PLACE, replace(PAPER, threshold_db=-1.5), np.array([math.pi / 2])).echoes(0)[:1]
+    scan = predict_scan(ROOM, PLACE, replace(PAPER, threshold_db=-1.5), np.array([math.pi / 2]))
+    (echo,) = scan.ping(0).echoes[:1]
     for threshold, measured, expected_end in (
         (echo.level_db - 0.4, 0.657, "; it is only 0.4 dB over the threshold; a higher threshold gives silence"),
         (echo.level_db - 2.5, 0.657, "top"),

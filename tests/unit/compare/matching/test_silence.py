@@ -29,5 +29,5 @@ def test_a_heading_has_an_echo_if_its_loudest_path_is_over_the_threshold(board_n
     room, board = load_room("rooms/arena.toml"), load_board(board_name)
     scan = predict_scan(room, room.places["p1"], board, np.radians(np.arange(0, 360, 10.0)))
     assert ((scan.over_threshold >= 0) == ~np.isnan(scan.ranges)).all()
-    loudest = [max(echo.level_db for echo in scan.echoes(k)) for k in np.flatnonzero(scan.over_threshold >= 0)]
+    loudest = [max(echo.level_db for echo in scan.ping(k).echoes) for k in np.flatnonzero(scan.over_threshold >= 0)]
     assert scan.over_threshold[scan.over_threshold >= 0] + board.threshold_db == pytest.approx(loudest)

@@ -104,7 +104,7 @@ def test_ranges_of_a_scan_are_those_of_its_signals(unit: Unit, ahead: float) -> 
     scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0.0, 360.0, 20.0)), options)
     assert (scan.winners >= 0).any()
     for k in range(len(scan.headings)):
-        from_signal = scan.echo_times_at(k)[:1] * ROOM.air.speed_of_sound / 2
+        from_signal = scan.ping(k).echo_times()[:1] * ROOM.air.speed_of_sound / 2
         assert scan.distances[k : k + 1][: len(from_signal)] == pytest.approx(from_signal, abs=A_TENTH)
         assert bool(np.isnan(scan.distances[k])) == (len(from_signal) == 0)
-        assert scan.winners[k] == scan.first_detected_at(k).winner
+        assert scan.winners[k] == scan.ping(k).first_detected().winner

@@ -48,12 +48,14 @@ def test_sound_repeats_between_near_wall_and_face_until_blanking_ends(
     scan = predict(ROOM.places[place], heading, unit=Unit.REFLECT)
     assert scan.ranges[0] == pytest.approx(trips * away, abs=1e-9)
     assert via(scan, 0) == (wall, *("unit", wall) * (trips - 1))
-    assert [echo.range for echo in scan.blanked_echoes(0)][: trips - 1] == pytest.approx(np.arange(1, trips) * away)
+    assert [echo.range for echo in scan.ping(0).blanked_echoes][: trips - 1] == pytest.approx(
+        np.arange(1, trips) * away
+    )
 
 
 def test_parallel_plate_returns_many_echoes_each_weaker_by_wall_and_face() -> None:
     scan = predict(HERE, 0.0, unit=Unit.REFLECT, room=PLATE)
-    detected = [*scan.blanked_echoes(0), *scan.echoes(0)]
+    detected = [*scan.ping(0).blanked_echoes, *scan.ping(0).echoes]
     ringing = [echo for echo in detected if scan.paths.edges[echo.path] < 0]
     levels = [20 * math.log10(0.9**n * BODY_REFLECTANCE ** (n - 1)) for n in range(1, len(ringing) + 1)]
     assert [echo.range for echo in ringing] == pytest.approx(0.15 * np.arange(1, len(ringing) + 1))
@@ -63,8 +65,10 @@ def test_parallel_plate_returns_many_echoes_each_weaker_by_wall_and_face() -> No
 
 def test_a_blocking_face_absorbs_the_echo_of_a_parallel_plate() -> None:
     scan = predict(HERE, 0.0, unit=Unit.BLOCK, room=PLATE)
-    assert [echo.range for echo in scan.blanked_echoes(0) if scan.paths.edges[echo.path] < 0] == pytest.approx([0.15])
-    assert not [echo for echo in scan.echoes(0) if scan.paths.edges[echo.path] < 0]
+    assert [echo.range for echo in scan.ping(0).blanked_echoes if scan.paths.edges[echo.path] < 0] == pytest.approx(
+        [0.15]
+    )
+    assert not [echo for echo in scan.ping(0).echoes if scan.paths.edges[echo.path] < 0]
 
 
 def test_tilted_face_reflects_the_second_round_trip_like_two_mirrors() -> None:
@@ -87,9 +91,9 @@ def test_paths_off_a_reflecting_face_are_those_that_a_blocking_one_passes() -> N
         predict(ROOM.places["figure9"], *degrees, unit=unit, board=near) for unit in (Unit.REFLECT, Unit.BLOCK)
     )
     for k in range(len(degrees)):
-        past = [e for e in reflecting.echoes(k) if "unit" not in reflecting.paths.via(e.path, reflecting.room)]
-        assert [e.range for e in past] == pytest.approx([e.range for e in blocking.echoes(k)], abs=1e-9)
-        assert [e.level_db for e in past] == pytest.approx([e.level_db for e in blocking.echoes(k)], abs=1e-6)
+        past = [e for e in reflecting.ping(k).echoes if "unit" not in reflecting.paths.via(e.path, reflecting.room)]
+        assert [e.range for e in past] == pytest.approx([e.range for e in blocking.ping(k).echoes], abs=1e-9)
+        assert [e.level_db for e in past] == pytest.approx([e.level_db for e in blocking.ping(k).echoes], abs=1e-6)
 
 
 def test_sound_from_behind_is_reflected_by_the_back_of_the_face() -> None:
@@ -97,8 +101,8 @@ def test_sound_from_behind_is_reflected_by_the_back_of_the_face() -> None:
     corridor = polygon_room([(0.5, -3.0), (0.5, 3.0), (-0.7, 3.0), (-0.7, -3.0)])
     passing, reflecting = (predict(HERE, 0.0, unit=u, room=corridor) for u in (Unit.PASS, Unit.REFLECT))
     past_the_unit = 0.5 + 0.7 + 0.5  # front, rear, front: m one way
-    assert any(echo.range == pytest.approx(past_the_unit) for echo in passing.echoes(0))
-    assert not any(echo.range == pytest.approx(past_the_unit) for echo in reflecting.echoes(0))
+    assert any(echo.range == pytest.approx(past_the_unit) for echo in passing.ping(0).echoes)
+    assert not any(echo.range == pytest.approx(past_the_unit) for echo in reflecting.ping(0).echoes)
 
 
 MOUNTS = [Mount(ahead=0.03), Mount(ahead=-0.02), Mount(aside=0.04), Mount(ahead=0.05, aside=-0.02)]
@@ -115,7 +119,9 @@ def test_face_off_the_axis_has_the_readings_of_an_axis_there(mount: Mount, unit:
         x, y = np.array(place.position) + mount.ahead * ahead + mount.aside * np.array([-ahead[1], ahead[0]])
         alone = predict(replace(place, position=(float(x), float(y))), degrees[k], unit=unit, board=near)
         assert mounted.ranges[k] == pytest.approx(alone.ranges[0], nan_ok=True, abs=1e-9)
-        assert [e.range for e in mounted.echoes(k)] == pytest.approx([e.range for e in alone.echoes(0)], abs=1e-9)
+        assert [e.range for e in mounted.ping(k).echoes] == pytest.approx(
+            [e.range for e in alone.ping(0).echoes], abs=1e-9
+        )
         assert mounted.standpoints[k] == pytest.approx((x, y))
 
 
@@ -132,7 +138,7 @@ def test_path_between_separate_sender_and_receiver_is_two_sides_of_a_triangle() 
     assert scan.ranges[0] == pytest.approx(math.hypot(0.5, 0.05))
     aside = math.atan2(0.05, 0.5)
     one_way = beam_gain(np.array(aside), PAPER.wavenumber(wall.air) * PAPER.aperture_radius)
-    assert scan.levels_at(0)[scan.winners[0]] == pytest.approx(20 * math.log10(0.9 * float(one_way) ** 2), abs=1e-6)
+    assert scan.ping(0).levels[scan.winners[0]] == pytest.approx(20 * math.log10(0.9 * float(one_way) ** 2), abs=1e-6)
 
 
 B12 = replace(load_board("paper-b12"), max_range=2.0)
@@ -147,8 +153,8 @@ def test_sound_repeats_between_body_and_near_wall_which_hides_the_far_one() -> N
     assert via(scan, 0) == rattling
     false_wall = 0.085 + ROOM.walls[:, 3].max()
     without = predict(replace(place, position=(0.45, 0.085)), 270.0, unit=Unit.PASS)
-    assert any(echo.range == pytest.approx(false_wall) for echo in without.echoes(0))
-    assert not any(echo.range == pytest.approx(false_wall, abs=1e-3) for echo in scan.echoes(0))
+    assert any(echo.range == pytest.approx(false_wall) for echo in without.ping(0).echoes)
+    assert not any(echo.range == pytest.approx(false_wall, abs=1e-3) for echo in scan.ping(0).echoes)
 
 
 def test_round_body_spreads_reflected_sound() -> None:

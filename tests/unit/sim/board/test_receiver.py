@@ -205,9 +205,9 @@ def test_reported_range_is_that_of_the_signal() -> None:
     scan = predict_scan(ROOM, ROOM.places["figure9"], BOARD, headings, options)
     speed = ROOM.air.speed_of_sound
     for k in range(len(headings)):
-        found = echo_times(scan.signal_at(k, 2 * BOARD.max_range / speed).samples, BOARD, speed)
+        found = echo_times(scan.ping(k).signal(2 * BOARD.max_range / speed).samples, BOARD, speed)
         assert scan.distances[k] == pytest.approx(found[0] * speed / 2)
-        assert scan.echo_times_at(k) == pytest.approx(found)
+        assert scan.ping(k).echo_times() == pytest.approx(found)
 
 
 def test_false_wall_of_figure_9_exists_for_the_boards_receiver_too() -> None:

@@ -55,7 +55,7 @@ def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
 def test_ring_of_one_is_a_head_on_a_body() -> None:
     one = predict_scan(WALL, HERE, replace(PAPER, ring=Ring(sensors=1, radius=0.1)), np.zeros(1))
     head = predict_scan(WALL, HERE, replace(PAPER, mount=Mount(ahead=0.1, body_radius=0.1)), np.zeros(1))
-    assert [e.range for e in one.echoes(0)] == pytest.approx([e.range for e in head.echoes(0)], abs=1e-12)
+    assert [e.range for e in one.ping(0).echoes] == pytest.approx([e.range for e in head.ping(0).echoes], abs=1e-12)
     assert one.ranges[0] == pytest.approx(0.5)
 
 
@@ -69,7 +69,7 @@ def test_neighbour_is_received_at_the_distance_of_its_mirror_image() -> None:
     ka = PAPER.wavenumber(WALL.air) * PAPER.aperture_radius
     out, back = beam_gain(np.array([leaving - math.tau / 24, coming]), ka)
     assert scan.paths.lengths[path] == pytest.approx(by_wall(ring, 1, 0), abs=1e-9)
-    assert scan.levels_at(0)[path] == pytest.approx(20 * math.log10(0.9 * out * back), abs=1e-3)
+    assert scan.ping(0).levels[path] == pytest.approx(20 * math.log10(0.9 * out * back), abs=1e-3)
 
 
 def test_crosstalk_is_timed_from_the_receivers_own_ping() -> None:
@@ -81,7 +81,7 @@ def test_crosstalk_is_timed_from_the_receivers_own_ping() -> None:
         path = path_from(scan, listener, sender)
         expected = by_wall(ring, sender, listener) + later * SPEED
         assert scan.apparent_lengths[path] == pytest.approx(expected, abs=1e-9)
-        assert any(echo.range == pytest.approx(expected / 2, abs=1e-9) for echo in scan.echoes(listener))
+        assert any(echo.range == pytest.approx(expected / 2, abs=1e-9) for echo in scan.ping(listener).echoes)
     assert scan.ranges[0] == pytest.approx(0.5)
     assert scan.ranges[1] == pytest.approx((by_wall(ring, 0, 1) - interval * SPEED) / 2)
 
@@ -91,8 +91,8 @@ def test_ping_within_the_receivers_blanking_is_not_detected() -> None:
     scan = scan_of(ring, 0, 1)
     early = path_from(scan, listener=1, sender=0)
     assert scan.apparent_lengths[early] / 2 < PAPER.blanked_range(WALL.air)
-    assert early in [echo.path for echo in scan.blanked_echoes(1)]
-    assert early not in [echo.path for echo in scan.echoes(1)]
+    assert early in [echo.path for echo in scan.ping(1).blanked_echoes]
+    assert early not in [echo.path for echo in scan.ping(1).echoes]
 
 
 def test_sensors_fire_in_the_given_order() -> None:
@@ -104,15 +104,17 @@ def test_crosstalk_of_two_sensors_is_symmetric() -> None:
     scan = scan_of(Ring(sensors=24, radius=0.1), 2, 23)
     one, other = path_from(scan, 0, 1), path_from(scan, 1, 0)
     assert scan.paths.lengths[one] == pytest.approx(scan.paths.lengths[other], abs=1e-9)
-    assert scan.levels_at(0)[one] == pytest.approx(scan.levels_at(1)[other], abs=1e-6)
+    assert scan.ping(0).levels[one] == pytest.approx(scan.ping(1).levels[other], abs=1e-6)
 
 
 def test_sensors_with_long_intervals_receive_no_crosstalk() -> None:
     far_apart = scan_of(Ring(sensors=24, radius=0.1, interval=0.1), 0, 1, 23)
     assert far_apart.sender_headings is not None
     for sensor in range(3):
-        own = [e for e in far_apart.echoes(sensor) if far_apart.sender_headings[e.path] == far_apart.headings[sensor]]
-        assert own == list(far_apart.echoes(sensor))
+        own = [
+            e for e in far_apart.ping(sensor).echoes if far_apart.sender_headings[e.path] == far_apart.headings[sensor]
+        ]
+        assert own == list(far_apart.ping(sensor).echoes)
 
 
 def test_heading_between_two_sensors_is_rejected() -> None:

@@ -46,7 +46,7 @@ def test_models_of_nearest_walls_have_no_blanking_and_report_their_first_echo() 
     for model in (Model.NEAREST, Model.CONE):
         scan = predict_with(model, SIMPLE, PLACE, PAPER, np.radians([270.0, 0.0]))
         assert scan.ranges == pytest.approx([0.085, 0.154], abs=1e-9)
-        assert [scan.echoes(k)[0].range for k in range(2)] == pytest.approx([0.085, 0.154], abs=1e-9)
+        assert [scan.ping(k).echoes[0].range for k in range(2)] == pytest.approx([0.085, 0.154], abs=1e-9)
 
 
 def test_models_of_nearest_walls_use_the_mount() -> None:

@@ -43,7 +43,7 @@ def test_figure_9(heading: float, distance: float, via: tuple[str, ...]) -> None
 
 
 def test_near_wall_of_figure_9_lies_within_blanking() -> None:
-    blanked = predict("figure9", 270).blanked_echoes(0)
+    blanked = predict("figure9", 270).ping(0).blanked_echoes
     assert blanked[0].range == pytest.approx(0.085)
 
 
@@ -51,7 +51,7 @@ def test_figure_8_reads_past_the_unit_only_if_sound_passes_it() -> None:
     passing, blocking = predict("figure7", 0), predict("figure7", 0, unit=Unit.BLOCK)
     assert passing.ranges[0] == pytest.approx(1.022)
     assert passing.paths.via(int(passing.winners[0]), ROOM) == ("right", "left", "right")
-    assert not any(echo.range == pytest.approx(1.022) for echo in blocking.echoes(0))
+    assert not any(echo.range == pytest.approx(1.022) for echo in blocking.ping(0).echoes)
 
 
 @pytest.mark.parametrize("place", ["figure12", "figure13"])
@@ -73,7 +73,7 @@ def test_no_echo_within_blanking_beyond_the_range_or_below_the_threshold() -> No
     ranges = scan.ranges[~np.isnan(scan.ranges)]
     assert ranges.min() >= board.blanked_range(ROOM.air)
     assert ranges.max() <= 1.5
-    levels = [scan.levels_at(k)[winner] for k, winner in enumerate(scan.winners) if winner >= 0]
+    levels = [scan.ping(k).levels[winner] for k, winner in enumerate(scan.winners) if winner >= 0]
     assert min(levels) >= board.threshold_db
     assert np.isnan(scan.ranges).any()
 
@@ -81,7 +81,7 @@ def test_no_echo_within_blanking_beyond_the_range_or_below_the_threshold() -> No
 def test_first_echo_is_the_earliest_detected_one() -> None:
     scan = predict("figure9", *range(0, 360, 7))
     for k in range(len(scan.headings)):
-        echoes = scan.echoes(k)
+        echoes = scan.ping(k).echoes
         assert [e.range for e in echoes] == pytest.approx(sorted(e.range for e in echoes), abs=1e-12)
         if echoes:
             assert scan.ranges[k] == echoes[0].range
@@ -99,7 +99,7 @@ def test_dry_air_is_louder_but_not_on_paper() -> None:
     for name, louder in (("polaroid-6500", True), ("paper", False)):
         board = load_board(name)
         usual, drier = (predict_scan(r, r.places["figure9"], board, np.array([math.pi / 2])) for r in (ROOM, dry))
-        assert (drier.levels_at(0)[3] > usual.levels_at(0)[3] + 0.5) == louder
+        assert (drier.ping(0).levels[3] > usual.ping(0).levels[3] + 0.5) == louder
 
 
 def test_fixed_gain_leaves_spreading_and_absorption_in_the_level() -> None:
@@ -109,7 +109,7 @@ def test_fixed_gain_leaves_spreading_and_absorption_in_the_level() -> None:
         scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.zeros(1))
         length = 2 * ahead
         lost = 20 * math.log10(length) + absorption(board.frequency, room.air) * (length - 1)
-        assert scan.echoes(0)[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
+        assert scan.ping(0).echoes[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
 
 
 def test_search_heading_by_heading_finds_all_echoes_with_a_fixed_gain() -> None:
@@ -158,7 +158,7 @@ def test_beam_between_the_nodes_of_its_table_is_the_closed_form(ka: float) -> No
 def test_winner_is_the_first_of_the_echoes_whatever_the_unit() -> None:
     for unit in Unit:
         scan = predict("figure7", *range(0, 360, 3), unit=unit)
-        firsts = [echoes[0].path if (echoes := scan.echoes(k)) else -1 for k in range(len(scan.headings))]
+        firsts = [echoes[0].path if (echoes := scan.ping(k).echoes) else -1 for k in range(len(scan.headings))]
         assert scan.winners.tolist() == firsts
 
 
@@ -170,7 +170,7 @@ def test_noise_depends_on_the_heading_only_and_is_the_same_after_a_full_turn() -
         scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.array(headings), options)
         quiet = replace(scan, noise=0.0)
         return [
-            np.asarray(scan.signal_at(k, 0.02).envelope().samples - quiet.signal_at(k, 0.02).envelope().samples)
+            np.asarray(scan.ping(k).signal(0.02).envelope().samples - quiet.ping(k).signal(0.02).envelope().samples)
             for k in range(len(headings))
         ]
 

@@ -13,7 +13,8 @@ from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.traces import Arrivals, pulses
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.predicted_scan import PredictedScan, with_first_echoes
+from sonarhw_sim.predict.board_readings import with_first_echoes, with_scattered_sound
+from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths, find_paths
 from sonarhw_sim.rays.scatter import PATCH, scattered_paths
@@ -67,7 +68,7 @@ def test_level_and_range_are_those_of_the_integral_along_a_lambert_wall(degrees:
     )
     assert scan.ranges[0] == pytest.approx(found / 2, abs=0.0005)
     loudest = max(lambert_level(degrees, end - burst, end) for end in np.linspace(found, found + burst, 60))
-    assert scan.level_of_reading(0) == pytest.approx(loudest, abs=0.1)
+    assert scan.ping(0).level_of_reading == pytest.approx(loudest, abs=0.1)
     assert scan.paths.via(int(scan.winners[0]), WALL) == ("wall",)
 
 
@@ -76,9 +77,9 @@ def test_level_and_range_are_those_of_the_integral_along_a_lambert_wall(degrees:
 def test_level_does_not_depend_on_the_size_of_patches(degrees: float, receiver: Receiver) -> None:
     usual, half = (scan_at(degrees, patch=PATCH * factor, receiver=receiver) for factor in (1.0, 0.5))
     assert len(half.paths) > 1.9 * len(usual.paths)
-    assert half.level_of_reading(0) == pytest.approx(usual.level_of_reading(0), abs=0.1)
+    assert half.ping(0).level_of_reading == pytest.approx(usual.ping(0).level_of_reading, abs=0.1)
     assert half.distances[0] == pytest.approx(usual.distances[0], abs=0.001)
-    peaks = [20 * math.log10(np.abs(scan.signal_at(0, 0.03).samples[1100:]).max()) for scan in (usual, half)]
+    peaks = [20 * math.log10(np.abs(scan.ping(0).signal(0.03).samples[1100:]).max()) for scan in (usual, half)]
     assert peaks[1] == pytest.approx(peaks[0], abs=0.1)
 
 
@@ -86,7 +87,7 @@ def test_level_does_not_depend_on_the_size_of_patches(degrees: float, receiver: 
 def test_signal_is_the_sum_of_the_powers_of_all_pulses(degrees: float) -> None:
     """Independent of histograms and of the carrier's beam: the exact pulse of each of many narrow patches."""
     rough = replace(WALL, reflectances=np.zeros(1))
-    signal = scan_at(degrees, rough, IDEAL, receiver=Receiver.BOARD).signal_at(0, 0.02).samples
+    signal = scan_at(degrees, rough, IDEAL, receiver=Receiver.BOARD).ping(0).signal(0.02).samples
     speed, step = rough.air.speed_of_sound, math.radians(0.05)
     angles = np.arange(math.radians(20), math.radians(120), step)
     gains = np.sqrt(0.8**2 * 0.5 * np.sin(angles) * step)
@@ -107,9 +108,9 @@ def test_signal_is_the_sum_of_the_powers_of_all_pulses(degrees: float) -> None:
 def amplitude_at(length: float, scan: PredictedScan) -> float:
     """Return the amplitude that the receiver of a scan has at the instant of a path of this length, m."""
     if scan.receiver is Receiver.FIRST_ECHO:
-        return float(10 ** (scan.levels_at(0)[np.searchsorted(scan.paths.lengths, length)] / 20))
+        return float(10 ** (scan.ping(0).levels[np.searchsorted(scan.paths.lengths, length)] / 20))
     sample = round(length / WALL.air.speed_of_sound * RATE)
-    return float(np.abs(scan.signal_at(0, 0.008).samples[sample]))
+    return float(np.abs(scan.ping(0).signal(0.008).samples[sample]))
 
 
 @pytest.mark.parametrize("receiver", list(Receiver))
@@ -139,7 +140,7 @@ def test_a_grain_leaves_smooth_rooms_alone() -> None:
 def test_reflection_and_scatter_add_by_power() -> None:
     """Straight ahead: the mirror of the wall, and the patches whose sound is still received at that instant."""
     scan = scan_at(90.0, receiver=Receiver.FIRST_ECHO)
-    levels, loudest = scan.arrivals_at(0)
+    levels, loudest = scan.ping(0).levels, scan.ping(0).loudest
     row = int(np.searchsorted(scan.paths.lengths, 2.05))
     assert scan.paths.scattered[loudest[row]]
     assert levels[row] == pytest.approx(lambert_level(90.0, 1.95, float(scan.paths.lengths[row])), abs=0.1)
@@ -150,18 +151,18 @@ def test_reflection_and_scatter_add_by_power() -> None:
 def test_profiles_that_detect_each_path_alone_add_scattered_sound_too() -> None:
     for name in ("paper", "lego-nxt"):
         usual, half = (scan_at(65.0, board=load_board(name), patch=PATCH * factor) for factor in (1.0, 0.5))
-        assert half.level_of_reading(0) == pytest.approx(usual.level_of_reading(0), abs=0.1)
+        assert half.ping(0).level_of_reading == pytest.approx(usual.ping(0).level_of_reading, abs=0.1)
 
 
 @pytest.mark.parametrize("receiver", list(Receiver))
 def test_headings_away_from_rough_surfaces_are_computed_together_with_equal_results(receiver: Receiver) -> None:
     room, headings = load_room("rooms/doorstep.toml"), np.radians(np.arange(0.0, 360.0, 9.0))
     scan = predict_scan(room, room.place("plan"), BOARD, headings, PredictionOptions(receiver=receiver))
-    assert 0 < len(scan.with_scattered_sound) < len(headings) / 2
+    assert 0 < len(with_scattered_sound(scan)) < len(headings) / 2
     if receiver is Receiver.FIRST_ECHO:
         assert with_first_echoes(scan).winners.tolist() == scan.winners.tolist()
         return
     for k in range(len(headings)):
-        alone = scan.first_detected_at(k)
+        alone = scan.ping(k).first_detected()
         assert alone.winner == scan.winners[k]
         assert float(alone.times[0]) * room.air.speed_of_sound / 2 == pytest.approx(scan.distances[k], abs=1e-4)

@@ -44,7 +44,7 @@ def test_path_and_its_reverse_are_6_db_louder_than_one_of_them() -> None:
     heading = float(np.angle(np.exp(1j * everything.paths.departures[pair]).sum()))
     both, alone = scan_at(room, heading), scan_at(room, heading, ALONE)
     row = next(k for k in range(len(both.paths)) if both.paths.bounces[k] == 2 and both.paths.edges[k] < 0)
-    assert both.levels_at(0)[row] - alone.levels_at(0)[row] == pytest.approx(20 * math.log10(2), abs=0.05)
+    assert both.ping(0).levels[row] - alone.ping(0).levels[row] == pytest.approx(20 * math.log10(2), abs=0.05)
 
 
 @pytest.mark.parametrize(("sequence", "opening"), [(("w0", "w1"), 90.0), (("w0", "w1", "w0"), 45.0)])
@@ -56,7 +56,7 @@ def test_path_that_retraces_itself_counts_once(sequence: tuple[str, ...], openin
     towards = float(paths.departures[rows[0]])
     both, alone = scan_at(room, towards), scan_at(room, towards, ALONE)
     row = next(k for k in range(len(both.paths)) if both.paths.via(k, room) == sequence)
-    assert both.levels_at(0)[row] == pytest.approx(alone.levels_at(0)[row], abs=0.01)
+    assert both.ping(0).levels[row] == pytest.approx(alone.ping(0).levels[row], abs=0.01)
 
 
 def test_reading_is_that_of_the_loudest_of_its_arrival_and_has_the_level_of_the_sum() -> None:
@@ -67,9 +67,9 @@ def test_reading_is_that_of_the_loudest_of_its_arrival_and_has_the_level_of_the_
     assert paths.via(0, room) == ("w1/",)
     assert paths.via(int(scan.winners[0]), room) == ("w0",)
     assert scan.distances[0] == pytest.approx(1.0)
-    echo = scan.echoes(0)[0]
+    echo = scan.ping(0).echoes[0]
     assert echo.path == scan.winners[0]
-    assert scan.level_of_reading(0) == pytest.approx(echo.level_db)
+    assert scan.ping(0).level_of_reading == pytest.approx(echo.level_db)
 
 
 @pytest.mark.parametrize(("apart", "sums"), [(0.0, (2, 2)), (0.25, (2**0.5, 1)), (0.5, (0, 1)), (1.01, (1, 1))])
@@ -96,10 +96,10 @@ def test_whole_scan_is_that_of_its_levels() -> None:
     options = PredictionOptions(receiver=Receiver.FIRST_ECHO)
     scan = predict_scan(room, room.places["bench"], BOARD, headings, options)
     for k in range(len(headings)):
-        echoes = scan.echoes(k)
+        echoes = scan.ping(k).echoes
         assert scan.winners[k] == (echoes[0].path if echoes else -1)
         if echoes:
-            assert scan.level_of_reading(k) == pytest.approx(echoes[0].level_db)
+            assert scan.ping(k).level_of_reading == pytest.approx(echoes[0].level_db)
 
 
 def test_profile_of_the_paper_detects_each_path_alone() -> None:
@@ -111,7 +111,7 @@ def test_profile_of_the_paper_detects_each_path_alone() -> None:
     room = corner(60.0)
     alone = scan_at(room, 0.3, load_board("paper"))
     amplitudes = alone.paths.gains
-    levels = alone.levels_at(0)
+    levels = alone.ping(0).levels
     assert (levels <= 20 * np.log10(amplitudes) + 1e-9).all()
 
 
@@ -119,15 +119,15 @@ def test_option_is_stronger_than_the_profile() -> None:
     room = room_of([(1.0, -9.0, 1.0, -0.03)])
     quiet = scan_at(room, 0.0, edge_strength=EdgeStrength.PAPER)
     uniform = scan_at(room, 0.0, load_board("paper"), edge_strength=EdgeStrength.UNIFORM)
-    assert uniform.level_of_reading(0) == pytest.approx(-12.2, abs=1.0)  # 0.6 dB of it by the beam
-    assert quiet.winners[0] == -1 or quiet.level_of_reading(0) < -30
+    assert uniform.ping(0).level_of_reading == pytest.approx(-12.2, abs=1.0)  # 0.6 dB of it by the beam
+    assert quiet.winners[0] == -1 or quiet.ping(0).level_of_reading < -30
 
 
 def test_trace_adds_the_edges_with_their_phase() -> None:
     """The peak of the trace of a strip is the level that the Fresnel integral gives."""
-    endless = scan_at(room_of([(1.0, -9.0, 1.0, 9.0)]), 0.0).signal_at(0, 0.008)
+    endless = scan_at(room_of([(1.0, -9.0, 1.0, 9.0)]), 0.0).ping(0).signal(0.008)
     for width, level in ((0.01, -15.4), (0.04, -3.4)):
-        strip = scan_at(room_of([(1.0, -width / 2, 1.0, width / 2)]), 0.0).signal_at(0, 0.008)
+        strip = scan_at(room_of([(1.0, -width / 2, 1.0, width / 2)]), 0.0).ping(0).signal(0.008)
         late = slice(int(0.0058 * 2 * 60_000), None)
         ratio = np.abs(strip.samples[late]).max() / np.abs(endless.samples[late]).max()
         assert 20 * math.log10(ratio) == pytest.approx(level, abs=0.7)

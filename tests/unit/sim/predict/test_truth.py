@@ -38,7 +38,7 @@ def test_an_echo_within_the_rearming_time_of_a_reported_one_is_not_reported() ->
     scan = predict_scan(ROOM, PLACE, board, np.radians(np.arange(0, 360, 30.0)))
     left_out = 0
     for k, degrees in enumerate(range(0, 360, 30)):
-        arrivals = [2 * echo.range / ROOM.air.speed_of_sound for echo in scan.echoes(k)]
+        arrivals = [2 * echo.range / ROOM.air.speed_of_sound for echo in scan.ping(k).echoes]
         expected, since = [], -math.inf
         for arrival in arrivals:
             if arrival >= since + board.rearm:
@@ -116,7 +116,7 @@ def test_additional_post_stands_free_between_the_scanner_and_a_wall(seed: int) -
 
 def test_trace_rises_at_every_loud_echo_and_not_before_the_first() -> None:
     scan = predict_scan(ROOM, PLACE, BOARD, np.radians([90.0]))
-    trace = scan.signal_at(0, LISTEN).envelope()
+    trace = scan.ping(0).signal(LISTEN).envelope()
     threshold = 10 ** (BOARD.threshold_db / 20)
     first = 2 * 0.657 / ROOM.air.speed_of_sound
     quiet = (trace.times > 0.002) & (trace.times < first)

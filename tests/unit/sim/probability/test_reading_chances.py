@@ -72,7 +72,7 @@ def test_one_wall_is_heard_with_the_normal_probability_of_its_level(name: str, o
 def test_two_echoes_have_the_product_of_first_missed_and_second_heard() -> None:
     where = room(with_post=True)
     scan = predict_scan(where, HERE, board(threshold_db=-100.0), AHEAD)
-    levels = scan.levels_at(0)
+    levels = scan.ping(0).levels
     first, second = (float(levels[np.abs(scan.paths.lengths - length) < 0.001].max()) for length in (1.90998, 3.0))
     threshold = first + 3.0
     which = board(threshold_db=threshold, threshold_sd_db=5.0)

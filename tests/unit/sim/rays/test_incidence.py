@@ -131,7 +131,7 @@ def test_the_carrier_decides_for_paths_and_for_the_paper_s_receiver() -> None:
     for name, frequency in (("polaroid-6500", 49412.0), ("polaroid-56", 55e3)):
         scan = predict_scan(room, Place("here", (0.0, 0.0)), load_board(name), np.radians([90.0]), options)
         expected = 0.2 + 0.4 * (frequency - 40e3) / 20e3
-        assert scan.level_of_reading(0) == pytest.approx(20 * math.log10(expected), abs=1e-6)
+        assert scan.ping(0).level_of_reading == pytest.approx(20 * math.log10(expected), abs=1e-6)
 
 
 def test_a_trace_of_the_chirp_has_the_reflectance_of_each_of_its_frequencies() -> None:
@@ -142,7 +142,7 @@ def test_a_trace_of_the_chirp_has_the_reflectance_of_each_of_its_frequencies() -
     spectra = []
     for table in (rows((50e3, 0.9), (60e3, 0.3)), rows((50e3, 1.0))):
         scan = predict_scan(foam_room(wall, table), here, board, np.radians([90.0]), options)
-        spectra.append(np.fft.fft(scan.signal_at(0, 0.02).samples))
+        spectra.append(np.fft.fft(scan.ping(0).signal(0.02).samples))
     frequencies = board.frequency + np.fft.fftfreq(len(spectra[0]), 1 / 200e3)
     within = (frequencies > 49e3) & (frequencies < 61e3)
     expected = np.clip(0.9 - 0.6 * (frequencies[within] - 50e3) / 10e3, 0.3, 0.9)

@@ -70,7 +70,7 @@ def lambert_level(height: float, begin: float, end: float) -> float:
 def test_level_is_the_integral_over_the_floor(height: float, degrees: float) -> None:
     scan = scan_of(open_room(), height, degrees)
     burst = 16 / BOARD.frequency * scan.room.air.speed_of_sound
-    levels, loudest = scan.arrivals_at(0)
+    levels, loudest = scan.ping(0).levels, scan.ping(0).loudest
     assert {scan.paths.via(int(row), scan.room) for row in loudest} == {("floor",)}
     for length in (2.0, 2.5, 3.0, 4.0):
         row = int(np.searchsorted(scan.paths.lengths, length))

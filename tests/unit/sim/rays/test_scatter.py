@@ -132,7 +132,7 @@ def test_rough_wall_at_45_degrees_has_a_weak_echo_and_a_mirror_none() -> None:
     mirror, carpet = predicted(wall_room(0.0), (0.0, 0.0), 45.0), predicted(wall_room(0.5), (0.0, 0.0), 45.0)
     assert math.isnan(mirror.ranges[0])
     assert carpet.ranges[0] == pytest.approx(math.sqrt(2), rel=0.15)
-    assert -40.0 <= carpet.levels_at(0)[carpet.winners[0]] <= -20.0
+    assert -40.0 <= carpet.ping(0).levels[carpet.winners[0]] <= -20.0
 
 
 def test_smooth_rooms_have_no_patches() -> None:

@@ -143,8 +143,8 @@ def test_lowest_thresholds_detect_all_echoes_and_nothing_else(threshold: str) ->
     scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.radians([0.0, 20.0, 120.0, 180.0]))
     assert scan.ranges[:2] == pytest.approx([1.0] * 2)
     assert np.isnan(scan.ranges[2:]).all()
-    assert [len(scan.echoes(k)) > 0 for k in range(4)] == [True, True, False, False]
-    assert all(math.isfinite(echo.level_db) for k in range(4) for echo in scan.echoes(k))
+    assert [len(scan.ping(k).echoes) > 0 for k in range(4)] == [True, True, False, False]
+    assert all(math.isfinite(echo.level_db) for k in range(4) for echo in scan.ping(k).echoes)
 
 
 def test_a_room_of_very_many_walls_loads_and_has_paths(count: Count) -> None:
@@ -221,4 +221,4 @@ def test_scans_at_any_place_have_valid_ranges_or_none(
     detected = scan.ranges[~np.isnan(scan.ranges)]
     assert (detected >= board.blanked_range(scan.room.air)).all()
     assert (detected <= board.max_range + 1e-6).all()
-    assert all(math.isfinite(echo.level_db) for k in range(len(headings)) for echo in scan.echoes(k))
+    assert all(math.isfinite(echo.level_db) for k in range(len(headings)) for echo in scan.ping(k).echoes)
