@@ -21,6 +21,9 @@ IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -nore
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 WITHOUT_WINDOW := tests --ignore tests/system/gui
 
+# OpenBLAS threads wait in a loop for each other, and processes of the tests already use all cores
+check window-tests other-tests coverage: export OPENBLAS_NUM_THREADS := 1
+
 .PHONY: setup tools demo check lint types test collected window-tests other-tests coverage soak mutation firmware board docs fresh lock audit clean
 
 # the product with its window; `tools` adds the development tools

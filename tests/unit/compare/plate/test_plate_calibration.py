@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from sonarhw_compare.plate.blanking_fit import blanking_end
 from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
 from sonarhw_compare.plate.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
@@ -91,9 +92,11 @@ def test_what_the_scans_hardly_determine_stays() -> None:
 
 
 def test_blanking_by_the_scanner_hides_that_of_the_board() -> None:
-    scans = [replace(scan, blanked_until=CONSTANTS["blanking"]) for scan in plates(hidden_board(), traces=False)]
-    found = calibrate_with_plates(start_board(), scans)
-    assert found.kept["blanking"] == "the scanner ignored all echoes before 1.7 ms; scan with less blanking"
+    seen = plates(hidden_board(), distances=(0.25,), traces=False)
+    assert blanking_end(start_board(), seen).time == pytest.approx(CONSTANTS["blanking"], abs=TOLERANCES["blanking"])
+    scans = [replace(scan, blanked_until=CONSTANTS["blanking"]) for scan in seen]
+    reason = "the scanner ignored all echoes before 1.7 ms; scan with less blanking"
+    assert blanking_end(start_board(), scans).reason == reason
 
 
 def test_a_plate_elsewhere_is_refused() -> None:
