@@ -186,8 +186,28 @@ def dragging(lasts: float) -> list[Figure]:
         Figure(f"{what}new outlines painted per second of GUI thread", count / thread, "/s", 30, True),
         Figure(f"{what}mouse to paint, median", ms(drag.updates, 0.5), "ms"),
         Figure(f"{what}all threads", process / wall, "cores"),
-        Figure(f"{what}hand rests to complete outline painted, median", ms([r.wall for r in rests], 0.5), "ms", 300),
-        Figure(f"{what}the same, processor of all threads, median", ms([r.process for r in rests], 0.5), "ms"),
+        *_of_rests(what, rests),
+    ]
+
+
+def laboratory() -> list[Figure]:
+    """Drag the sensor with the mouse in the laboratory, where a search takes longer than among many walls."""
+    room = load_room(ROOMS / "laboratory.toml")
+    scene = Scene(room, room.place("bench"), load_board("polaroid-6500"))
+    with tempfile.TemporaryDirectory() as folder, opened(scene=scene, source=scanned(scene, Path(folder))) as window:
+        work_until(lambda: settled(window))
+        drag = _Drag(window)
+        drag.run(WARM_UP)
+        rests = [drag.rest() for _ in range(_RESTS)]
+        drag.end()
+    return _of_rests("drag the sensor, laboratory, 360 headings: ", rests)
+
+
+def _of_rests(what: str, rests: list[Moment]) -> list[Figure]:
+    wall, process = (ms([getattr(rest, kind) for rest in rests], 0.5) for kind in ("wall", "process"))
+    return [
+        Figure(f"{what}hand rests to complete outline painted, median", wall, "ms", 300),
+        Figure(f"{what}the same, processor of all threads, median", process, "ms"),
     ]
 
 
