@@ -133,24 +133,28 @@ def unfold(path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends:
     Up to `beyond_ends` m beyond the end of a wall is on it. `images` (b + 1, 2) or more rows are overwritten.
     """
     bounces = sequence.shape[0]
-    images[bounces, 0], images[bounces, 1] = path[bounces + 1, 0], path[bounces + 1, 1]
+    x, y = path[bounces + 1, 0], path[bounces + 1, 1]
     for k in range(bounces - 1, -1, -1):
-        images[k, 0], images[k, 1] = mirrored(images[k + 1, 0], images[k + 1, 1], walls[sequence[k]])
+        x, y = mirrored(x, y, walls[sequence[k]])
+        images[k, 0], images[k, 1] = x, y
+    x, y = path[0, 0], path[0, 1]
     for k in range(bounces):
         wall = walls[sequence[k]]
         ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-        px, py = path[k]
-        dx, dy = images[k, 0] - px, images[k, 1] - py
+        dx, dy = images[k, 0] - x, images[k, 1] - y
         across = dx * ey - dy * ex
         if across == 0.0:
             return False
-        rx, ry = wall[0] - px, wall[1] - py
-        ahead = (rx * ey - ry * ex) / across
-        along = (rx * dy - ry * dx) / across
-        slack = beyond_ends / math.hypot(ex, ey)
-        if ahead < -1e-9 or ahead > 1.0 + 1e-9 or along < -slack or along > 1.0 + slack:
+        rx, ry = wall[0] - x, wall[1] - y
+        ahead, along = (rx * ey - ry * ex) / across, (rx * dy - ry * dx) / across
+        if ahead < -1e-9 or ahead > 1.0 + 1e-9:
             return False
-        path[k + 1, 0], path[k + 1, 1] = px + ahead * dx, py + ahead * dy
+        if along < 0.0 or along > 1.0:
+            slack = beyond_ends / math.hypot(ex, ey)
+            if along < -slack or along > 1.0 + slack:
+                return False
+        x, y = x + ahead * dx, y + ahead * dy
+        path[k + 1, 0], path[k + 1, 1] = x, y
     return True
 
 

@@ -214,59 +214,6 @@ def _fold_along(
     return found
 
 
-@compiled
-def are_clear(
-    ways: Ways,
-    rows: NDArray[np.intp],
-    which: NDArray[np.intp],
-    heights: FloatArray,
-    climbs: FloatArray,
-    sequences: IntArray,
-    obstacles: Obstacles,
-) -> BoolArray:
-    """Return whether sound can take these rows (n,) of ways with a given sequence of levels each, (n,) bool.
-
-    `which` (n,) are their rows in `sequences` (q, k) of levels, padded with -1, and in `heights` and `climbs` (q, k +
-    2), m, which are those of the departure, of each level, and of the arrival.
-    """
-    clear = np.empty(rows.shape[0], np.bool_)
-    _test(
-        ways,
-        rows,
-        which,
-        heights,
-        climbs,
-        sequences,
-        obstacles,
-        room_for_passages(ways.at.shape[1], obstacles.low),
-        clear,
-    )
-    return clear
-
-
-@compiled_part
-def _test(
-    ways: Ways,
-    rows: NDArray[np.intp],
-    which: NDArray[np.intp],
-    heights: FloatArray,
-    climbs: FloatArray,
-    sequences: IntArray,
-    obstacles: Obstacles,
-    passages: Passages,
-    clear: BoolArray,
-) -> None:
-    """Fill in the result of `are_clear`."""
-    passed = 0
-    for k in range(rows.shape[0]):
-        # often, several sequences in turn are for one way
-        if k == 0 or rows[k] != rows[k - 1]:
-            row = rows[k]
-            passed = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, passages)
-        which_one = heights[which[k]], climbs[which[k]], sequences[which[k]]
-        clear[k] = can_take(ways, rows[k], passages, passed, *which_one, obstacles)
-
-
 @compiled_part
 def can_take(
     ways: Ways,
@@ -280,7 +227,7 @@ def can_take(
 ) -> bool:
     """Return whether sound can take a way, which passes so many `passages`, with a sequence of levels (k,).
 
-    `heights` and `climbs` (k + 2,) are as in `are_clear`.
+    `heights` and `climbs` (k + 2,) m are those of the departure, of each level, and of the arrival.
     """
     count = 0
     while count < sequence.shape[0] and sequence[count] >= 0:

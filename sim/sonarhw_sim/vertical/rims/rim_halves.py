@@ -4,21 +4,20 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part
-from sonarhw_sim.rays.passing import Passages, pass_low, room_for_passages
+from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.paths import PathSearch
-from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
 from sonarhw_sim.room.edges import inside_wedge
-from sonarhw_sim.room.grid import IntArray, Surfaces
-from sonarhw_sim.vertical.folding import BoolArray, Obstacles, Ways, can_take
+from sonarhw_sim.room.grid import IntArray
+from sonarhw_sim.vertical.folding import BoolArray
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches
 from sonarhw_sim.vertical.rims.rim_pairs import Halves
 from sonarhw_sim.vertical.rims.rim_table import Rims
-from sonarhw_sim.vertical.rims.rim_ways import RimSequences
+from sonarhw_sim.vertical.rims.rim_ways import RimSequences, ways_to
 
 _ON_RIM = 1e-9  # m: beyond its end
 _TRIED = (0.5, 1e-3, 1 - 1e-3)  # shares of a part of a wall: points to which ways are tried
@@ -46,7 +45,10 @@ def halves_of(
     position: FloatArray,
     search: PathSearch,
 ) -> Halves:
-    """Return every approach from `position` (2,) to the wall of each rim together with every sequence of levels."""
+    """Return every approach from `position` (2,) to the wall of each rim together with every sequence of levels.
+
+    Those that sound cannot take are omitted if they have up to half of the reflections of the search.
+    """
     along = rims.walls[:, 2:] - rims.walls[:, :2]
     along /= np.hypot(*along.T)[:, None]
     kernel = _KernelRims(
@@ -69,8 +71,11 @@ def halves_of(
     axial, lows, highs, radial, directions, gains, beams = columns[:, :found]
     rim, way, sequence, bounces = numbers[:, :found]
     rows = np.flatnonzero(inside_wedge(directions, rims.wedges.starts[rim], rims.wedges.openings[rim]))
-    rows = rows[_possible(plan, position, approaches, sequences, way[rows], sequence[rows])]
-    rows = rows[np.lexsort((radial[rows], rim[rows]))]
+    # few halves fit to those with many reflections, which are most: they are tested after they are joined
+    few = rows[2 * bounces[rows] <= search.max_bounces]
+    possible = are_possible(plan, position, approaches, sequences, way[few], sequence[few])
+    rows = np.concatenate((few[possible], rows[2 * bounces[rows] > search.max_bounces]))
+    rows = rows[np.lexsort((lows[rows], bounces[rows], rim[rows]))]
     angles = np.mod(directions[rows] - rims.wedges.starts[rim[rows]], math.tau)
     before, behind = (rim, axial, lows, highs, radial), (gains, beams, bounces, way, sequence)
     return Halves._make((*(column[rows] for column in before), angles, *(column[rows] for column in behind)))
@@ -128,99 +133,25 @@ def _list(
     return found
 
 
-def _possible(
+def are_possible(
     plan: Plan,
     position: FloatArray,
     approaches: Approaches,
     sequences: RimSequences,
-    rows: IntArray,
-    chosen: IntArray,
+    rows: NDArray[np.integer],
+    chosen: NDArray[np.integer],
 ) -> BoolArray:
-    """Return whether sound can take these rows of approaches with a sequence of levels each, (h,) bool."""
-    assert plan.passing is not None
-    possible, width = np.zeros(len(rows), np.bool_), approaches.surfaces.shape[1] + 3
-    points, at, met = np.empty((1, width, 2)), np.empty((1, width)), np.empty((1, width), np.int32)
-    way = Ways(points, at, met, np.empty(1, np.int32), np.full(1, -1, np.int32), np.zeros(1, np.int32))
-    walls, blocking = plan.room.walls, plan.passing.blocking
-    _try(position, approaches, sequences, rows, chosen, walls, blocking, plan.obstacles, way, possible)
+    """Return whether sound can take these rows of approaches with a sequence of levels each, (h,) bool.
+
+    It can if it reaches one of three points of the part of the wall.
+    """
+    possible, walls = np.zeros(len(rows), np.bool_), plan.room.walls[approaches.walls]
+    along = walls[:, 2:] - walls[:, :2]
+    sizes = np.hypot(*along.T)
+    for share in _TRIED:
+        left = np.flatnonzero(~possible)
+        way = rows[left]
+        on = (approaches.lows[way] + share * (approaches.highs[way] - approaches.lows[way])) / sizes[way]
+        to = walls[way, :2] + on[:, None] * along[way]
+        possible[left] = ways_to(plan, position, approaches, way, sequences, chosen[left], to)[0]
     return possible
-
-
-@compiled
-def _try(
-    position: FloatArray,
-    approaches: Approaches,
-    sequences: RimSequences,
-    rows: IntArray,
-    chosen: IntArray,
-    walls: FloatArray,
-    blocking: Surfaces,
-    obstacles: Obstacles,
-    way: Ways,
-    possible: BoolArray,
-) -> None:
-    """Fill in whether each way is possible: it leads to the middle or to one of both ends of the part of the wall."""
-    passages, images = room_for_passages(way.at.shape[1], obstacles.low), np.empty((way.at.shape[1], 2))
-    begin = 0
-    for k in range(rows.shape[0]):
-        if k + 1 == rows.shape[0] or rows[k + 1] != rows[k]:
-            some = chosen[begin : k + 1], possible[begin : k + 1]
-            _try_part(position, approaches, sequences, rows[k], some, walls, blocking, obstacles, way, passages, images)
-            begin = k + 1
-
-
-@compiled_part
-def _try_part(
-    position: FloatArray,
-    approaches: Approaches,
-    sequences: RimSequences,
-    row: int,
-    some: tuple[IntArray, BoolArray],
-    walls: FloatArray,
-    blocking: Surfaces,
-    obstacles: Obstacles,
-    way: Ways,
-    passages: Passages,
-    images: FloatArray,
-) -> None:
-    """Fill in the result of `_try` for one approach with `some` sequences."""
-    (chosen, possible), wall = some, walls[approaches.walls[row]]
-    length = math.hypot(wall[2] - wall[0], wall[3] - wall[1])
-    for trial in range(3):
-        share = _TRIED[trial]
-        on = (approaches.lows[row] + share * (approaches.highs[row] - approaches.lows[row])) / length
-        x, y = wall[0] + on * (wall[2] - wall[0]), wall[1] + on * (wall[3] - wall[1])
-        if not _fill_in(position, x, y, approaches, row, walls, blocking, images, way):
-            continue
-        passed = pass_low(way.points[0], way.at[0], way.lasts[0], obstacles.surfaces, passages)
-        for k in range(possible.shape[0]):
-            which = chosen[k]
-            heights, climbs, levels = sequences.heights[which], sequences.climbs[which], sequences.levels[which]
-            if not possible[k]:
-                possible[k] = can_take(way, 0, passages, passed, heights, climbs, levels, obstacles)
-
-
-@compiled_part
-def _fill_in(
-    position: FloatArray,
-    x: float,
-    y: float,
-    approaches: Approaches,
-    row: int,
-    walls: FloatArray,
-    blocking: Surfaces,
-    images: FloatArray,
-    way: Ways,
-) -> bool:
-    """Fill in the only row of `way` with that of an approach to a point, and return whether it is one in the plan."""
-    bounces = approaches.bounces[row]
-    path, sequence = way.points[0, : bounces + 2], approaches.surfaces[row, :bounces]
-    path[0, 0], path[0, 1], path[bounces + 1, 0], path[bounces + 1, 1] = position[0], position[1], x, y
-    if not unfold(path, sequence, walls, ON_WALL, images) or not path_is_free(path, blocking):
-        return False
-    way.lasts[0], way.at[0, 0], way.met[0, 0], way.met[0, bounces + 1] = bounces + 1, 0.0, -1, -1
-    for k in range(bounces + 1):
-        way.at[0, k + 1] = way.at[0, k] + math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        if k < bounces:
-            way.met[0, k + 1] = sequence[k]
-    return True

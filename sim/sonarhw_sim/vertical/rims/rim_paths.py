@@ -17,10 +17,11 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.diffraction import edge_amplitudes
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
+from sonarhw_sim.vertical.folding import BoolArray
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches, approaches_to
-from sonarhw_sim.vertical.rims.rim_halves import halves_of
+from sonarhw_sim.vertical.rims.rim_halves import are_possible, halves_of
 from sonarhw_sim.vertical.rims.rim_pairs import Halves, pairs_of
 from sonarhw_sim.vertical.rims.rim_table import Rims
 from sonarhw_sim.vertical.rims.rim_ways import Bends, End, RimSequences, paths_by, sequences_to
@@ -33,6 +34,7 @@ _ON_RIM = 1e-9  # m: beyond its end
 class _End(NamedTuple):
     """The ways from sender or receiver to rims."""
 
+    position: FloatArray  # (2,)
     approaches: Approaches
     halves: Halves
 
@@ -46,7 +48,8 @@ def rim_paths(
     sender, receiver = ends
     out = _end(plan, levels, rims, sequences, sender, receiver, search)
     back = out if receiver is sender else _end(plan, levels, rims, sequences, receiver, sender, search)
-    bends, first, second = _bends(plan, rims, (out.halves, back.halves), search)
+    joined = _joined(plan, rims, sequences, out, back, search)
+    bends, first, second = _bends(plan, rims, (out.halves, back.halves), joined, search)
     one = End(sender, out.approaches, *_ways_of(out.halves, first))
     other = End(receiver, back.approaches, *_ways_of(back.halves, second))
     return paths_by(plan, levels, sequences, (one, other), bends, search)
@@ -56,14 +59,37 @@ def _ways_of(halves: Halves, rows: NDArray[np.intp]) -> tuple[NDArray[np.intp], 
     return halves.approaches[rows].astype(np.intp), halves.sequences[rows].astype(np.intp)
 
 
-def _bends(
-    plan: Plan, rims: Rims, halves: tuple[Halves, Halves], search: PathSearch
-) -> tuple[Bends, NDArray[np.intp], NDArray[np.intp]]:
-    """Return where sound may bend, loud enough, and the rows (m,) of both halves."""
-    out, back = halves
+def _joined(
+    plan: Plan, rims: Rims, sequences: RimSequences, out: _End, back: _End, search: PathSearch
+) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+    """Return the rows (m,) of both halves of paths that sound may take, and where on their rim they join, (m,) m."""
     limits = search.wavelength, search.max_length + SLACK, search.faintest_diffraction, search.max_bounces
     strength = [*EdgeStrength].index(search.edge_strength)
-    first, second, at = pairs_of(out, back, rims.wedges.openings / math.pi, limits, strength)
+    first, second, at = pairs_of(out.halves, back.halves, rims.wedges.openings / math.pi, limits, strength)
+    possible = _possible(plan, sequences, out, first)
+    # between one place and itself, each pair is listed in both orders
+    kept = possible[first] & (possible if back is out else _possible(plan, sequences, back, second))[second]
+    return first[kept], second[kept], at[kept]
+
+
+def _possible(plan: Plan, sequences: RimSequences, end: _End, rows: NDArray[np.intp]) -> BoolArray:
+    """Return which halves of an end are among these rows and can be taken by sound, (h,)."""
+    possible = np.zeros(len(end.halves.rims), np.bool_)
+    possible[rows] = True
+    some = np.flatnonzero(possible)
+    possible[some] = are_possible(plan, end.position, end.approaches, sequences, *_ways_of(end.halves, some))
+    return possible
+
+
+def _bends(
+    plan: Plan,
+    rims: Rims,
+    halves: tuple[Halves, Halves],
+    joined: tuple[NDArray[np.intp], NDArray[np.intp], FloatArray],
+    search: PathSearch,
+) -> tuple[Bends, NDArray[np.intp], NDArray[np.intp]]:
+    """Return where sound may bend, loud enough, and the rows (m,) of both halves."""
+    (out, back), (first, second, at) = halves, joined
     amplitudes = _amplitudes(plan, rims, halves, (first, second), search)
     gains = out.gains[first] * back.gains[second] * np.abs(amplitudes)
     rim = out.rims[first]
@@ -87,7 +113,7 @@ def _end(
     """Return the ways from `position` (2,) to the rims, of paths that continue to `other` (2,)."""
     climbs = sequences.totals * np.where(sequences.signs[:, 0] < 0, -1.0, 1.0)
     approaches = approaches_to(plan, np.unique(rims.owners), position, other, climbs, search)
-    return _End(approaches, halves_of(plan, levels, rims, sequences, approaches, position, search))
+    return _End(position, approaches, halves_of(plan, levels, rims, sequences, approaches, position, search))
 
 
 def _amplitudes(

@@ -1,17 +1,20 @@
 """Ways to rims, each with its sequence of levels, solved in the plan and checked at its heights; paths of two ways."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.rays.diffraction import fill_rows
 from sonarhw_sim.rays.partial_paths import first_of_kind
+from sonarhw_sim.rays.passing import pass_low, room_for_passages
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
-from sonarhw_sim.rays.sequences import solve_candidates
-from sonarhw_sim.room.grid import IntArray
-from sonarhw_sim.vertical.folding import Folded, Ways, are_clear
+from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
+from sonarhw_sim.room.grid import IntArray, Surfaces
+from sonarhw_sim.vertical.folding import BoolArray, Folded, Obstacles, Ways, can_take
 from sonarhw_sim.vertical.in_space import loudest_at, with_levels
 from sonarhw_sim.vertical.level_sequences import LevelSequence, level_sequences
 from sonarhw_sim.vertical.plan import Plan
@@ -89,56 +92,105 @@ def sequences_to(levels: Levels, heights: FloatArray, height: float, search: Pat
 
 
 def ways_to(
-    plan: Plan, position: FloatArray, approaches: Approaches, rows: NDArray[np.intp], to: FloatArray
-) -> tuple[NDArray[np.bool_], Ways]:
-    """Return the ways of these rows (m,) of approaches to points (m, 2), and whether each is one in the plan, (m,)."""
+    plan: Plan,
+    position: FloatArray,
+    approaches: Approaches,
+    rows: NDArray[np.integer],
+    sequences: RimSequences,
+    chosen: NDArray[np.integer],
+    to: FloatArray,
+) -> tuple[BoolArray, Ways]:
+    """Return the ways of these rows (m,) of approaches to points (m, 2), and which of them sound can take, (m,).
+
+    `chosen` (m,) are their rows of `sequences`. The ways that sound cannot take are not filled in.
+    """
     assert plan.passing is not None
+    count, width = len(rows), approaches.surfaces.shape[1] + 3
     bounces = approaches.bounces[rows]
-    real, found, _, _ = solve_candidates(
-        position,
-        np.zeros(len(approaches.walls)),
-        approaches.surfaces,
-        np.column_stack((rows, bounces, np.arange(len(rows)))).astype(np.int32),
-        to,
-        np.full(len(rows), np.inf),
-        plan.passing.blocking,
+    ways = Ways(
+        np.full((count, width, 2), np.nan),
+        np.full((count, width), np.nan),
+        np.full((count, width), -1, np.int32),
+        bounces + 1,
+        np.full(count, -1, np.int32),
+        bounces,
     )
-    points = np.full((len(rows), *found.shape[1:]), np.nan)
-    points[real] = found
-    legs = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0))
-    met = np.full(points.shape[:2], -1, np.int32)
-    met[:, 1 : points.shape[1] - 2] = approaches.surfaces[rows, : points.shape[1] - 3]
-    at = np.hstack((np.zeros((len(rows), 1)), np.cumsum(legs, axis=1)))
-    return real, Ways(points, at, met, bounces + 1, np.full(len(rows), -1, np.int32), bounces)
+    clear, blocking = np.zeros(count, np.bool_), plan.passing.blocking
+    which = rows.astype(np.intp), chosen.astype(np.intp)
+    _find(position, approaches, sequences, which, to, plan.room.walls, blocking, plan.obstacles, ways, clear)
+    return clear, ways
 
 
-def ways_are_clear(
-    plan: Plan, ways: Ways, rows: NDArray[np.intp], sequences: RimSequences, chosen: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Return whether sound can take these rows (h,) of ways with a sequence of levels each, (h,) bool."""
-    chosen = chosen.astype(np.intp)
-    return are_clear(ways, rows, chosen, sequences.heights, sequences.climbs, sequences.levels, plan.obstacles)
+@compiled
+def _find(
+    position: FloatArray,
+    approaches: Approaches,
+    sequences: RimSequences,
+    which: tuple[NDArray[np.intp], NDArray[np.intp]],
+    to: FloatArray,
+    walls: FloatArray,
+    blocking: Surfaces,
+    obstacles: Obstacles,
+    ways: Ways,
+    clear: BoolArray,
+) -> None:
+    """Fill in the results of `ways_to`; `which` are the rows of approaches and of sequences, (m,) each."""
+    passages, images = room_for_passages(ways.at.shape[1], obstacles.low), np.empty((ways.at.shape[1], 2))
+    free, passed = False, 0
+    for k in range(to.shape[0]):
+        row, chosen = which[0][k], which[1][k]
+        # often, several sequences in turn are for one way
+        if k > 0 and row == which[0][k - 1] and to[k, 0] == to[k - 1, 0] and to[k, 1] == to[k - 1, 1]:
+            if free:
+                ways.points[k], ways.at[k], ways.met[k] = ways.points[k - 1], ways.at[k - 1], ways.met[k - 1]
+        else:
+            free = _fill_in(position, to[k], approaches, row, walls, blocking, images, ways, k)
+            if free:
+                passed = pass_low(ways.points[k], ways.at[k], ways.lasts[k], obstacles.surfaces, passages)
+        if free:
+            heights, climbs, levels = sequences.heights[chosen], sequences.climbs[chosen], sequences.levels[chosen]
+            clear[k] = can_take(ways, k, passages, passed, heights, climbs, levels, obstacles)
+
+
+@compiled_part
+def _fill_in(
+    position: FloatArray,
+    to: FloatArray,
+    approaches: Approaches,
+    row: int,
+    walls: FloatArray,
+    blocking: Surfaces,
+    images: FloatArray,
+    ways: Ways,
+    k: int,
+) -> bool:
+    """Fill in row `k` of the ways with that of an approach to a point, and return whether it is one in the plan."""
+    bounces = approaches.bounces[row]
+    path, sequence = ways.points[k, : bounces + 2], approaches.surfaces[row, :bounces]
+    path[0, 0], path[0, 1], path[bounces + 1, 0], path[bounces + 1, 1] = position[0], position[1], to[0], to[1]
+    if not unfold(path, sequence, walls, ON_WALL, images) or not path_is_free(path, blocking):
+        return False
+    ways.at[k, 0] = 0.0
+    for j in range(bounces + 1):
+        ways.at[k, j + 1] = ways.at[k, j] + math.hypot(path[j + 1, 0] - path[j, 0], path[j + 1, 1] - path[j, 1])
+        if j < bounces:
+            ways.met[k, j + 1] = sequence[j]
+    return True
 
 
 def paths_by(
     plan: Plan, levels: Levels, sequences: RimSequences, ends: tuple[End, End], bends: Bends, search: PathSearch
 ) -> Paths:
     """Return the paths past these bends that sound can take, loud enough, shortest first."""
-    (free, there), (also_free, on) = (_ways_to_bends(plan, end, sequences, bends.points) for end in ends)
+    (free, there), (also_free, on) = (
+        ways_to(plan, end.position, end.approaches, end.rows, sequences, end.sequences, bends.points) for end in ends
+    )
     clear = np.flatnonzero(free & also_free)
     one, other = (
         _solved(levels, sequences, end.sequences[clear], Ways._make(column[clear] for column in ways))
         for end, ways in zip(ends, (there, on), strict=True)
     )
     return _audible(_joined(Bends._make(column[clear] for column in bends), one, other), search)
-
-
-def _ways_to_bends(plan: Plan, end: End, sequences: RimSequences, points: FloatArray) -> tuple[NDArray[np.bool_], Ways]:
-    """Return whether sound can take the ways of an end to these points (m, 2) of rims, and the ways."""
-    clear, ways = ways_to(plan, end.position, end.approaches, end.rows, points)
-    solved = np.flatnonzero(clear)
-    clear[solved] = ways_are_clear(plan, ways, solved, sequences, end.sequences[solved])
-    return clear, ways
 
 
 def _solved(levels: Levels, sequences: RimSequences, chosen: NDArray[np.intp], ways: Ways) -> _Solved:
