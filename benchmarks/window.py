@@ -2,8 +2,7 @@
 
 Opens real windows, on Xvfb if there is no display, and prints a table: dragging the sensor with all views open among
 many walls and in the laboratory, a live scan with traces, a log of an hour, its replay at 50×, thousands of repaints,
-the first window. With `--full`
-the replay runs for an hour. Every job is a separate process.
+the first window. With `--full` the replay runs for an hour. Every job is a separate process.
 
 Times by the wall clock are valid only on an idle machine. Processor times are therefore printed too, and the load at
 the start. With the necessary permission, `nice -n -10` approaches an idle machine.
