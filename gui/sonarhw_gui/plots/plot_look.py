@@ -39,11 +39,17 @@ def style_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
     plot.showGrid(x=grid, y=grid, alpha=look.palette.grid_alpha)
 
 
+def remove_prefixes(plot: pg.PlotItem) -> None:
+    """Remove SI prefixes from all axes: they would scale tick values, and lay out a label with every change of zoom."""
+    for name in _AXES:
+        axis = plot.getAxis(name)
+        # disabling the prefixes computes one last prefix, which would stay; without ranges there is none
+        axis.setSIPrefixEnableRanges(())
+        axis.enableAutoSIPrefix(False)
+
+
 def label_axis(axis: pg.AxisItem, text: str) -> None:
     """Set the label of an axis, without SI prefixes."""
-    # disabling the prefixes computes one last prefix, which would stay; without ranges there is none
-    axis.setSIPrefixEnableRanges(())
-    axis.enableAutoSIPrefix(False)
     axis.setLabel(text, siPrefixEnableRanges=(), **axis.labelStyle)
 
 

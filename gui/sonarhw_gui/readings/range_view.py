@@ -171,7 +171,6 @@ class RangeView(Canvas):
         for plot, height in zip((self.ranges, self.residuals), _heights(look), strict=True):
             plot.setMinimumHeight(0 if self._low else height)
         unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
-        axis.enableAutoSIPrefix(False)
         axis.setScale(unit.per_metre)
         label_axis(axis, unit.label if self._low else f"residual ({unit.label})")
         label_length(self.ranges.getAxis("left"), "range", look)

@@ -65,7 +65,6 @@ class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
 
     def __init__(self, side: str) -> None:
         super().__init__(side)
-        self.enableAutoSIPrefix(False)
         self.unit = ""
 
     def set_unit(self, unit: str, scale: float) -> None:
