@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from sonarhw_cli.app import run
 from sonarhw_compare.fit.plain_fit import fit_scan
 from sonarhw_compare.imports.mean_ranges import are_means, likely_pings
-from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, compare_readings
-from sonarhw_compare.matching.silence import roc_area
+from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, compare_readings, roc_area
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.prediction import PredictionOptions

@@ -38,7 +38,6 @@ from sonarhw_cli.instrument import ports_command as ports
 from sonarhw_cli.instrument import replay_command as replay
 from sonarhw_cli.instrument import scan_command as scan
 from sonarhw_cli.instrument import serve_command as serve
-from sonarhw_cli.option_names import with_options
 from sonarhw_cli.prediction import figures_command as figures
 from sonarhw_cli.prediction import paths_command as paths
 from sonarhw_cli.prediction import profile_command, room_command
@@ -52,6 +51,17 @@ _REWORDED = (
     ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
     ("Input should be a valid number, unable to parse string as a number", "expected a number"),
     ("Input should be ", "expected a number "),
+)
+
+# options in errors of the library, which names none: it serves the window and Python programs too
+_OPTIONS = (
+    (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
+    (r"^places: expected", "--place: expected"),
+    (r"; free it too, or", "; add it to --free, or"),
+    (r"; give a room$", "; give one with --room"),
+    (r"; give a place, or free the position$", "; give --place, or add position to --free"),
+    (r"; give a place, or X,Y in metres;", "; give --place NAME or --place X,Y in metres;"),
+    (r": give a place, or X,Y in metres;", ": give --place NAME or --place X,Y in metres;"),
 )
 
 app = typer.Typer(
@@ -155,7 +165,7 @@ def _status(arguments: list[str] | None) -> int:
         return exit_wanted.exit_code
     except SonarError as error:
         print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
-        return _report(_with_position_hint(with_options(str(error)), given), error.exit_status)
+        return _report(_with_position_hint(_with_options(str(error)), given), error.exit_status)
     except typer.TyperException as error:
         return _refuse(_with_position_hint(_with_help(_reworded(error), error), given), error.exit_code)
     except KeyboardInterrupt:
@@ -166,6 +176,13 @@ def _status(arguments: list[str] | None) -> int:
         # an error about a file contains its name; without a name, the full disk is that of standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
         return _report(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
+
+
+def _with_options(message: str) -> str:
+    """Return an error of the library with the names of the options that the reader needs."""
+    for words, option in _OPTIONS:
+        message = re.sub(words, option, message)
+    return message
 
 
 def _reworded(error: typer.TyperException) -> str:

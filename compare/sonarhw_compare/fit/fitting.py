@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Receiver, Unit
+from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Room
 
 from sonarhw.errors import Cancelled, InputError
-from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.agreement import agreement
+from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Problem, make_problem
@@ -22,7 +22,9 @@ from sonarhw_compare.fit.search.ridges import underestimated
 from sonarhw_compare.fit.search.starting_poses import Candidate, is_same, starting_poses
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import AirQuantity
 from sonarhw_compare.headings import turned_near
+from sonarhw_compare.matching.match import Summary, compare_readings
 from sonarhw_compare.matching.regions import mean_run
 
 _PROMISING = 25.0  # largest deficit of the coarse log-likelihood, for independent readings, of another solution
@@ -78,7 +80,7 @@ def fit_scans(
     result = _result(problem, marginals, solutions)
     ridge = underestimated(weighted, solutions[0].values, marginals.narrow)
     result = replace(result, warnings=warnings_of(result, ridge))
-    agreed = agreement(scans, result, options.prediction)
+    agreed = _agreement(scans, result, options.prediction)
     return replace(result, agreement=agreed, warnings=(*unexplained(scans, agreed), *result.warnings))
 
 
@@ -221,3 +223,18 @@ def _mode(problem: Problem, solution: Candidate, best: float) -> Mode:
     turned = solution.values + _turns(problem, solution.values)
     values = {parameter.name: float(value) for parameter, value in zip(problem.parameters, turned, strict=False)}
     return Mode(values, solution.score - best)
+
+
+def _agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: PredictionOptions) -> tuple[Summary, ...]:
+    """Return one summary for each scan, compared with the prediction from its fitted place, room and board."""
+    return tuple(
+        compare_readings(_ranged(scan.readings, result), result.room, place, result.board, options=prediction).summary()
+        for scan, place in zip(scans, result.places, strict=True)
+    )
+
+
+def _ranged(readings: Sequence[Reading], result: FitResult) -> Sequence[Reading]:
+    """Return the readings, with ranges from the fitted speed of sound if the air was fitted."""
+    if not any(isinstance(parameter.quantity, AirQuantity) for parameter in result.parameters):
+        return readings
+    return [replace(reading, speed_of_sound=result.room.air.speed_of_sound) for reading in readings]

@@ -16,9 +16,8 @@ from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_he
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.readings import Origin, Reading
+from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_compare.headings import in_degrees
-from sonarhw_compare.matching.silence import roc_area
 
 # m, largest residual of a match; slightly over 5 cm, for boards that report whole centimetres
 TOLERANCE = 0.05 + 1e-9
@@ -195,3 +194,17 @@ def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
     if silent == 0 or sounding == 0:
         return None
     return (kinds[Kind.BOTH_SILENT] / silent + (sounding - kinds[Kind.EXTRA]) / sounding) / 2
+
+
+def roc_area(scores: FloatArray, sounding: Sequence[bool]) -> float | None:
+    """Return the area under the ROC curve of scores (n,); a higher score predicts an echo, and 0.5 is chance.
+
+    Consider all pairs of a heading with an echo and one without. The area is the share of pairs in which the heading
+    with an echo has the higher score; ties count half. None if all headings are of one kind.
+    """
+    echo = np.asarray(sounding, dtype=np.bool_)
+    silent = np.sort(scores[~echo])
+    if echo.all() or not echo.any():
+        return None
+    below, up_to = (np.searchsorted(silent, scores[echo], side) for side in ("left", "right"))
+    return float((below + up_to).mean() / (2 * len(silent)))

@@ -11,9 +11,10 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Reading
 
 CHANGED = 4.0  # standard deviations; by chance, 1 heading in 16 000 differs more
 LEAST_NOISE = 0.002  # m, of a ping; less is not credible, because air moves
@@ -225,3 +226,13 @@ def _step(headings: FloatArray) -> float:
     """Return the usual step between headings, rad; 0 with one heading."""
     steps: NDArray[np.float64] = np.diff(headings)
     return float(np.median(steps)) if len(steps) else 0.0
+
+
+def heading_series(readings: Sequence[Reading], board: Board, heading: float) -> HeadingSeries:
+    """Return the first echoes of readings from a place with this `heading` (rad; 0 gives turntable angles)."""
+    zero = board.heading_at(0.0, heading)
+    return HeadingSeries(
+        np.array([zero + board.turned(reading.angle) for reading in readings], dtype=np.float64),
+        np.array([math.nan if reading.range is None else reading.range for reading in readings], dtype=np.float64),
+        board.rounding,
+    )

@@ -7,8 +7,9 @@ walls, and the gradient of the length is -(u + a). An image behind a moving wall
 posts, all this holds to first order.
 """
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from sonarhw_compare.fit.values.free_walls import corner_moves, left_normals
 Point = tuple[float, float]
 
 _SAME_DIRECTION = 1e-6  # of unit vectors
+_KEPT = 4  # searches
 
 EVEN, ODD, BENT = 0, 1, 2  # number of reflections, or diffraction at an edge
 
@@ -215,3 +217,19 @@ def displaced(
     y = -listener[1] if kind == ODD else listener[1]
     x_image, y_image = turn[0] * listener[0] - turn[1] * y, turn[0] * y + turn[1] * listener[0]
     return out[0] + x_image - sender[0], out[1] + y_image - sender[1], 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class PathMemory:
+    """The last searches of a fit, because several of its steps begin where the one before has ended."""
+
+    _searches: deque[tuple[Room, object, tuple[EchoPaths, ...]]] = field(default_factory=lambda: deque(maxlen=_KEPT))
+
+    def paths(self, room: Room, key: object, search: Callable[[], tuple[EchoPaths, ...]]) -> tuple[EchoPaths, ...]:
+        """Return the paths of an earlier search in this very room with an equal key, or else those of `search`."""
+        for there, its_key, found in tuple(self._searches):
+            if there is room and its_key == key:
+                return found
+        found = search()
+        self._searches.append((room, key, found))
+        return found

@@ -30,9 +30,8 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import (
     ScanArrays,
     log_likelihoods,
 )
-from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, with_reverses
+from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, PathMemory, echo_paths, with_reverses
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
-from sonarhw_compare.fit.likelihood.path_memory import PathMemory
 from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 from sonarhw_compare.fit.likelihood.tolerance_prior import TolerancePrior, tolerance_prior
 from sonarhw_compare.fit.values.fit_result import PlacedScan
