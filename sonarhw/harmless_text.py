@@ -1,4 +1,4 @@
-"""Make text from files and devices harmless, before a terminal or a spreadsheet shows it.
+"""Text of messages: counts with nouns, and text from files and devices, made harmless for terminals and spreadsheets.
 
 A name may contain escape sequences that move the cursor or change colours, line breaks that pretend to be another
 message, and marks that reverse the direction of writing. A file name that is not UTF-8 contains surrogates.
@@ -26,3 +26,13 @@ def shortened(text: str, most: int) -> str:
         return text
     end = most // 3
     return f"{text[: most - end - 1]}…{text[-end:]}"
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a count with its noun: `1 reading`, `2 readings`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def counted_are(count: int, noun: str) -> str:
+    """Return a count as the begin of a sentence: `1 reading is`, `2 readings are`."""
+    return f"{counted(count, noun)} {'is' if count == 1 else 'are'}"

@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sonarhw_sim.rays.first_surface import distances_ahead
 from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.outside import wall_distances
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -119,8 +120,6 @@ def _in_posts(room: Room, points: FloatArray) -> BoolArray:
 
 def _distance(room: Room, point: FloatArray) -> float:
     """Return the distance from a point (2,) to the nearest wall or post, m; negative inside a post."""
-    starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
-    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    walls = np.hypot(*(starts + share[:, None] * along - point).T)
+    walls = wall_distances(point[None], room.walls)
     posts = np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2]
     return float(min(walls.min(), posts.min(initial=math.inf)))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from sonarhw.errors import DeviceError, LostSteps, NoAnswer
+from sonarhw.harmless_text import counted_are
 from sonarhw.host.conversation import Conversation, broken_protocol
 from sonarhw.host.job import Job, Script
 from sonarhw.lost_steps import MARK_APPROACH, MARK_OVERRUN, lost_steps_clause, nearest_mark, unverified_clause
@@ -230,5 +231,5 @@ def _with_wrong_angles(error: LostSteps, runs: list[FloatArray]) -> LostSteps:
     total = sum(map(len, runs))
     if not total:
         return error
-    kept = f"{total} reading{' is' if total == 1 else 's are'} kept"
+    kept = f"{counted_are(total, 'reading')} kept"
     return LostSteps(f"{error} {'; '.join(filter(None, (kept, lost_steps_clause(runs), unverified_clause(runs))))}")

@@ -17,6 +17,7 @@ from typing import BinaryIO
 
 from sonarhw.atomic_file import unfinished_file
 from sonarhw.errors import LogError
+from sonarhw.harmless_text import counted_are
 
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
@@ -172,7 +173,7 @@ class LogFile:
             return LogError(
                 f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
             )
-        count = f"{kept} reading{' is' if kept == 1 else 's are'} kept in it"
+        count = f"{counted_are(kept, 'reading')} kept in it"
         delete = "delete other files or " if error.errno in _FULL else ""
         return LogError(
             f"{self.path}: can no longer be written: {error.strerror}; {count}; {delete}record to another disk"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Protocol
 
+from sonarhw.harmless_text import counted
 from sonarhw.lost_steps import lost_steps_clause, split_at_homings, unverified_clause
 from sonarhw.readings import Origin, Reading
 from sonarhw.wire.codes import Outcome
@@ -117,8 +118,7 @@ class Log:
     def doubts(self) -> tuple[str, ...]:
         """Clauses for warnings: what is missing in the file, and which angles of its scans may be wrong."""
         count = len(self.readings)
-        read = f"{count} whole reading{'' if count == 1 else 's'} read"
-        missing = (f"{self.condition}; {read}; {self.torn}",) if self.torn else ()
+        missing = (f"{self.condition}; {counted(count, 'whole reading')} read; {self.torn}",) if self.torn else ()
         several = len(self.scans) > 1
         doubted = ((number, scan.angle_warning) for number, scan in enumerate(self.scans, 1))
         return missing + tuple(f"scan {number}: {why}" if several else why for number, why in doubted if why)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.errors import NoPlate
+from sonarhw.harmless_text import counted
 from sonarhw.readings import FloatArray, Reading
 
 GATE = 0.30  # m; ranges further from the stated distance are not from the plate
@@ -98,7 +99,7 @@ def _longest_arc(ranges: Sequence[FloatArray]) -> NDArray[np.intp]:
 
 def _check_hits(hits: NDArray[np.intp], angles: FloatArray, distance: float, readings: Sequence[Reading]) -> None:
     if len(hits) < FEWEST:
-        count = f"{len(hits)} heading{'' if len(hits) == 1 else 's'}"
+        count = counted(len(hits), "heading")
         raise NoPlate(
             f"the plate is detected at {count} in a row, expected at least {FEWEST}; {_found_instead(readings)}; check "
             f"that it is {distance:g} m away and faces the scanner, or use smaller steps or a larger plate"

@@ -14,6 +14,7 @@ from typing import Protocol
 
 from sonarhw import disk_space
 from sonarhw.errors import Incompatible, LinkError, NoAnswer, WrongDevice
+from sonarhw.harmless_text import counted_are
 from sonarhw.host.connected_scanner import ConnectedScanner
 from sonarhw.log import LogWriter
 from sonarhw.readings import Reading, ScanOrder
@@ -64,7 +65,7 @@ def record_scan(scanner: ConnectedScanner, plan: ScanPlan, log: LogWriter, watch
         try:
             outcome = run_scan(scanner, plan, progress, log.path)
         except (LinkError, NoAnswer, WrongDevice, Incompatible) as error:
-            kept = f"; {_readings_are(progress.count)} kept in {log.path}" if progress.count else ""
+            kept = f"; {counted_are(progress.count, 'reading')} kept in {log.path}" if progress.count else ""
             raise type(error)(f"{error}{kept}") from error
         finally:
             scanner.record(None)
@@ -124,7 +125,3 @@ def _warn_if_disk_is_too_small(scanner: ConnectedScanner, plan: ScanPlan, path: 
             f"{path}: the scan needs about {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
             f"enough for {free / need:.0%} of it; delete other files"
         )
-
-
-def _readings_are(count: int) -> str:
-    return "1 reading is" if count == 1 else f"{count} readings are"

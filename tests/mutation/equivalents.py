@@ -125,7 +125,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/predict/room_echoes.py",
-        "random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))",
+        "random = np.random.default_rng((self._seed, 2, whole_microdegrees(ping.angle), ping.sweep, ping.index))",
         (
             "2 → (1)",
             "2 → (3)",

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarhw.errors import ExitStatus, InputError, SonarError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.connect import ScannerUrl, connect_turntable
 from sonarhw_cli.console.lines import print_line, print_note
-from sonarhw_cli.console.number_format import counted
 
 if TYPE_CHECKING:
     from sonarhw.bringup.diagnoses import Diagnosis

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError, NoPlate
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.output import write_figure, write_text
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_of_pose, print_place

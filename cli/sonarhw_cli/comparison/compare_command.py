@@ -12,11 +12,11 @@ from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.comparison.compare_two import compare_two
 from sonarhw_cli.comparison.find_missing import find_missing
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFile, notes_beside, open_in_room
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     PICTURE_FILE,
     BoardOfLog,

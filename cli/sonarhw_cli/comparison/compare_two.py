@@ -9,9 +9,10 @@ from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import open_scan
-from sonarhw_cli.console.number_format import counted, write_rows
+from sonarhw_cli.console.number_format import write_rows
 from sonarhw_cli.console.output import checked_out, text_output, write_figure
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _place(scan: "GivenScan") -> "Place | None":
 
 
 def _series_of(scan: "GivenScan", heading: float, sweep: int | None) -> "HeadingSeries":
-    from sonarhw_compare.two_scans.heading_series import heading_series
+    from sonarhw_compare.two_scans.scan_difference import heading_series
 
     readings = [reading for reading in scan.readings if sweep is None or reading.sweep == sweep - 1]
     if not readings:

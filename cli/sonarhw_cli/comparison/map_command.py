@@ -10,9 +10,9 @@ from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force
 from sonarhw_cli.console.output import checked_out, write_figure, write_text
 from sonarhw_cli.console.progress import progress_of_share

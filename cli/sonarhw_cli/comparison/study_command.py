@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_error, print_line
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.progress import progress
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file (*.toml).", metavar="SPEC")]

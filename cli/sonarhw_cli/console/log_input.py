@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_detail, warn
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.room_input import open_room
 
 if TYPE_CHECKING:

@@ -43,11 +43,6 @@ def _decimals(deviation: float) -> int:
     return min(_MOST_DECIMALS, max(0, 1 - math.floor(math.log10(rounded)))) if rounded > 0 else _MOST_DECIMALS
 
 
-def counted(count: int, noun: str) -> str:
-    """Return a count with its noun: `1 reading`, `2 readings`."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def write_rows(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
     """Write a header and rows as CSV; each line ends with a line feed."""
     out.write(header + "\n")

@@ -199,6 +199,17 @@ def check_one_line(pty: Path | None, tcp: str | None) -> None:
         raise InputError("--pty, --tcp: a scanner has one line; give only one of them")
 
 
+def check_scan_values(board: str | None, max_range: float | None, temperature: float | None) -> None:
+    """Raise InputError for an invalid --board, --max-range or --temperature of a scan."""
+    from sonarhw_sim.board.profile import MOST_RANGE, load_board
+
+    if board is not None:
+        load_board(board)
+    if max_range is not None and not 0 < max_range <= MOST_RANGE:
+        raise InputError(f"--max-range {max_range:g}: expected metres above 0, at most {MOST_RANGE:g}")
+    check_temperature(temperature)
+
+
 def check_temperature(temperature: float | None) -> None:
     """Raise InputError if --temperature is not between -40 and 60 °C."""
     if temperature is not None and not -40 <= temperature <= 60:

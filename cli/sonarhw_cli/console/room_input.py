@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_detail, warn
-from sonarhw_cli.console.number_format import counted
 
 if TYPE_CHECKING:
     from sonarhw_sim.room.model import Place, Room

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.connect import ScannerUrl, connect_turntable, resolve
 from sonarhw_cli.console.lines import print_line, print_note
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import MOST_DEGREES, ZeroHere
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.comparison.calibrate_logs import calibrate_with_plate, calibrate_with_room, profile_name
 from sonarhw_cli.console.connect import connect_turntable
 from sonarhw_cli.console.interruption import interruption
 from sonarhw_cli.console.lines import print_line
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
     ROOM_NAME,

@@ -14,8 +14,8 @@ import typer
 from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_note, warn
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore
 from sonarhw_cli.console.output import checked_out
 from sonarhw_cli.console.room_input import chosen_place, open_room
@@ -118,7 +118,6 @@ def import_csv(
     checked_out(out, (LOG,), force, file, room, board)
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
-    sign = -1.0 if turn is TurnDirection.CW else 1.0
     known = import_format(file, rate)
     columns = _columns(file, known, heading, distance, time_column, decimal_comma, scale, mean_of)
     _check_traces(file, known, threshold, blanking, speed_of_sound, no_echo)
@@ -126,7 +125,16 @@ def import_csv(
     if topic is not None and not is_bag(known):
         raise InputError(f"--topic {topic}: only for ROS bags")
     meaning = Meaning(
-        scale, sign, heading_zero, no_echo, speed_of_sound, threshold, blanking or 0.0, rate, step or 0.0, topic
+        scale=scale,
+        sign=-1.0 if turn is TurnDirection.CW else 1.0,
+        zero=heading_zero,
+        no_echo=no_echo,
+        speed_of_sound=speed_of_sound,
+        threshold=threshold,
+        blanking=blanking or 0.0,
+        rate=rate,
+        step=step or 0.0,
+        topic=topic,
     )
     if columns is None:
         readings = _read(file, known, meaning)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarhw.errors import CommandRefused, InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.connect import ScannerUrl, connect
 from sonarhw_cli.console.lines import print_json, print_line
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import AsJson
 
 if TYPE_CHECKING:

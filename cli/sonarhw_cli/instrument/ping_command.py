@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.connect import ScannerUrl, board_of, connect_turntable
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_line, print_note, warn
-from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import LOG, BoardOfScanner, Force, MaxRange, Temperature, check_temperature
+from sonarhw_cli.console.options import LOG, BoardOfScanner, Force, MaxRange, Temperature, check_scan_values
 from sonarhw_cli.console.output import checked_out
 
 if TYPE_CHECKING:
@@ -48,15 +47,9 @@ def ping(
     Each is printed as it arrives. The turntable is not homed or turned and its motor stays off, so a ranging board
     alone is enough.
     """
-    from sonarhw_sim.board.profile import MOST_RANGE, load_board
-
     if out is not None:
         checked_out(out, (LOG,), force, url, board)
-    if board is not None:
-        load_board(board)
-    if max_range is not None and not 0 < max_range <= MOST_RANGE:
-        raise InputError(f"--max-range {max_range:g}: expected metres above 0, at most {MOST_RANGE:g}")
-    check_temperature(temperature)
+    check_scan_values(board, max_range, temperature)
     with connect_turntable(url) as scanner:
         profile = board_of(scanner, board)
         plan = _plan(count or MOST_PINGS, profile, max_range, temperature, traces)

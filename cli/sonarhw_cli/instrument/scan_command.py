@@ -13,10 +13,10 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw.export.csv_rows import HEADER, row
+from sonarhw.harmless_text import counted, counted_are
 from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_detail, print_error, print_note, warn
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
     BoardOfScanner,
@@ -30,7 +30,7 @@ from sonarhw_cli.console.options import (
     TemperatureInRoom,
     ToAngle,
     ZeroHere,
-    check_temperature,
+    check_scan_values,
     order_in_degrees,
     refuse_given,
 )
@@ -125,16 +125,10 @@ def refuse_orders(context: typer.Context) -> None:
 
 def check_request(request: ScanRequest) -> None:
     """Raise InputError for an impossible option. The scanner checks the limits of the turntable."""
-    from sonarhw_sim.board.profile import MOST_RANGE, load_board
-
     _check_order(request.order)
     if request.show:
         standard_output()
-    if request.board is not None:
-        load_board(request.board)
-    if request.max_range is not None and not 0 < request.max_range <= MOST_RANGE:
-        raise InputError(f"--max-range {request.max_range:g}: expected metres above 0, at most {MOST_RANGE:g}")
-    check_temperature(request.temperature)
+    check_scan_values(request.board, request.max_range, request.temperature)
 
 
 def _check_order(order: "ScanOrder") -> None:
@@ -303,8 +297,7 @@ def _interruption_reported(out: Path, terminal: _Terminal) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         count = terminal.log.count if terminal.log and terminal.count else 0
-        are = "is" if count == 1 else "are"
-        kept = f"{counted(count, 'reading')} {are} kept in {out}" if count else "nothing was recorded"
+        kept = f"{counted_are(count, 'reading')} kept in {out}" if count else "nothing was recorded"
         with suppress(OSError):  # the terminal may be closed
             print_error(f"interrupted; {kept}")
         raise

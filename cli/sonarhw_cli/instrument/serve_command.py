@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_line, print_note, warn
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
     BoardOfScanner,

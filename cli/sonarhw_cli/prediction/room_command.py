@@ -8,8 +8,8 @@ import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_json, print_line, print_note
-from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import BoardName, Force, RoomName
 from sonarhw_cli.console.output import checked_out, write_figure
 from sonarhw_cli.prediction.new_file import NewFile, write_template

@@ -9,8 +9,9 @@ from sonarhw_compare.sound.film_file import FILMS
 from sonarhw_sim.choices import DEFAULT_BOARD, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import warn
-from sonarhw_cli.console.number_format import counted, write_rows
+from sonarhw_cli.console.number_format import write_rows
 from sonarhw_cli.console.options import (
     LOG,
     STDOUT,

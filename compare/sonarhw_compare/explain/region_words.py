@@ -1,5 +1,6 @@
 """Text about regions of constant depth: their counts, and the path of a predicted region."""
 
+from sonarhw.harmless_text import counted
 from sonarhw_compare.explain.sentences import describe_path
 from sonarhw_compare.matching.match import Comparison
 from sonarhw_compare.matching.region_match import RegionMatch
@@ -9,7 +10,7 @@ from sonarhw_compare.matching.regions import Region
 def region_counts(found: RegionMatch) -> str:
     """Return the counts: `7 in both, 1 more part of these, 0 only in the scan, 2 only predicted`."""
     count = len(found.parts)
-    parts = f", {count} more part{'s' if count > 1 else ''} of these" if count else ""
+    parts = f", {counted(count, 'more part')} of these" if count else ""
     return (
         f"{len(found.pairs)} in both{parts}, {len(found.only_measured)} only in the scan, "
         f"{len(found.only_predicted)} only predicted"

@@ -8,6 +8,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_compare.fit.values.priors import check_words, with_priors
@@ -61,8 +62,7 @@ def fit_setting(
 def check_count(places: Sequence[PlaceInput], scans: int) -> None:
     """Raise InputError unless there is no place, or one for each scan."""
     if places and len(places) != scans:
-        logs = "1 log" if scans == 1 else f"{scans} logs"
-        raise InputError(f"places: expected one for each of {logs}, got {len(places)}")
+        raise InputError(f"places: expected one for each of {counted(scans, 'log')}, got {len(places)}")
 
 
 def _common_room(scans: Sequence[GivenScan]) -> Room:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw.readings import Reading
 from sonarhw_compare.imports.foreign_rows import MOST_READINGS, ForeignRow, Meaning, readings_of
 
@@ -231,9 +232,7 @@ class _Line:
     def text(self, name: str, index: int) -> str:
         """Return the field of a column."""
         if index >= len(self.fields):
-            raise self.error(
-                f"has {len(self.fields)} field{'' if len(self.fields) == 1 else 's'}, but none for column {name!r}"
-            )
+            raise self.error(f"has {counted(len(self.fields), 'field')}, but none for column {name!r}")
         return self.fields[index].strip()
 
     def number_in(self, name: str, index: int) -> float:

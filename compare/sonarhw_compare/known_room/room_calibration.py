@@ -14,7 +14,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
-from sonarhw.harmless_text import harmless
+from sonarhw.harmless_text import counted, harmless
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.known_room.detection_rule import Between, choose_detection
@@ -288,6 +288,6 @@ def _doubts(scans: Sequence[PlacedScan]) -> tuple[str, ...]:
     if len(scans) >= _FEWEST_SCANS:
         return ()
     return (
-        f"{len(scans)} scan{'s' if len(scans) > 1 else ''}: values may be those of this place alone; "
+        f"{counted(len(scans), 'scan')}: values may be those of this place alone; "
         f"expected at least {_FEWEST_SCANS} places",
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 from sonarhw.atomic_file import atomic_file
 from sonarhw.errors import InputError, OutputError
 from sonarhw.export.csv_rows import number, text_cell
-from sonarhw.harmless_text import harmless
+from sonarhw.harmless_text import counted_are, harmless
 
 HEADER = "sweep", "reading", "heading_deg", "range_m", "note"
 MOST_CHARACTERS = 500  # of a note
@@ -59,7 +59,7 @@ class NoteFile:
     def doubts(self, path: Path) -> Iterator[str]:
         """Yield a warning if there are lines that are not notes."""
         if self.unread:
-            lines = "1 line is" if len(self.unread) == 1 else f"{len(self.unread)} lines are"
+            lines = counted_are(len(self.unread), "line")
             yield (
                 f"{path}: {lines} not a note, the first is line {self.unread[0].number}; expected "
                 f"{','.join(HEADER)}; such lines are kept and not shown"

@@ -7,6 +7,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
 
+from sonarhw_gui.dialogs.command_palette import plain_name
 from sonarhw_gui.look.appearance import Look
 
 _COLUMNS = 3
@@ -81,7 +82,7 @@ def _in_columns(
 
 def _table(name: str, actions: Sequence[QAction], look: Look) -> str:
     rows = "".join(
-        f"<tr><td><b>{escape(keys)}</b>&nbsp;&nbsp;</td><td>{escape(_plain(action.text()))}</td></tr>"
+        f"<tr><td><b>{escape(keys)}</b>&nbsp;&nbsp;</td><td>{escape(plain_name(action))}</td></tr>"
         for action in actions
         if (keys := _keys(action))
     )
@@ -90,7 +91,3 @@ def _table(name: str, actions: Sequence[QAction], look: Look) -> str:
 
 def _keys(action: QAction) -> str:
     return ", ".join(key.toString(QKeySequence.SequenceFormat.NativeText) for key in action.shortcuts())
-
-
-def _plain(text: str) -> str:
-    return text.replace("&", "").strip("▶■● …")

@@ -2,6 +2,7 @@
 
 import math
 
+from sonarhw.harmless_text import counted
 from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.device_clock import MOST_DRIFT
 from sonarhw.wire.limits import MOST_READINGS
@@ -31,7 +32,7 @@ def order_of_sector(start: float, stop: float, step: float, sweeps: int, pings: 
 def scan_summary(order: ScanOrder, link: LinkState | None) -> str:
     """Return the size of a scan, and its minimum duration if the device reports its ping period."""
     if link is not None and not link.takes_orders:
-        return f"{order.sweeps} sweep{'' if order.sweeps == 1 else 's'}; the device turns by itself"
+        return f"{counted(order.sweeps, 'sweep')}; the device turns by itself"
     device = link.device if link else None
     size = f"{order.headings} headings, {order.readings} readings"
     capabilities = device.capabilities if device else None

@@ -27,6 +27,7 @@ from PySide6.QtWidgets import (
 )
 from sonarhw_compare.matching.match import Kind
 
+from sonarhw.harmless_text import counted
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.look.theme import text_font
@@ -275,7 +276,7 @@ class TableView(QWidget):
 
     def _count_notes(self, shown: Shown) -> None:
         count = len(shown.notes)
-        self.noted.setText(f"{count} {'note' if count == 1 else 'notes'}")
+        self.noted.setText(counted(count, "note"))
         self.noted.setAccessibleName(f"only readings with a note: {count}")
         self.noted.setFixedSize(self.noted.sizeHint())
         self.noted.setVisible(count > 0)

@@ -10,8 +10,8 @@ from enum import Enum, auto
 import numpy as np
 from sonarhw_compare.room_edit import Point, corners
 from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.outside import wall_distances
 
-from sonarhw.readings import FloatArray
 from sonarhw_gui.scene.scene import Scene
 
 REACH = 9.0  # pixels
@@ -69,17 +69,10 @@ def room_grip(room: Room, at: Point, pixel: float) -> Grip | None:
 
 def surface_at(room: Room, at: Point, pixel: float) -> int | None:
     """Return the number of the nearest wall or post within reach of a point; inside a post, of this post."""
-    walls = wall_distances(room, at)
+    walls = wall_distances(np.array([at]), room.walls)[0]
     posts = np.maximum(np.hypot(*(room.posts[:, :2] - at).T) - room.posts[:, 2], 0.0)
     distances = np.concatenate((posts, walls))
     nearest = int(np.argmin(distances))
     if distances[nearest] > REACH * pixel:
         return None
     return nearest - len(posts) if nearest >= len(posts) else len(walls) + nearest
-
-
-def wall_distances(room: Room, at: Point) -> FloatArray:
-    """Return the distance of a point to each wall, (n,) float, m."""
-    starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
-    share = np.clip(((np.array(at) - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.hypot(*(starts + share[:, None] * along - at).T))

@@ -14,7 +14,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model, Receiver
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan
+from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, whole_microdegrees
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, received_by
 from sonarhw_sim.rays.first_surface import first_hit
 from sonarhw_sim.rays.paths import Paths
@@ -102,8 +102,7 @@ def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
 
 def _range_error(seed: int, heading: float) -> float:
     """Return an error of mean 0 in units of σ: normal with σ 1, plus exponential with scale FAR_TAIL."""
-    microdegrees = round(math.degrees(heading) * 1e6) % 360_000_000
-    random = np.random.default_rng((seed, 4, microdegrees))
+    random = np.random.default_rng((seed, 4, whole_microdegrees(heading)))
     return float(random.normal() + FAR_TAIL * (random.exponential() - 1))
 
 

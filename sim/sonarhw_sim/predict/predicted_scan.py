@@ -219,7 +219,7 @@ class PredictedPing:
         seed: tuple[int, ...] = () if grain is None else (grain, 5)
         # patches that exist at one heading only have a grain of their own
         if seed and self.scan.only_at is not None:
-            seed += (_microdegrees(self.heading),)
+            seed += (whole_microdegrees(self.heading),)
         if not len(rough):
             return None
         spreads = self._paths.spreads[rough]
@@ -354,7 +354,7 @@ class PredictedPing:
     @property
     def _noise(self) -> Noise:
         # a function of the heading, independent of the other headings
-        return Noise(self.scan.noise, (self.scan.seed, _microdegrees(self.heading)))
+        return Noise(self.scan.noise, (self.scan.seed, whole_microdegrees(self.heading)))
 
     @cached_property
     def echoes(self) -> tuple[Echo, ...]:
@@ -413,5 +413,6 @@ def _decibels(amplitudes: float | FloatArray) -> FloatArray:
         return np.asarray(20 * np.log10(amplitudes))
 
 
-def _microdegrees(heading: float) -> int:
+def whole_microdegrees(heading: float) -> int:
+    """Return a heading or angle (rad) in whole microdegrees, 0 to 360 million, as part of a seed."""
     return round(math.degrees(heading) * 1e6) % 360_000_000

@@ -16,7 +16,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time, echo_times
 from sonarhw_sim.board.traces import Signal, received
 from sonarhw_sim.choices import Receiver, Unit
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.predicted_scan import PredictedScan, whole_microdegrees
 from sonarhw_sim.predict.prediction import (
     PredictionOptions,
     paths_serve_all_headings,
@@ -89,8 +89,7 @@ class RoomEchoes:
         heading = place.heading + self._board.turned(ping.angle)
         if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:
             return PingResult(())
-        microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
-        random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))
+        random = np.random.default_rng((self._seed, 2, whole_microdegrees(ping.angle), ping.sweep, ping.index))
         return self._heard(self._scan(heading), ping, random)
 
     def _truth(self) -> tuple[Room, Place, Paths | None]:
