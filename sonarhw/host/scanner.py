@@ -183,8 +183,14 @@ class Scanner:
 
         Frames are recorded only while a job runs.
         """
-        with self._changed:
-            self._session.recording.use(recorder)
+        # `stop` in a signal handler must not wait for the thread of the link here, which may wait for the recorder
+        claimed = self._use.claim()
+        try:
+            with self._changed:
+                self._session.recording.use(recorder)
+        finally:
+            if claimed:
+                self._use.release()
 
     # actions
 

@@ -15,6 +15,7 @@ from sonarhw.wire.codes import Outcome
 from sonarhw.wire.messages import StartScan
 from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
+from tests.hang_guard import HANG
 
 ORDER = ScanOrder(start=0.0, step=math.radians(2), headings=8, sweeps=2)
 LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=400)  # always stopped early
@@ -29,6 +30,37 @@ def assert_complete(readings: list[Reading], order: ScanOrder) -> None:
         sweep, angle, ping = order.ping_at(reading.number)
         assert (reading.sweep, reading.ping) == (sweep, ping)
         assert reading.angle == pytest.approx(angle, abs=MICROSTEP)
+
+
+class InterruptedRecorder:
+    """A recorder with a lock, as that of a log, and with a signal handler that stops the scanner at the first frame."""
+
+    def __init__(self, scanner: Scanner) -> None:
+        self._scanner = scanner
+        self._lock = threading.RLock()
+        self.frames = 0
+
+    def frame(self, received: bool, time: float, wire: bytes) -> None:
+        with self._lock:
+            self.frames += 1
+            if self.frames == 1:
+                self._scanner.stop()
+
+    def reading(self, reading: Reading) -> None:
+        """Do nothing."""
+
+
+@pytest.mark.one_line
+def test_a_stop_by_a_signal_handler_while_a_recording_begins_does_not_block(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        recorder = InterruptedRecorder(scanner)
+        recording = threading.Thread(target=scanner.record, args=(recorder,), daemon=True)
+        recording.start()
+        recording.join(HANG)
+        assert not recording.is_alive()
+        assert recorder.frames == 3  # Hello, Info, Capabilities
+        scanner.record(None)
+        assert scanner.turn(0.1) is Outcome.DONE
 
 
 def test_a_scan_gives_every_reading_once_in_time_order(free_url: str) -> None:
