@@ -1,6 +1,8 @@
 """Rooms found from scans of random rooms, beside the true ones: `python -m benchmarks.room_finding [FIRST LAST]`.
 
 With `--leave-out` before them, each room is found without its last scan, and the found and the true room predict it.
+With `--rough`, all places but the first are known within 5 cm and 3° (standard deviations); with `--unknown`, not at
+all. Each row then ends with the errors of the places found.
 
 Beside them are the walls of a map without a room file, from regions of constant depth, and the certainty grid. `held`:
 the number of found walls, and of those whose 95 % intervals hold the true offset, and the true direction.
@@ -14,10 +16,12 @@ from sonarhw_compare.map import map_scans
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
 from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
 from sonarhw_sim.board.profile import Board, load_board
 
 from benchmarks.cases.random_rooms import random_room
 from benchmarks.cases.room_measures import Lengths, lengths_found, lengths_in_grid, seen_parts, truth_held
+from benchmarks.cases.uncertain_poses import POSES, exact_poses, pose_text
 
 ROOMS = 30
 
@@ -30,7 +34,8 @@ def main() -> None:
     if "--leave-out" in sys.argv:
         leave_out(range(first, last), board)
     else:
-        find_rooms(range(first, last), board)
+        option = next((word for word in POSES if word in sys.argv), None)
+        find_rooms(range(first, last), board, option)
 
 
 def leave_out(seeds: range, board: Board) -> None:
@@ -48,16 +53,17 @@ def leave_out(seeds: range, board: Board) -> None:
     print(f"all  {totals[0]:7.0f} {totals[1] / totals[0]:6.1%} {totals[2] / totals[0]:6.1%}")
 
 
-def find_rooms(seeds: range, board: Board) -> None:
-    """Print what is found of each room."""
+def find_rooms(seeds: range, board: Board, option: str | None = None) -> None:
+    """Print what is found of each room; `option` is one of POSES, without which all poses are exact."""
     print("found and invented:                          room search   by arcs       grid          held")
     print("room  walls posts scans  walls posts  seen m  found  inv.   found  inv.   found  inv.  of    off turn    s")
     totals, held_of_all = [Lengths(0, 0, 0, 0)] * 3, []
     for seed in seeds:
         case = random_room(seed, board)
+        scans, spreads = (POSES[option] if option else exact_poses)(case, seed)
         began = time.process_time()
-        found = find_room(case.scans, board, case.room.air)
-        took = time.process_time() - began
+        placed = find_room_and_poses(scans, board, case.room.air, spreads)
+        took, found = time.process_time() - began, placed.found
         by_arcs = map_scans(case.scans, board).direct
         arcs = np.array([(*wall.start, *wall.end) for wall in by_arcs.features.walls]).reshape(-1, 4)
         parts = seen_parts(case, board)
@@ -72,7 +78,8 @@ def find_rooms(seeds: range, board: Board) -> None:
         print(
             f"{seed:4} {len(case.room.walls):6} {len(case.room.posts):5} {len(case.scans):5} "
             f"{len(found.draft.walls):6} {len(found.draft.posts):5} {lengths[0].seen:7.2f} "
-            f"{' '.join(one.shares for one in lengths)} {_held(held)} {took:6.1f}",
+            f"{' '.join(one.shares for one in lengths)} {_held(held)} {took:6.1f}"
+            f"{'; ' + pose_text(case, placed) if option else ''}",
             flush=True,
         )
     print(f"all {' ' * 38} {' '.join(one.shares for one in totals)} {_held(held_of_all)}")

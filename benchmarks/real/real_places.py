@@ -3,8 +3,8 @@
 Locates each scan of the folder in the whole arena, with unknown heading, and prints the most probable of the arena's
 places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
 boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans, and
-finds it with poses within 3 cm and 2°, those of `locate` and those at the written positions, without range offsets. It
-prints which walls are found.
+finds it with poses within 3 cm and 2°, those of `locate` and those at the written positions, without range offsets, and
+once with the first pose only. It prints which walls are found.
 """
 
 import math
@@ -18,7 +18,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.room_finding.evidence import PoseSpread
-from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
@@ -103,12 +103,16 @@ def print_map(scans: Sequence[RealScan]) -> None:
         replace(one, place=replace(one.place, position=(scan.x, scan.y))) for scan, one in zip(scans, raw, strict=True)
     ]
     for title, given in (("poses by locate", raw), ("written positions", marked)):
-        print_found_room(title, given, room)
+        print_found_room(title, given, [MARKS] * len(scans), room)
+    print_found_room("first pose only", marked, [PoseSpread(), *[None] * (len(scans) - 1)], room)
 
 
-def print_found_room(title: str, placed: Sequence[PlacedScan], room: Room) -> None:
-    """Print which walls of the arena are found from scans with places within 3 cm and 2°."""
-    found = find_room(placed, load_board("lego-nxt"), room.air, [MARKS] * len(placed))
+def print_found_room(
+    title: str, placed: Sequence[PlacedScan], spreads: Sequence[PoseSpread | None], room: Room
+) -> None:
+    """Print which walls of the arena are found, and which scans are left out; a spread of None is an unknown pose."""
+    answer = find_room_and_poses(placed, load_board("lego-nxt"), room.air, spreads)
+    found = answer.found
     names = [_true_wall(ends, room, ON_FOUND, TURNED) for ends in found.draft.segments.reshape(-1, 2, 2)]
     true = sorted({name for name in names if name})
     print(
@@ -116,6 +120,7 @@ def print_found_room(title: str, placed: Sequence[PlacedScan], room: Room) -> No
         f"{names.count(None)} of {len(names)} found walls not, {len(found.draft.posts)} posts; "
         f"{found.explained} of {found.echoes} echoes explained; "
         f"range offset {found.draft.offset * 1000:.0f} ± {(found.offset_deviation or 0.0) * 1000:.0f} mm"
+        f"{'; left out: ' if answer.left_out else ''}{', '.join(answer.left_out)}"
     )
 
 

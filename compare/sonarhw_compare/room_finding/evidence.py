@@ -15,6 +15,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import Problem, make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft, post_name, wall_name
 
@@ -67,10 +68,19 @@ class Evidence:
 
     def of_scan(self, draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> FloatArray:
         """Return the log-likelihood of each reading of one scan, (n,); `room` is that of the draft."""
-        board = with_offset(self.problems[scan].board, draft)
-        problem = replace(self.problems[scan], room=room, places=(draft.places[scan],), board=board)
+        problem = self.of_draft(draft, room, scan)
         values = problem.with_noise(np.empty(0), noise)
         return problem.near(values).by_reading(values, 0)
+
+    def of_draft(self, draft: RoomDraft, room: Room, scan: int, free: tuple[Parameter, ...] = ()) -> Problem:
+        """Return the problem of one scan with `free` parameters; `room` is that of the draft."""
+        board, places = with_offset(self.problems[scan].board, draft), (draft.places[scan],)
+        return replace(self.problems[scan], room=room, places=places, board=board, parameters=free)
+
+    @property
+    def has_free_headings(self) -> bool:
+        """Whether the heading of any scan is uncertain."""
+        return any(spread.heading > 0 for spread in self.spreads)
 
     def log_prior(self, draft: RoomDraft) -> float:
         """Return the logarithm of the prior of directions, places and range offset; 0 where they are as expected."""

@@ -108,6 +108,8 @@ def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -
     draft = refined(evidence, kept, ROUGH, _STEPS).draft
     tick(2 / 4)
     draft = refined(evidence, draft, FINE, _LAST_STEPS).draft
+    if evidence.has_free_headings:
+        draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
     tick(3 / 4)
     return _determined(evidence, draft)
 
@@ -129,7 +131,7 @@ def _determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[M
         return draft, deviations
     for key in sorted(unknown):
         draft = without_part(draft, key)
-    draft = refined(evidence, draft, FINE, _LAST_STEPS).draft
+    draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
     return draft, deviations_of(evidence, draft)
 
 

@@ -19,6 +19,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Evidence, with_offset
+from sonarhw_compare.room_finding.refining.heading_errors import heading_error
 from sonarhw_compare.room_finding.refining.moves import Move
 
 RANGE = 0.01  # m, standard deviation of a range
@@ -29,11 +30,12 @@ _ON = 1e-6  # m
 
 @dataclass(frozen=True)
 class RangeErrors:
-    """Errors of n ranges and bearings, in standard deviations, and their derivatives by m moves."""
+    """Errors of n ranges, bearings and headings, in standard deviations, and their derivatives by m moves."""
 
-    errors: FloatArray  # (n,), measured minus predicted; ranges by scan and reading, then bearings
+    errors: FloatArray  # (n,), measured minus predicted; ranges by scan and reading, then bearings, then headings
     slopes: FloatArray  # (n, m), of the predictions, by m or rad
-    of_range: int  # the first so many rows are ranges, the others bearings
+    of_range: int  # the first so many rows are ranges
+    of_heading: int  # the last so many rows are headings
 
 
 @dataclass(frozen=True)
@@ -71,15 +73,23 @@ class _Shifts:
         return (wall, float(at[wall])) if beside[wall] + beyond[wall] < _ON else (None, 0.0)
 
 
-def range_errors(evidence: Evidence, draft: RoomDraft, moves: Sequence[Move]) -> RangeErrors:
-    """Return the errors of the readings within 5 cm of their predicted echo."""
+def range_errors(
+    evidence: Evidence, draft: RoomDraft, moves: Sequence[Move], with_headings: bool = False
+) -> RangeErrors:
+    """Return the errors of the readings within 5 cm of their predicted echo, and if wanted those of the headings."""
     room, shifts = draft.room(REFLECTANCE, evidence.air), _shifts(draft, moves)
     parts = [_of_scan(evidence, draft, scan, room, moves, shifts) for scan in range(len(evidence.problems))]
     ranges, bearings = ([one for part in parts for one in part[kind]] for kind in (0, 1))
-    both = [*ranges, *bearings]
-    errors = np.array([error for error, _ in both])
-    slopes = np.array([slope for _, slope in both]).reshape(-1, len(moves))
-    return RangeErrors(errors, slopes, len(ranges))
+    slopes_of_turns = [turns for _, _, turns in parts] if with_headings and evidence.has_free_headings else []
+    headings = [
+        _of_heading(heading_error(evidence, draft, room, scan), turns)
+        for scan, turns in enumerate(slopes_of_turns)
+        if turns
+    ]
+    rows = [*ranges, *bearings, *headings]
+    errors = np.array([error for error, _ in rows])
+    slopes = np.array([slope for _, slope in rows]).reshape(-1, len(moves))
+    return RangeErrors(errors, slopes, len(ranges), len(headings))
 
 
 Row = tuple[float, FloatArray]  # an error and its derivatives
@@ -87,8 +97,8 @@ Row = tuple[float, FloatArray]  # an error and its derivatives
 
 def _of_scan(
     evidence: Evidence, draft: RoomDraft, scan: int, room: Room, moves: Sequence[Move], shifts: _Shifts
-) -> tuple[list[Row], list[Row]]:
-    """Return the errors of ranges, and those of bearings."""
+) -> tuple[list[Row], list[Row], list[FloatArray]]:
+    """Return the errors of ranges, those of bearings, and the derivatives of the bearing of each reading."""
     board, arrays = with_offset(evidence.problems[scan].board, draft), evidence.problems[scan].scans[0]
     place = board.faced(draft.places[scan])
     headings = np.asarray(place.heading + board.turned(arrays.angles))
@@ -99,19 +109,29 @@ def _of_scan(
     explained = np.abs(residuals) <= TOLERANCE  # False where there is no echo
     slopes: dict[int, FloatArray] = {}
     bearings: list[Row] = []
+    of_heading = np.array([float(move.is_of("place", scan) and move.part == 2) for move in moves])
+    turns: list[FloatArray] = []
     for path in np.unique(predicted.winners[explained]).tolist():
         outline = predicted.paths.outline(path)
         ends = _end_shifts(draft, scan, moves, outline)
         slopes[path] = (_length_slope(outline, ends, shifts) / 2 + of_offset) / RANGE
         turned = _bearing_slope(predicted, path, ends[0], shifts)
         away = np.remainder(headings - predicted.paths.departures[path] + np.pi, math.tau) - np.pi
-        mean = None if turned is None else _middle(away, explained & (predicted.winners == path), measured)
-        if turned is not None and mean is not None:
-            turned = turned - [float(move.is_of("place", scan) and move.part == 2) for move in moves]
-            bearings.append((mean / BEARING, turned / BEARING))
+        own = explained & (predicted.winners == path)
+        mean = None if turned is None else _middle(away, own, measured)
+        if turned is not None:
+            turned = turned - of_heading
+            turns += [turned] * int(own.sum())
+            bearings += [] if mean is None else [(mean / BEARING, turned / BEARING)]
     rows = np.flatnonzero(explained)
     ranges = [(float(residuals[row]) / RANGE, slopes[int(predicted.winners[row])]) for row in rows]
-    return ranges, bearings
+    return ranges, bearings, turns
+
+
+def _of_heading(error: tuple[float, float], turns: Sequence[FloatArray]) -> Row:
+    """Return the error of a heading, whose deviation is known, with the mean derivative of its bearings."""
+    away, deviation = error
+    return -away / deviation, np.asarray(np.mean(turns, axis=0) / deviation)
 
 
 def _middle(away: FloatArray, own: NDArray[np.bool_], measured: FloatArray) -> float | None:

@@ -27,13 +27,18 @@ _HALVINGS = 3  # of a step that makes a wall too short
 _SETTLED = 0.1  # standard deviations; smaller steps end the refinement
 
 
-def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int) -> Scored:
-    """Return the most likely draft of those after up to `steps` steps; walls turn about their middles."""
+def refined(
+    evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: int, with_headings: bool = False
+) -> Scored:
+    """Return the most likely draft of those after up to `steps` steps; walls turn about their middles.
+
+    `with_headings`: the likelihood at other headings counts, too. The room has to be almost complete for this.
+    """
     draft = centred(draft)
     best = Scored(draft, evidence.log_likelihood(draft, noise))
     moves = moves_of(evidence, draft)
     for _ in range(steps):
-        information, slopes = _normal_equations(evidence, draft, moves)
+        information, slopes = _normal_equations(evidence, draft, moves, with_headings)
         step = np.linalg.solve(information, slopes)
         if (np.abs(step) < _SETTLED / np.sqrt(np.diag(information))).all():
             break
@@ -50,7 +55,7 @@ def refined(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise, steps: in
 def deviations_of(evidence: Evidence, draft: RoomDraft) -> dict[Move, float]:
     """Return the standard deviation of each value of a draft, m or rad; all other values are unknown, too."""
     moves = moves_of(evidence, draft)
-    information, _ = _normal_equations(evidence, draft, moves)
+    information, _ = _normal_equations(evidence, draft, moves, True)
     deviations = _WIDER * np.sqrt(np.diag(np.linalg.inv(information)))
     return dict(zip(moves, deviations.tolist(), strict=True))
 
@@ -66,14 +71,18 @@ def centred(draft: RoomDraft) -> RoomDraft:
     return replace(draft, walls=walls)
 
 
-def _normal_equations(evidence: Evidence, draft: RoomDraft, moves: Sequence[Move]) -> tuple[FloatArray, FloatArray]:
+def _normal_equations(
+    evidence: Evidence, draft: RoomDraft, moves: Sequence[Move], with_headings: bool
+) -> tuple[FloatArray, FloatArray]:
     """Return the information matrix (m, m) of the values, and the slope of the log-posterior, (m,)."""
-    found = range_errors(evidence, draft, moves)
+    found = range_errors(evidence, draft, moves, with_headings)
     ranges = found.errors[: found.of_range]
     # larger than assumed if the errors are
     scale = max(1.0, 1.4826 * float(np.median(np.abs(ranges)))) if len(ranges) else 1.0
     errors, slopes = found.errors / scale, found.slopes / scale
-    weighted = slopes / (1 + (errors[:, None] / _TUNING) ** 2)
+    weights = 1 / (1 + (errors / _TUNING) ** 2)
+    weights[len(errors) - found.of_heading :] = 1.0  # a wrong first heading is no false echo
+    weighted = weights[:, None] * slopes
     information = weighted.T @ slopes + np.diag([_known(move) for move in moves])
     ascent = weighted.T @ errors
     for row, move in enumerate(moves):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import FOLLOWED, ROUGH, Evidence, PoseSpread, evidence_of
+from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, ROUGH, Evidence, PoseSpread, evidence_of
 from sonarhw_compare.room_finding.refining.moves import Move, moves_of
 from sonarhw_compare.room_finding.refining.range_errors import RANGE, range_errors
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
@@ -149,6 +149,30 @@ def test_a_place_that_is_off_returns(part: int) -> None:
     found = refined(evidence, draft, ROUGH, 8).draft.places[1]
     assert math.dist(found.position, PLACES[1].position) < 0.006
     assert abs(found.heading) < math.radians(1)
+
+
+def test_headings_follow_from_where_echoes_begin_and_end() -> None:
+    spread, held = PoseSpread(0.05, math.radians(3)), []
+    for seed in range(4):
+        random = np.random.default_rng((seed, 7))
+        turned = [replace(place, heading=float(random.normal(0, spread.heading))) for place in PLACES[1:]]
+        evidence, draft = case(noise=0.01, seed=seed, spread=spread, places=(PLACES[0], *turned))
+        evidence = replace(evidence, spreads=(PoseSpread(), spread, spread))
+        found = refined(evidence, draft, FINE, 8, with_headings=True).draft
+        deviations = deviations_of(evidence, found)
+        for move in (Move("place", scan, 2, math.radians(0.2)) for scan in (1, 2)):
+            heading = found.places[move.which].heading
+            # middles of echoes, 4° between readings, have errors of up to 2°
+            assert abs(heading) < math.radians(0.4), (seed, move.which)
+            held.append(abs(heading) <= 1.96 * deviations[move])
+    assert sum(held) >= len(held) - 1
+
+
+def test_exact_headings_need_no_search_of_headings() -> None:
+    exact, uncertain = (
+        range_errors(*one, moves_of(*one), with_headings=True) for one in (case(), case(spread=PoseSpread(0.0, 0.02)))
+    )
+    assert (exact.of_heading, uncertain.of_heading) == (0, len(PLACES))
 
 
 def test_an_echo_that_a_nearer_one_cuts_off_says_nothing_of_directions() -> None:
