@@ -107,9 +107,7 @@ def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -
     tick(1 / 4)
     draft = refined(evidence, kept, ROUGH, _STEPS).draft
     tick(2 / 4)
-    draft = refined(evidence, draft, FINE, _LAST_STEPS).draft
-    if evidence.has_free_headings:
-        draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
+    draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
     tick(3 / 4)
     return _determined(evidence, draft)
 
