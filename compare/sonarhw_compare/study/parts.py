@@ -9,6 +9,7 @@ import json
 import platform
 import shutil
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
@@ -61,6 +62,8 @@ def _parquet(table: "pa.Table") -> bytes:
     return sink.getvalue()
 
 
+# once, because an installation meanwhile does not change what is imported
+@cache
 def versions() -> tuple[tuple[str, str], ...]:
     """Return names and versions of Python and the packages that determine results."""
     return ("python", platform.python_version()), *((name, version(name)) for name in _VERSIONS)

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.study import load_study, read_study, read_tables, run_study, study_run
+from sonarhw_compare.study import load_study, parts, read_study, read_tables, run_study, study_run
 from sonarhw_compare.study.cases import Cases
-from sonarhw_compare.study.parts import Part, make_part, part_count, scans_per_part
+from sonarhw_compare.study.parts import Part, StudyFolder, make_part, part_count, scans_per_part
 from sonarhw_compare.study.spec import OptionValues, Study
 from sonarhw_compare.study.study_scans import PathCache, columns_of, predict_case, predict_scans
 from sonarhw_sim.predict.models import predict_with
@@ -195,6 +195,16 @@ def test_a_scan_depends_on_its_number_only(tmp_path: Path) -> None:
     for kind in (0, 1):
         rows = [row for one in apart for row in one[kind].to_pylist()]
         assert together[kind].to_pylist() == rows
+
+
+def test_an_installation_during_a_study_does_not_stop_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While pip replaces the metadata of a package, its version cannot be read."""
+    study = study_of(tmp_path)
+    folder = StudyFolder(tmp_path / "results", study)
+    folder.begin(resume=False)
+    part = make_part(study, 0)
+    monkeypatch.setattr(parts, "version", lambda _: None)
+    folder.write(part)
 
 
 def test_shared_paths_do_not_change_results(tmp_path: Path) -> None:
