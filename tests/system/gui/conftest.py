@@ -22,7 +22,7 @@ from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import ScanOrder
-from tests.system.gui.driving import PATIENCE
+from tests.system.gui.driving import activate
 
 OpenFake = Callable[[Pace], ScannerOpener]
 OpenWith = Callable[..., MainWindow]
@@ -70,9 +70,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         settings = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
         window = open_window(WindowStart(**settings))
         windows.append(window)
-        with qtbot.waitActive(window, timeout=PATIENCE):  # keys go to the active window only
-            window.show()
-            window.activateWindow()
+        activate(qtbot, window)
         return window
 
     yield open_it

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.plots.marks import ReadingMarks
@@ -19,6 +20,20 @@ PATIENCE = round(1000 * HANG)  # ms
 
 def until(qtbot: QtBot, condition: Callable[[], bool]) -> None:
     qtbot.waitUntil(condition, timeout=PATIENCE)
+
+
+def activate(qtbot: QtBot, window: QWidget) -> None:
+    """Show a window and wait until keys go to it.
+
+    Without a window manager, the X server can ignore a request for the focus, so the request is repeated.
+    """
+    window.show()
+
+    def active() -> bool:
+        window.activateWindow()
+        return window.isActiveWindow()
+
+    until(qtbot, active)
 
 
 def predicted(window: MainWindow) -> bool:

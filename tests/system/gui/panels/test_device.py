@@ -28,7 +28,7 @@ from sonarhw.readings import ScanOrder, sector
 from tests.fixtures.stuck_boards import EndlessHoming
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
-from tests.system.gui.driving import PATIENCE, ended, until
+from tests.system.gui.driving import activate, ended, until
 
 LONG = replace(ORDER, sweeps=5)
 AWAY = 10 * HANG  # s that the link waits for a lost scanner; every test restores it earlier
@@ -138,9 +138,7 @@ def test_f6_works_in_a_dialog_in_front_of_the_window(
 ) -> None:
     window = opened(open_with, EndlessHoming(echoes), during)
     dialog = QDialog(window)
-    with qtbot.waitActive(dialog, timeout=PATIENCE):
-        dialog.show()
-        dialog.activateWindow()
+    activate(qtbot, dialog)
     window.commands.home.trigger()
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
     qtbot.keyClick(dialog, Qt.Key.Key_F6)

@@ -15,7 +15,7 @@ from sonarhw_gui.store.recording_list import ListRequest, RecordingList
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import read_log
 from tests.system.gui.conftest import ORDER, OpenWith
-from tests.system.gui.driving import PATIENCE, until
+from tests.system.gui.driving import activate, until
 
 CTRL_SHIFT = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
 
@@ -39,8 +39,7 @@ def opened(qtbot: QtBot, open_with: OpenWith, folder: Path) -> tuple[MainWindow,
     window = open_with(recordings=folder)
     qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
     dialog = window.files.recordings
-    with qtbot.waitActive(dialog, timeout=PATIENCE):
-        dialog.activateWindow()
+    activate(qtbot, dialog)
     until(qtbot, lambda: dialog.table.rowCount() == len(list(folder.glob("*.mcap"))))
     return window, dialog
 

@@ -21,7 +21,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.echo_source import Ping
 from sonarhw.readings import Reading
-from tests.system.gui.driving import PATIENCE, drag, pixel_at, until
+from tests.system.gui.driving import activate, drag, pixel_at, until
 
 HEADING = math.radians(270.0)
 
@@ -41,9 +41,7 @@ def view(qtbot: QtBot, shown: Shown) -> TraceView:
     view = TraceView()
     qtbot.addWidget(view)
     view.resize(900, 400)
-    with qtbot.waitActive(view, timeout=PATIENCE):
-        view.show()
-        view.activateWindow()
+    activate(qtbot, view)
     view.show_state(shown)
     until(qtbot, lambda: view.plot.vb.width() > 600)
     return view
