@@ -80,7 +80,7 @@ def remedy(prediction: PredictedScan, index: int, candidate: RankedEcho) -> Reme
         return Remedy(blanking=prediction.board.blanking_end - candidate.time)
     if candidate.behind is None:
         return Remedy(threshold_db=-candidate.lacking_db if candidate.too_weak else None)
-    step = next((step for step in steps(prediction, index) if step.path == candidate.path), None)
+    step = next((step for step in steps(prediction.ping(index)) if step.path == candidate.path), None)
     threshold = None if step is None else max(0.0, step.above_db - prediction.board.threshold_db)
     moved = next((move for move in wall_changes(prediction, index) if move.echo.path == candidate.path), None)
     return Remedy(threshold_db=threshold, wall=moved)

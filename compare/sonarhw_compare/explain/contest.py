@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
-from sonarhw_sim.rays.paths import SLACK
+from sonarhw_sim.predict.predicted_scan import Echo, PredictedPing, PredictedScan
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
@@ -53,13 +52,12 @@ class WallChange:
 
 def contest(prediction: PredictedScan, index: int) -> Contest:
     """Return the winner at heading `index` and the echoes that would win instead."""
-    threshold = prediction.board.threshold_db
-    candidates = steps(prediction, index)
+    threshold, ping = prediction.board.threshold_db, prediction.ping(index)
+    candidates = steps(ping)
     row = next((k for k, step in enumerate(candidates) if step.level_db >= threshold), len(candidates))
     winner = candidates[row] if row < len(candidates) else None
     fainter = candidates[row - 1] if row > 0 else None
-    echoes = prediction.ping(index).echoes
-    later = [echo for echo in echoes if winner is not None and echo.range > winner.range]
+    later = [echo for echo in ping.echoes if winner is not None and echo.range > winner.range]
     return Contest(
         winner,
         None if winner is None else winner.level_db - threshold,
@@ -71,16 +69,14 @@ def contest(prediction: PredictedScan, index: int) -> Contest:
     )
 
 
-def steps(prediction: PredictedScan, index: int) -> tuple[Step, ...]:
-    """Return each echo that wins at heading `index` with some threshold, nearest and faintest first."""
-    ping, lengths = prediction.ping(index), prediction.apparent_lengths
-    levels, loudest = ping.levels, ping.loudest
-    listened = ~prediction.blanked & (lengths <= 2 * prediction.board.max_range + SLACK) & np.isfinite(levels)
-    rows = np.flatnonzero(listened)
+def steps(ping: PredictedPing) -> tuple[Step, ...]:
+    """Return each echo of a ping that wins with some threshold, nearest and faintest first."""
+    lengths, levels, loudest = ping.scan.apparent_lengths, ping.levels, ping.loudest
+    rows = np.flatnonzero(ping.scan.in_time & np.isfinite(levels))
     rows = rows[np.argsort(lengths[rows], kind="stable")]
     before = np.maximum.accumulate(np.append(-math.inf, levels[rows]))[:-1]
     records = rows[levels[rows] > before]
-    ranges = prediction.board.reported(ping.arrival_lengths[records] / 2)
+    ranges = ping.scan.board.reported(ping.arrival_lengths[records] / 2)
     above = before[levels[rows] > before]
     return tuple(
         Step(int(loudest[first]), float(distance), float(levels[first]), float(least))
@@ -93,7 +89,7 @@ def change_for(prediction: PredictedScan, index: int, measured: float | None) ->
 
     `measured` is in m, None for no echo. The result is 0 if they match already, and None if no threshold achieves it.
     """
-    threshold, candidates = prediction.board.threshold_db, steps(prediction, index)
+    threshold, candidates = prediction.board.threshold_db, steps(prediction.ping(index))
     if measured is None:
         return max(0.0, candidates[-1].level_db - threshold) if candidates else 0.0
     wanted = [step for step in candidates if abs(step.range - measured) <= TOLERANCE]

@@ -77,10 +77,15 @@ class PredictedScan:
         """Which paths arrive while the board is blanked, (p,) bool."""
         return is_blanked(self.apparent_lengths, self.board, self.room)
 
-    @property
+    @cached_property
+    def in_range(self) -> BoolArray:
+        """Which paths arrive within range, (p,) bool."""
+        return np.asarray(self.apparent_lengths <= 2 * self.board.max_range + SLACK)
+
+    @cached_property
     def in_time(self) -> BoolArray:
         """Which paths arrive after blanking and within range, (p,) bool."""
-        return ~self.blanked & (self.apparent_lengths <= 2 * self.board.max_range + SLACK)
+        return ~self.blanked & self.in_range
 
     def ping(self, index: int) -> "PredictedPing":
         """Return what the board receives at heading `index`."""
@@ -359,23 +364,22 @@ class PredictedPing:
     @cached_property
     def echoes(self) -> tuple[Echo, ...]:
         """All arrivals after blanking that are loud enough, earliest first."""
-        return tuple(self._loud(~self.scan.blanked))
+        return tuple(self._loud(self.scan.in_time))
 
     @cached_property
     def blanked_echoes(self) -> tuple[Echo, ...]:
         """All arrivals within blanking that are loud enough, earliest first."""
-        return tuple(self._loud(self.scan.blanked))
+        return tuple(self._loud(self.scan.blanked & self.scan.in_range))
 
     @property
     def first_echo(self) -> Echo | None:
         """The first of `echoes`, or None without any."""
-        return next(self._loud(~self.scan.blanked), None)
+        return next(self._loud(self.scan.in_time), None)
 
     def _loud(self, among: BoolArray) -> Iterator[Echo]:
         scan, levels, loudest, lengths = self.scan, self.levels, self.loudest, self.arrival_lengths
         scattered, board = self._scattered, self.scan.board
-        within = scan.apparent_lengths <= 2 * board.max_range + SLACK
-        loud = np.flatnonzero((levels >= board.threshold_db) & np.isfinite(levels) & within & among)
+        loud = np.flatnonzero((levels >= board.threshold_db) & np.isfinite(levels) & among)
         span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
         until, until_scattered = -math.inf, -math.inf  # ends of the last arrivals
         for first in loud.tolist():

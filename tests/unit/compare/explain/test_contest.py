@@ -31,7 +31,7 @@ def range_with(threshold: float, index: int) -> float:
 def test_each_step_wins_between_its_thresholds_only() -> None:
     scan = replace(SCAN, board=BOARD)
     for index in range(len(HEADINGS)):
-        found = steps(scan, index)
+        found = steps(scan.ping(index))
         assert len(found) >= 1
         for step in found:
             if step.level_db > -38.0:
@@ -57,7 +57,7 @@ def test_the_returned_change_makes_the_model_match() -> None:
     scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
     needed = 0
     for index in range(len(HEADINGS)):
-        for measured in (*(step.range for step in steps(scan, index)), None):
+        for measured in (*(step.range for step in steps(scan.ping(index))), None):
             change = change_for(scan, index, measured)
             assert change is not None
             if change < -15:
