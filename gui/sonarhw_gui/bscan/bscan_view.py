@@ -54,6 +54,7 @@ class BScanView(QWidget):
             choice.setData(panes)
             self.choices.addAction(choice)
         self.choices.actions()[0].setChecked(True)
+        self._settled = False  # whether there were readings, or the user has chosen
         self.polar = view_action(self, "Polar", "O", "Polar, over the room; off: heading by range")
         self.decibels = view_action(self, "dB", "B", "Levels in dB of full scale; off: linear")
         self.decibels.setChecked(True)
@@ -79,6 +80,7 @@ class BScanView(QWidget):
             self._lay_out()
             self._drawn = None
         if self.isVisible():
+            self._choose_pane(shown)
             self._draw(shown)
 
     @Slot()
@@ -97,6 +99,8 @@ class BScanView(QWidget):
 
     def showEvent(self, event: QShowEvent) -> None:
         """Request the images, now that the view is visible."""
+        if self._shown is not None:
+            self._choose_pane(self._shown)
         self.gestures.bscan_requested.emit(self.settings)
         if self._shown is not None:
             self._draw(self._shown)
@@ -122,10 +126,26 @@ class BScanView(QWidget):
         column.addWidget(self.note)
 
     def _connect(self) -> None:
+        self.choices.triggered.connect(self._settle)
         for chosen in (self.choices, self.polar, self.decibels):
             chosen.triggered.connect(self._request_bscan)
         self.canvas.clicked.connect(self._click)
         self.canvas.hovered.connect(self._point_at)
+
+    @Slot()
+    def _settle(self) -> None:
+        self._settled = True
+
+    def _choose_pane(self, shown: Shown) -> None:
+        """Show the prediction of a room until there are readings or the user chooses."""
+        if self._settled:
+            return
+        self._settled = bool(shown.readings)
+        recorded, predicted, *_ = self.choices.actions()
+        choice = predicted if shown.scene.room is not None and not shown.readings else recorded
+        if not choice.isChecked():
+            choice.setChecked(True)
+            self._request_bscan()
 
     @Slot()
     def _request_bscan(self) -> None:
@@ -170,7 +190,7 @@ class BScanView(QWidget):
                 self._zoomed, self._cells = True, bscan.rows.cells
                 self._fit(initial_range(shown))
             self._drawn = shown.bscan_ref
-        self.note.setText(_cursor_text(bscan, shown) or _note(bscan, self.settings))
+        self.note.setText(_cursor_text(bscan, shown) or _note(bscan, self.settings, bool(shown.readings)))
         for kind in self.settings.panes:
             self.panes[kind].point(shown)
 
@@ -223,11 +243,13 @@ def _decibels(level: float) -> str:
     return f"{20 * math.log10(level):.0f} dB".replace("-", "−") if level > 0 else "silent"
 
 
-def _note(bscan: BScans | None, settings: BScanSettings) -> str:
+def _note(bscan: BScans | None, settings: BScanSettings, scanned: bool) -> str:
     if bscan is None:
         return "computing …"
     notes = []
-    if Pane.MEASURED in settings.panes and not bscan.rows.traced and len(bscan.measured.headings):
+    if Pane.MEASURED in settings.panes and not scanned:
+        notes.append("no readings")
+    elif Pane.MEASURED in settings.panes and not bscan.rows.traced and len(bscan.measured.headings):
         notes.append("no traces recorded: marks show the reported ranges, without a level")
     if Pane.DIFFERENCE in settings.panes and not bscan.rows.traced:
         notes.append("no difference: it needs recorded traces")

@@ -148,6 +148,42 @@ def view(qtbot: QtBot) -> BScanView:
     return view
 
 
+def checked(window: MainWindow) -> str:
+    return window.views.bscan.choices.checkedAction().text()
+
+
+def test_a_room_alone_opens_on_its_prediction_until_there_are_readings(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with()
+    until(qtbot, lambda: predicted(window))
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    until(qtbot, lambda: computed(window))
+    assert checked(window) == "Predicted"
+    assert window.views.bscan.panes[Pane.PREDICTED].plot.isVisible()
+    window.session.show_log(read_log(recorded))
+    until(qtbot, lambda: computed(window) and predicted(window))
+    assert checked(window) == "Recorded"
+    window.session.leave_replay()
+    assert checked(window) == "Recorded"
+
+
+@pytest.mark.parametrize(("key", "choice"), [(Qt.Key.Key_F2, "Recorded"), (Qt.Key.Key_F3, "Predicted")])
+def test_the_pane_that_the_user_has_chosen_stays(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, key: Qt.Key, choice: str
+) -> None:
+    window = open_with()
+    until(qtbot, lambda: predicted(window))
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    qtbot.keyClick(window, key)
+    until(qtbot, lambda: computed(window))
+    assert checked(window) == choice
+    assert ("no readings" in window.views.bscan.note.text()) == (choice == "Recorded")
+    window.session.show_log(read_log(recorded))
+    until(qtbot, lambda: computed(window) and predicted(window))
+    assert checked(window) == choice
+
+
 def test_a_log_without_traces_is_reported(view: BScanView, scene: Scene) -> None:
     readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), 343.2) for k in range(36))
     answer = BScanRequest(1, scene, readings, None, view.settings, LIGHT, None).answer()
