@@ -4,7 +4,7 @@ from typing import Protocol, cast
 
 from PySide6.QtCore import QSize, Qt, Slot
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QWidget
+from PySide6.QtWidgets import QDockWidget, QLayout, QMainWindow, QScrollArea, QWidget
 
 from sonarhw_gui.shown.shown import Shown
 
@@ -37,21 +37,38 @@ class _VerticalScrollArea(QScrollArea):
 
 
 class _Dock(QDockWidget):
-    """A dock with an action that opens it, brings it to the front, or closes it."""
+    """A dock with a panel, and an action that opens it, brings it to the front, or closes it."""
 
-    def __init__(self, name: str, key: str, about: str, window: QMainWindow) -> None:
+    def __init__(self, name: str, key: str, about: str, panel: Panel, window: QMainWindow) -> None:
         super().__init__(name, window)
+        self._panel, self._main_window = panel, window
+        self._shown: Shown | None = None
+        self.setWidget(_VerticalScrollArea(cast(QWidget, panel)))
         self.setObjectName(name)  # key of the stored layout
         self.opener = QAction(name, self, checkable=True, shortcut=QKeySequence(key))  # checked: it is in front
         self.opener.setToolTip(f"{about} ({key})")
         self.opener.triggered.connect(self._open_or_close)
         self.visibilityChanged.connect(self.opener.setChecked)
 
+    def show_state(self, shown: Shown) -> None:
+        """Update the panel if it is visible."""
+        self._shown = shown
+        if self._panel.isVisibleTo(self._main_window):
+            self._panel.show_state(shown)
+
+    def bring_to_front(self) -> None:
+        """Open it in front of the others."""
+        if self._shown is not None:
+            self._panel.show_state(self._shown)
+            for layout in reversed(self.findChildren(QLayout)):  # inner ones first
+                layout.activate()  # else the first paint has the height from before
+        self.show()
+        self.raise_()
+
     @Slot(bool)
     def _open_or_close(self, wanted: bool) -> None:
         if wanted:
-            self.show()
-            self.raise_()
+            self.bring_to_front()
         else:
             self.close()
 
@@ -62,13 +79,10 @@ class Docks:
     def __init__(self, window: QMainWindow) -> None:
         self._window = window
         self._docks: list[_Dock] = []
-        self._panels: list[Panel] = []
 
     def add(self, name: str, key: str, about: str, panel: Panel) -> QDockWidget:
         """Return a new dock with `panel`; `key` opens and closes it, and `about` says what it is for."""
-        self._panels.append(panel)
-        dock = _Dock(name, key, about, self._window)
-        dock.setWidget(_VerticalScrollArea(cast(QWidget, panel)))
+        dock = _Dock(name, key, about, panel, self._window)
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
         if self._docks:
             self._window.tabifyDockWidget(self._docks[-1], dock)
@@ -78,15 +92,12 @@ class Docks:
 
     def show(self, name: str) -> None:
         """Open a dock in front of the others."""
-        dock = next(dock for dock in self._docks if dock.objectName() == name)
-        dock.show()
-        dock.raise_()
+        next(dock for dock in self._docks if dock.objectName() == name).bring_to_front()
 
     def show_state(self, shown: Shown) -> None:
         """Update the visible panels."""
-        for panel in self._panels:
-            if panel.isVisibleTo(self._window):
-                panel.show_state(shown)
+        for dock in self._docks:
+            dock.show_state(shown)
 
     @property
     def actions(self) -> list[QAction]:

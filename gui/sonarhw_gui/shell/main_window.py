@@ -188,7 +188,6 @@ class MainWindow(TabbedWindow):
     @Slot()
     def _find_pose(self) -> None:
         self.docks.show("Fit")
-        self.fit_panel.show_state(self.session.shown)  # it may not have been visible yet
         self.fit_panel.request_fit()
 
     @Slot(object)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QEvent, QObject, QPoint, Qt
 from PySide6.QtWidgets import QFileDialog, QSlider, QStyle, QStyleOptionSlider
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.appearance import LengthUnit, Look
@@ -305,3 +305,29 @@ def test_plan_and_panel_share_the_chosen_wall(qtbot: QtBot, open_with: OpenWith)
     assert window.room.surface.surface.currentText() == "top"
     qtbot.keyClick(window.room.surface.surface, Qt.Key.Key_Down)
     assert window.views.plan.drawing.controller.chosen_surface == 3
+
+
+class Heights(QObject):
+    """Records the height of every group of the panel at each of its paints."""
+
+    def __init__(self, panel: RoomPanel) -> None:
+        super().__init__(panel)
+        self._panel = panel
+        self.painted: list[list[int]] = []
+        panel.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() is QEvent.Type.Paint:
+            self.painted.append([group.height() for group in self._panel._groups])
+        return False
+
+
+def test_the_panel_has_its_height_from_its_first_paint(qtbot: QtBot, open_with: OpenWith) -> None:
+    room = load_room("laboratory")  # many materials, whose rows are added when the panel opens
+    window = open_with(scene=Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml"))
+    until(qtbot, lambda: predicted(window))
+    heights = Heights(window.room)
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    needed = [group.minimumSizeHint().height() for group in window.room._groups]
+    until(qtbot, lambda: bool(heights.painted))
+    assert all(height >= least for painted in heights.painted for height, least in zip(painted, needed, strict=True))
