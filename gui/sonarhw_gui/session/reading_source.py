@@ -7,16 +7,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 from PySide6.QtCore import QObject
+from sonarhw_compare.scanners.fake_url import is_fake
 
 from sonarhw.log import Log
 from sonarhw.readings import Origin, Reading
 from sonarhw.wire.origin import origin_of
 from sonarhw_gui.live.live_feed import LiveFeed
 from sonarhw_gui.live.reading_rate import RateMeter
-from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
+from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.window_status import Source, Status, lost_in
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.session.replay_control import ReplayControl
+from sonarhw_gui.session.scanner_choice import ScannerChoice
 from sonarhw_gui.shown.notices import Notice
 
 
@@ -45,14 +47,14 @@ class RecordedIn(NamedTuple):
 class ReadingSource:
     """A scanner and a log; a loaded log is shown instead of the scanner's readings."""
 
-    def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings, parent: QObject) -> None:
-        self.live = LiveFeed(opener, scan_settings)
+    def __init__(self, scanners: ScannerChoice, scan_settings: ScanSettings, parent: QObject) -> None:
+        self._scanners = scanners
+        self.live = LiveFeed(scanners.opener, scan_settings)
         self.replay = ReplayControl(parent)
         self._rate = RateMeter()
         self._opened: ReplayedLog | None = None
         self._played: tuple[Reading, ...] = ()
         self.scan_scene: Scene | None = None  # the scene at the start of the last live scan
-        self._live_origin = Origin.MEASURED
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -61,13 +63,15 @@ class ReadingSource:
 
     @property
     def origin(self) -> Origin:
-        """The origin of the readings; measured if there is neither a log nor a scanner yet."""
+        """The origin of the readings; without readings, of those that the chosen scanner will make."""
         if self.replayed:
             return self.replayed.log.origin
-        if self.live.link:  # kept after the connection has ended
+        if self.live.readings and (made := self.live.readings[0].origin):
+            return made
+        if self.live.link:
             device = self.live.link.device
-            self._live_origin = origin_of("scan", device.firmware, device.serial)
-        return self._live_origin
+            return origin_of("scan", device.firmware, device.serial)
+        return Origin.FAKE if is_fake(self._scanners.url) else Origin.MEASURED
 
     @property
     def all_readings(self) -> tuple[Reading, ...]:

@@ -31,14 +31,14 @@ class ScannerChoice(QObject):
     ports_changed = Signal(object)  # tuple of PortRow
     failed = Signal(str)
 
-    def __init__(
-        self, find_scanner: ScannerFinder | None, parent: QObject, make_ports: Callable[[], PortList] = PortList
-    ) -> None:
+    def __init__(self, scanner: ScannerTarget | None, find_scanner: ScannerFinder | None, parent: QObject) -> None:
+        """`scanner`: chosen at the start."""
         super().__init__(parent)
-        self.url = ""
+        self.url = scanner.url if scanner else ""
+        self.opener = scanner.opener if scanner else None
         self.urls: tuple[str, ...] = ()  # used before, newest first
         self._find_scanner = find_scanner
-        self._make_ports = make_ports
+        self._make_ports = PortList
         self._ports: PortList | None = None
 
     @property
@@ -67,7 +67,8 @@ class ScannerChoice(QObject):
 
     def remember(self, target: ScannerTarget) -> None:
         """Store that this scanner is used now."""
-        self.url, self.urls = target.url, with_newest(self.urls, target.url)
+        self.url, self.opener = target.url, target.opener
+        self.urls = with_newest(self.urls, target.url)
 
     @Slot()
     def list_ports(self) -> None:

@@ -44,7 +44,7 @@ class ShownModel(QObject):
         """`unsaved`: the folder for notes that cannot be stored beside their log."""
         super().__init__(parent)
         self.note_store = NoteStore(unsaved)
-        self.shown = Shown(scene, look=look)
+        self.shown = Shown(scene, look=look, origin=source.origin)
         self.history = History()
         self.forecast, self.traces = Forecast(), TraceForecast()
         self._source = source

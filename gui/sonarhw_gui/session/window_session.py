@@ -19,7 +19,7 @@ from sonarhw_gui.finding.find_control import FindControl
 from sonarhw_gui.fitting.fit_control import FitControl
 from sonarhw_gui.fitting.fit_request import FitSettings
 from sonarhw_gui.live.scanner_board import ScannerBoard
-from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
+from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.scanner_place import ScannerPlace, ScanRoom
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
@@ -70,7 +70,7 @@ class WindowSession(QObject):
     def __init__(
         self,
         scene: Scene,
-        opener: ScannerOpener | None,
+        scanner: ScannerTarget | None,
         scan_settings: ScanSettings,
         look: Look | None = None,
         find_scanner: ScannerFinder | None = None,
@@ -79,8 +79,9 @@ class WindowSession(QObject):
         """`unsaved`: folder for rooms with unsaved changes, and for notes not beside their log; None: not stored."""
         super().__init__()
         self._ticking = False
-        self.status = Status(can_scan=opener is not None, scan_settings=scan_settings)
-        self._source = ReadingSource(opener, scan_settings, self)
+        self.status = Status(can_scan=scanner is not None, scan_settings=scan_settings)
+        self.scanners = ScannerChoice(scanner, find_scanner, self)
+        self._source = ReadingSource(self.scanners, scan_settings, self)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
         self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
@@ -90,7 +91,6 @@ class WindowSession(QObject):
         self.unsaved.open(scene)
         self.documents = Documents(scan_settings.folder)
         self.files = FileWatch()
-        self.scanners = ScannerChoice(find_scanner, self)
         self.fitting = FitControl(self)
         self.causes, self.scans = CauseControl(self), ScanList(self)
         self.finding = FindControl(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self)

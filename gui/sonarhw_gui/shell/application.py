@@ -22,7 +22,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import apply_look
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.memory import Memory, read_memory
-from sonarhw_gui.session.scanner_choice import ScannerFinder
+from sonarhw_gui.session.scanner_choice import ScannerFinder, ScannerTarget
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.display import check_display
 from sonarhw_gui.shell.garbage import collected_between_events, return_large_blocks
@@ -84,13 +84,13 @@ def open_application() -> QApplication:
 def open_window(start: WindowStart) -> MainWindow:
     """Return a window with its session, not visible yet."""
     restored, memory, problem = _resumed(start)
-    opener = None if isinstance(restored.source, Log) else restored.source
+    source = restored.source
+    scanner = None if source is None or isinstance(source, Log) else ScannerTarget(restored.url, source)
     scan_settings = ScanSettings(start.recordings, start.order, start.traces)
     if start.resume and memory.scan_settings is not None:
         scan_settings = replace(memory.scan_settings, folder=start.recordings)
     unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
-    window = MainWindow(WindowSession(restored.scene, opener, scan_settings, memory.look, start.find_scanner, unsaved))
-    window.session.scanners.url = restored.url
+    window = MainWindow(WindowSession(restored.scene, scanner, scan_settings, memory.look, start.find_scanner, unsaved))
     window.session.scanner_board.wanted = restored.takes_board
     restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
@@ -102,8 +102,8 @@ def open_window(start: WindowStart) -> MainWindow:
         if not memory.introduced:
             window.hint.begin()
         MemoryWriter(window, start.memory)
-    if isinstance(restored.source, Log):
-        window.session.show_log(restored.source, restored.source_name, restored.source_file)
+    if isinstance(source, Log):
+        window.session.show_log(source, restored.source_name, restored.source_file)
     elif restored.source_file is not None and restored is not start:
         window.session.reopen(
             OpenLogRequest(restored.source_file, restored.scene)

@@ -9,6 +9,7 @@ from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.reading_cells import Column
 
+from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import ORDER, OpenWith
@@ -43,3 +44,16 @@ def test_title_legend_table_and_tooltip_name_the_origin_of_a_log(
         assert ("hides one post" in window.hint.labels[0].text()) == fake
         assert origin in window.hint.labels[0].text()
         assert "measured" not in window.hint.labels[0].text()
+
+
+def test_readings_of_a_fake_scanner_have_their_name_from_the_first_paint(open_with: OpenWith) -> None:
+    """Before the scanner has identified itself: its URL says what it is."""
+
+    def never() -> Scanner:
+        raise AssertionError("nothing connects")
+
+    window = open_with(source=never, url="fake:simple?place=figure9")
+    assert {"fake: match", "fake trace"} <= legend_texts(window)
+    assert "fake scanner" in window.hint.labels[0].text()
+    real = open_with(source=never, url="socket://localhost:4000")
+    assert {"measured: match", "measured trace"} <= legend_texts(real)
