@@ -82,4 +82,4 @@ def _print_fake(url: str) -> None:
         return
     fake = read_fake_url(url)
     room = load_room(fake.room)
-    print_detail(f"{url}: room {room.name!r}, place {room.place(fake.place).name!r}, board {fake.board!r}")
+    print_detail(f"{url}: room {room.name!r}, place {fake.place_in(room).name!r}, board {fake.board!r}")

@@ -294,6 +294,8 @@ def _fake_scene(url: str, request: _Request) -> "Scene":
     fake = read_fake_url(url)
     own = _Request(fake.room, fake.place, fake.board)
     scene = _scene(own)
+    if scene.room is not None:
+        scene = replace(scene, place=fake.place_in(scene.room))
     if request.room is None:
         request = replace(own, place=request.place or own.place, board=request.board or own.board)
     return scene if request == own else _scene(request)

@@ -1,5 +1,6 @@
 """Fake scanners: `fake:ROOM?place=NAME&seed=1`, and the device that answers there."""
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1:0"
 SCHEME = "fake"
-_KEYS = ("place", "board", "seed", "pace", "faults")
+_KEYS = ("place", "heading", "board", "seed", "pace", "faults")
 
 
 @dataclass(frozen=True)
@@ -33,10 +34,16 @@ class FakeUrl:
 
     room: str  # name or file
     place: str | None
+    heading: float | None  # of the turntable's step 0, rad; None: that of the place
     board: str
     seed: int
     pace: Pace
     faults: Faults
+
+    def place_in(self, room: Room) -> Place:
+        """Return the place in its room. Raises InputError if there is no such place."""
+        place = room.place(self.place)
+        return place if self.heading is None else replace(place, heading=self.heading)
 
 
 def is_fake(url: str) -> bool:
@@ -44,10 +51,16 @@ def is_fake(url: str) -> bool:
     return url.startswith(f"{SCHEME}:")
 
 
-def moved_fake_url(url: str, room: str, place: str, board: str) -> str:
-    """Return the URL with another room (name or file), place and shipped board; the other settings stay."""
-    values = dict(parse_qsl(url.partition("?")[2], keep_blank_values=True))
-    return f"{SCHEME}:{room}?{urlencode(values | {'place': place, 'board': board})}"
+def moved_fake_url(url: str, room: str, place: str, board: str, heading: float | None = None) -> str:
+    """Return the URL with another room (name or file), place and shipped board; seed, pace and faults stay.
+
+    `heading`: of the turntable's step 0, rad; None: that of the place.
+    """
+    values = dict(parse_qsl(url.partition("?")[2], keep_blank_values=True)) | {"place": place, "board": board}
+    values.pop("heading", None)
+    if heading is not None:
+        values["heading"] = f"{math.degrees(heading):.9g}"
+    return f"{SCHEME}:{room}?{urlencode(values, safe=',')}"
 
 
 def read_fake_url(url: str) -> FakeUrl:
@@ -61,6 +74,7 @@ def read_fake_url(url: str) -> FakeUrl:
     return FakeUrl(
         room=room,
         place=values.get("place"),
+        heading=_read_heading(values["heading"]) if "heading" in values else None,
         board=values.get("board", DEFAULT_BOARD),
         seed=_read_seed(values.get("seed", "0")),
         pace=read_pace(values.get("pace", "real")),
@@ -75,7 +89,7 @@ def serve_fake(url: str, warn: Callable[[str], None]) -> Iterator[Callable[[], s
     room = load_room(settings.room)
     if settings.place is None and len(room.places) > 1:
         raise InputError(f"{url}: the room has several places; add ?place=NAME, one of {', '.join(room.places)}")
-    place = room.place(settings.place)
+    place = settings.place_in(room)
     for doubt in room_doubts(room):
         warn(f"{settings.room}: {doubt}")
     for doubt in place_doubts(room, place):
@@ -100,6 +114,16 @@ def fake_device(room: Room, place: Place, board: Board, seed: int, faults: Fault
         return FakeBoard(echoes, seed, board.blanking_end, counted_identity, ready=lambda: echoes.ready, wires=wires)
 
     return started(0) if faults == NO_FAULTS else FaultyDevice(started, faults, seed), echoes
+
+
+def _read_heading(text: str) -> float:
+    try:
+        heading = math.radians(float(text))
+    except ValueError:
+        heading = math.nan
+    if not math.isfinite(heading):
+        raise InputError(f"heading {text!r}: expected degrees")
+    return heading
 
 
 def _read_seed(text: str) -> int:

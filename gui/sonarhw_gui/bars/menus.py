@@ -53,7 +53,7 @@ def _menus_of_scans(
         commands.save_film,
     ]
     yield "File", [opened, [*pictures, commands.export_data, commands.report], [commands.close]]
-    run = [commands.scan, commands.stop, commands.home]
+    run = [commands.scan, commands.stop, commands.home, commands.move_fake]
     yield "Scan", [[commands.connect_scanner], run, [commands.find]]
     yield (
         "Edit",

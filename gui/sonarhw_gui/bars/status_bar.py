@@ -20,6 +20,10 @@ _FAKE_MEANS = (
     "A fake scanner simulates its room, which deliberately differs from the room file: one additional post, a sensor "
     "some millimetres away, and air of another temperature. View > Causes searches for the post"
 )
+_FAKE_STAYS = (
+    "Moving the sensor or choosing a board in the window changes the prediction only. The fake scanner is still {}, so "
+    "its readings differ. Scan > Move the fake scanner here moves it, and scans again"
+)
 _FEW = 360  # readings; so many are compared within a moment, as during a scan
 _MESSAGE_TIME = 10_000  # ms
 
@@ -33,7 +37,6 @@ class StatusBar(QStatusBar):
         self.activity = ElidedLabel()
         self.activity.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.fake = PlainLabel(FAKE)
-        self.fake.setToolTip(_FAKE_MEANS)
         self.badge = PlainLabel()
         self.figures = PlainLabel()
         self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air temperature")
@@ -71,6 +74,8 @@ class StatusBar(QStatusBar):
             self.progress.setRange(0, status.preparing.known)
             self.progress.setValue(status.preparing.done)
         self.fake.setVisible(status.fake)
+        self.fake.setText(f"fake scanner, still {status.fake_still}" if status.fake_still else FAKE)
+        self.fake.setToolTip(_FAKE_STAYS.format(status.fake_still) if status.fake_still else _FAKE_MEANS)
         self.figures.setText(figures_text(status))
         self.badge.setText(badge_text(status))
         background = _COLOURS.get(status.badge, LIGHT.idle)

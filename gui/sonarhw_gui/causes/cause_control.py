@@ -1,14 +1,16 @@
 """Starts, observes and cancels the search for causes, which runs in a thread; at most one at a time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, Slot
 
 from sonarhw.readings import Reading
 from sonarhw_gui.run_control import RunControl
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
+from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
@@ -63,13 +65,17 @@ class CausesState:
 class CauseControl(RunControl):
     """At most one search at a time."""
 
-    def __init__(self, parent: QObject) -> None:
+    def __init__(self, shown: Callable[[], Shown], parent: QObject) -> None:
+        """`shown`: returns what the window shows."""
         super().__init__("causes", CausesState(), parent)
+        self._shown = shown
 
-    def start(self, scene: Scene, readings: tuple[Reading, ...]) -> None:
-        """Start a search; a running one is cancelled."""
-        newest = readings[-_MOST_READINGS:]
-        request = CauseRequest(scene, newest, len(readings) - len(newest), RunProgress())
+    @Slot()
+    def start(self) -> None:
+        """Search for changes of the room that explain misfits of the readings shown; a running search is cancelled."""
+        shown = self._shown()
+        newest = shown.readings[-_MOST_READINGS:]
+        request = CauseRequest(shown.scene, newest, len(shown.readings) - len(newest), RunProgress())
         self._run(request)
         self._set_state(self._running(request.progress))
 

@@ -45,6 +45,11 @@ class Commands:
         self.stop = self._add("■ Stop", "F6", "Stop the scanner at once; readings so far are kept")
         self.stop.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)  # from a dialog in front, too
         self.home = self._add("Home", "Ctrl+H", "Find the zero of the turntable")
+        self.move_fake = self._add(
+            "Move the fake scanner here",
+            "Ctrl+Alt+M",
+            "Move it to the place of the sensor in the window, and scan again",
+        )
         self.find = self._add("Find pose", "Ctrl+J", "Fit the pose of the scanner to its readings")
         self.undo = self._add("Undo", "Ctrl+Z", "Undo the last edit")
         self.redo = self._add("Redo", "Ctrl+Shift+Z", "Repeat the edit that was undone last")

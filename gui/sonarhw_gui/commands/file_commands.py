@@ -100,7 +100,7 @@ class FileCommands(QMenu):
     @Slot()
     def ask_scan(self) -> None:
         """Open a dialog for a log that is drawn over the readings shown."""
-        self._ask_file("Add log", "Logs (*.mcap)", self._session.add_scan)
+        self._ask_file("Add log", "Logs (*.mcap)", self._session.scans.open)
 
     @Slot()
     def _show_recordings(self) -> None:

@@ -1,13 +1,13 @@
 """Starts, observes and cancels the fit, which runs in a thread; at most one at a time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, Slot
 
-from sonarhw.readings import Reading
 from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings
 from sonarhw_gui.run_control import RunControl
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.run_progress import RunProgress
 
 _MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
@@ -26,12 +26,16 @@ class FitState:
 class FitControl(RunControl):
     """At most one fit at a time."""
 
-    def __init__(self, parent: QObject) -> None:
+    def __init__(self, shown: Callable[[], Shown], parent: QObject) -> None:
+        """`shown`: returns what the window shows."""
         super().__init__("fit", FitState(), parent)
+        self._shown = shown
 
-    def start(self, settings: FitSettings, scene: Scene, readings: tuple[Reading, ...]) -> None:
-        """Start a fit; a running one is cancelled."""
-        request = FitRequest(scene, readings[-_MOST_READINGS:], settings, RunProgress())
+    @Slot(object)
+    def start(self, settings: FitSettings) -> None:
+        """Fit to the readings shown; a running fit is cancelled."""
+        shown = self._shown()
+        request = FitRequest(shown.scene, shown.readings[-_MOST_READINGS:], settings, RunProgress())
         self._run(request)
         self._set_state(self._running(request.progress))
 

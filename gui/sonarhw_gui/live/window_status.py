@@ -54,6 +54,7 @@ class Status:
     trouble: str = ""  # message about a lost connection
     angle: float | None = None  # last reported angle of the turntable, rad
     fake: bool = False  # whether the readings come from a fake scanner
+    fake_still: str = ""  # place or board of the fake scanner that makes them, if it is not the one shown
     own_readings: bool = False  # whether the readings come from the connected scanner, in the shown room
 
     @property

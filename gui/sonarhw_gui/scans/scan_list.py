@@ -1,6 +1,6 @@
 """The scans that are drawn over the one shown, and the two whose differences are shown."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.look.palette import OVERLAYS
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.shown.overlaid_scan import SHOWN, OverlaidScan, ScanPair, overlaid
+from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.worker import Failure, Worker
 
 _MOST = 8  # scans
@@ -48,25 +49,32 @@ class ScanList(QObject):
     changed = Signal(object, object)  # tuple of OverlaidScan, ScanPair or None
     failed = Signal(str)
 
-    def __init__(self, parent: QObject) -> None:
+    def __init__(self, shown: Callable[[], Shown], log_file: Callable[[], str], parent: QObject) -> None:
+        """`shown`, `log_file`: return what the window shows, and the file of its readings or ""."""
         super().__init__(parent)
+        self._shown, self._log_file = shown, log_file
         self.scans: tuple[OverlaidScan, ...] = ()
         self.pair: ScanPair | None = None
         self._worker: Worker | None = None
 
-    def open(self, path: str, scene: Scene) -> None:
+    @Slot(str)
+    def open(self, path: str) -> None:
         """Add the scan in a log."""
         if self._worker is None:
             self._worker = Worker("add scans")
-        self._worker.submit(AddScanRequest(Path(path), scene))
+        self._worker.submit(AddScanRequest(Path(path), self._shown().scene))
 
-    def keep(self, name: str, readings: tuple[Reading, ...], scene: Scene) -> None:
-        """Add readings, as they are now."""
-        if readings:
-            self._add([_Made(name, readings, scene)])
+    @Slot()
+    def keep(self) -> None:
+        """Add the readings shown, as they are now."""
+        shown = self._shown()
+        if shown.readings:
+            self._add([_Made(self._name, shown.readings, shown.scene)])
 
-    def keep_sweeps(self, name: str, readings: tuple[Reading, ...], scene: Scene) -> None:
-        """Add each sweep of readings; the first and the last are compared."""
+    @Slot()
+    def keep_sweeps(self) -> None:
+        """Add each sweep of the readings shown; the first and the last are compared."""
+        name, readings, scene = self._name, self._shown().readings, self._shown().scene
         sweeps = sorted({reading.sweep for reading in readings})
         if len(sweeps) < 2:
             self.failed.emit(
@@ -113,6 +121,10 @@ class ScanList(QObject):
         """End the thread."""
         if self._worker is not None:
             self._worker.close()
+
+    @property
+    def _name(self) -> str:
+        return Path(self._log_file()).stem or f"scan {len(self.scans) + 1}"
 
     def _add(self, scans: Iterable[_Made]) -> None:
         for made in scans:

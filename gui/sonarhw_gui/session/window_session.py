@@ -17,10 +17,9 @@ from sonarhw.log import Log
 from sonarhw_gui.causes.cause_control import CauseControl
 from sonarhw_gui.finding.find_control import FindControl
 from sonarhw_gui.fitting.fit_control import FitControl
-from sonarhw_gui.fitting.fit_request import FitSettings
 from sonarhw_gui.live.scanner_board import ScannerBoard
 from sonarhw_gui.live.scanner_jobs import ScanSettings
-from sonarhw_gui.live.scanner_place import ScannerPlace, ScanRoom
+from sonarhw_gui.live.scanner_place import MoveFake, ScannerPlace, ScanRoom
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scans.scan_list import ScanList
@@ -91,8 +90,9 @@ class WindowSession(QObject):
         self.unsaved.open(scene)
         self.documents = Documents(scan_settings.folder)
         self.files = FileWatch()
-        self.fitting = FitControl(self)
-        self.causes, self.scans = CauseControl(self), ScanList(self)
+        self.fitting = FitControl(lambda: self.shown, self)
+        self.causes = CauseControl(lambda: self.shown, self)
+        self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self)
         self.finding = FindControl(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self)
         self.saver = FileSaver(self)
         self.sound = SoundControl(self)
@@ -140,6 +140,18 @@ class WindowSession(QObject):
                 self.noticed.emit(doubt)
             self._source.scan(self.shown.scene, self.scanner_board.wanted)
 
+    @Slot()
+    def move_fake(self) -> None:
+        """Move the fake scanner to the place shown, and scan there when a running scan has stopped."""
+        try:
+            url = self._scanner_place.moved_here(self.scanners.url, self.shown.scene)
+        except InputError as error:
+            self.failed.emit(str(error))
+            return
+        self.stop()
+        self._move_fake(url)
+        self.scan_when_predicted()
+
     def _scan_room(self, offer: ScanRoom) -> None:
         if self.live.running:
             self.warned.emit(_BUSY)
@@ -159,7 +171,8 @@ class WindowSession(QObject):
         self._scan_if_due()
 
     def _scan_if_due(self) -> None:
-        if self._scan_due and (self.shown.scene.room is None or self.shown.outline is not None):
+        due = self._scan_due and not self.live.running
+        if due and (self.shown.scene.room is None or self.shown.outline is not None):
             self.scan()
 
     @Slot()
@@ -205,35 +218,6 @@ class WindowSession(QObject):
         self.unsaved.open(scene, source)
         self._update_status()
 
-    @Slot(object)
-    def find_pose(self, settings: FitSettings) -> None:
-        """Fit the pose of the scanner to the readings shown."""
-        self.fitting.start(settings, self.shown.scene, self.shown.readings)
-
-    @Slot()
-    def find_causes(self) -> None:
-        """Search for changes of the room that explain misfits of the readings shown."""
-        self.causes.start(self.shown.scene, self.shown.readings)
-
-    @Slot(str)
-    def add_scan(self, path: str) -> None:
-        """Draw the scan in a log over the readings shown."""
-        self.scans.open(path, self.shown.scene)
-
-    @Slot()
-    def keep_scan(self) -> None:
-        """Draw the readings shown now over later ones."""
-        self.scans.keep(self._scan_name, self.shown.readings, self.shown.scene)
-
-    @Slot()
-    def keep_sweeps(self) -> None:
-        """Draw each sweep of the readings shown as a scan of its own."""
-        self.scans.keep_sweeps(self._scan_name, self.shown.readings, self.shown.scene)
-
-    @property
-    def _scan_name(self) -> str:
-        return Path(self.log_file).stem or f"scan {len(self.scans.scans) + 1}"
-
     @Slot(str)
     def open_file(self, path: str) -> None:
         """Open a log, or a room for the current readings; a log is shown in its own room if it has one.
@@ -265,7 +249,7 @@ class WindowSession(QObject):
         self.documents.submit(request)
 
     @Slot(object)
-    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ScanRoom | OpenRequest) -> None:
+    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ScanRoom | MoveFake | OpenRequest) -> None:
         """Carry out the answer to a notice."""
         try:
             match answer:
@@ -277,6 +261,8 @@ class WindowSession(QObject):
                     self.open_board(str(answer.path))
                 case ScanRoom():
                     self._scan_room(answer)
+                case MoveFake():
+                    self.move_fake()
                 case _:
                     self.reopen(answer)
         except SonarError as error:
@@ -485,13 +471,14 @@ class WindowSession(QObject):
 
     @Slot()
     def _update_status(self) -> None:
-        searching = self.showing.forecast.searching
+        searching, place = self.showing.forecast.searching, self._scanner_place
         status = self._source.status(time.monotonic(), searching, room_name(self.shown.scene))
         status = replace(
             status,
             outdated=self.shown.outdated,
             preparing=self.preparation.progress,
             scan_due=self._scan_due,
+            fake_still="" if self.replay.loaded else place.fake_still(self.scanners.url, self.shown.scene),
             uncompared=self.showing.forecast.uncompared,
             following=self.files.grows(WatchedFile.LOG, time.monotonic()),
         )

@@ -20,5 +20,6 @@ def show_scanner(commands: Commands, status: Status) -> None:
     commands.scan.setEnabled(status.can_scan and not status.scanning)
     commands.stop.setEnabled(status.scanning)
     commands.home.setEnabled(status.can_turn)
+    commands.move_fake.setEnabled(bool(status.fake_still))
     for action in (commands.open_log, commands.open_room, commands.import_scan, commands.recordings):
         action.setEnabled(not status.scanning)

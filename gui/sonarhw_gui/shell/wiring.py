@@ -19,6 +19,7 @@ def connect_commands(commands: Commands, session: WindowSession) -> None:
         (commands.scan, session.scan),
         (commands.stop, session.stop),
         (commands.home, session.live.home),
+        (commands.move_fake, session.move_fake),
         (commands.undo, showing.undo),
         (commands.redo, showing.redo),
         (commands.previous, showing.choose_previous),
@@ -48,14 +49,14 @@ def connect_device(panel: DevicePanel, session: WindowSession) -> None:
 def connect_fit(panel: FitPanel, session: WindowSession) -> None:
     """Connect the fit panel with the fits of the session."""
     panel.edited.connect(session.showing.edit)
-    panel.requested.connect(session.find_pose)
+    panel.requested.connect(session.fitting.start)
     panel.cancelled.connect(session.fitting.cancel)
     session.fitting.changed.connect(panel.show_fit)
 
 
 def connect_causes(panel: CausesPanel, session: WindowSession) -> None:
     """Connect the panel of causes with the search of the session."""
-    panel.requested.connect(session.find_causes)
+    panel.requested.connect(session.causes.start)
     panel.cancelled.connect(session.causes.cancel)
     panel.edited.connect(session.showing.edit)
     panel.undone.connect(session.showing.undo)
@@ -66,8 +67,8 @@ def connect_causes(panel: CausesPanel, session: WindowSession) -> None:
 
 def connect_scans(panel: ScansPanel, session: WindowSession) -> None:
     """Connect the panel of scans with their list."""
-    panel.kept.connect(session.keep_scan)
-    panel.sweeps_kept.connect(session.keep_sweeps)
+    panel.kept.connect(session.scans.keep)
+    panel.sweeps_kept.connect(session.scans.keep_sweeps)
     panel.removed.connect(session.scans.remove)
     panel.switched.connect(session.scans.switch)
     panel.pair_chosen.connect(session.scans.compare)

@@ -1,5 +1,6 @@
 """The log of a scan with a fake scanner names the place and the board that the fake really has."""
 
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -9,16 +10,18 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window.gui_command import _Scanners
+from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.scanners.fake_url import read_fake_url
+from sonarhw_gui.bars.status_bar import FAKE as FAKE_LABEL
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_sensor_at
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.model import Place, load_room
 
 from sonarhw.log import Log, read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import ended, until
+from tests.system.gui.driving import drag, ended, predicted, until
 
 FAKE = "fake:simple?place=figure7&board=polaroid-6500&seed=3&pace=max"
 
@@ -112,5 +115,58 @@ def test_a_dragged_sensor_leaves_the_fake_where_it_is_and_is_named_in_the_banner
     session = window.session
     session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
     scan(qtbot, window)
-    assert "the sensor was moved only in the window" in window.banner.message
+    assert "the fake scanner is still at figure7" in window.banner.message
     assert session.scanners.url == FAKE
+    before = session.status.recording
+    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
+    scanned(qtbot, window, before)
+    assert read_fake_url(session.scanners.url).place == "0.5,0.3"
+
+
+def test_the_status_bar_names_what_the_fake_keeps_and_a_command_moves_it_to_the_sensor(
+    qtbot: QtBot, window: MainWindow
+) -> None:
+    session, label = window.session, window.status_bar.fake
+    first = scan(qtbot, window)
+    until(qtbot, lambda: predicted(window) and label.text() == FAKE_LABEL)
+    assert not window.commands.move_fake.isEnabled()
+    plan = window.views.plan.drawing
+    sensor = tuple(session.shown.scene.pose.position)
+    drag(qtbot, plan, plan.plot.vb, sensor, (0.5, 0.35))
+    until(qtbot, lambda: label.text() == "fake scanner, still at figure7")
+    assert "Move the fake scanner here" in label.toolTip()
+    before = session.status.recording
+    qtbot.keyClick(window, Qt.Key.Key_M, Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier)
+    second = scanned(qtbot, window, before)
+    place = session.shown.scene.pose
+    assert math.dist(place.position, (0.5, 0.35)) < 0.02
+    assert second.metadata.place == place.name
+    fake = read_fake_url(session.scanners.url)
+    assert math.dist(fake.place_in(load_room("simple")).position, place.position) < 1e-4
+    until(qtbot, lambda: predicted(window) and label.text() == FAKE_LABEL)
+    assert shares(first, place) < 0.7 < shares(second, place)
+    session.showing.undo()
+    until(qtbot, lambda: label.text() == f"fake scanner, still at {place.name}")
+
+
+def shares(log: Log, place: Place) -> float:
+    """Return the share of readings within 5 cm of their prediction at a place."""
+    board = load_board("polaroid-6500")
+    return compare_readings(log.readings, load_room("simple"), place, board).summary().within_5cm
+
+
+def test_a_turned_sensor_and_another_board_are_followed_too(qtbot: QtBot, window: MainWindow) -> None:
+    session = window.session
+    scan(qtbot, window)
+    session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.35), math.radians(40)), "moving the sensor")
+    window.room.show_state(session.shown)
+    window.room.model.board.textActivated.emit("paper")
+    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still at figure7")
+    before = session.status.recording
+    window.commands.move_fake.trigger()
+    scanned(qtbot, window, before)
+    fake = read_fake_url(session.scanners.url)
+    assert (fake.place, fake.heading, fake.board) == ("0.5,0.35", pytest.approx(math.radians(40)), "paper")
+    until(qtbot, lambda: window.status_bar.fake.text() == FAKE_LABEL)
+    window.room.model.board.textActivated.emit("hc-sr04")
+    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still with board paper")

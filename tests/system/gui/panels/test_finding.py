@@ -66,7 +66,7 @@ def window(qtbot: QtBot, open_with: OpenWith, folder: Path) -> MainWindow:
 def add_scans(qtbot: QtBot, window: MainWindow, *logs: Path) -> None:
     """Add logs, and open the panel with its key."""
     for count, log in enumerate(logs, len(window.session.scans.scans) + 1):
-        window.session.add_scan(str(log))
+        window.session.scans.open(str(log))
         until(qtbot, lambda count=count: len(window.session.scans.scans) == count)
     qtbot.keyClick(window, Qt.Key.Key_M, CONTROL)
     until(qtbot, window.finding.isVisible)
@@ -226,7 +226,7 @@ def test_the_room_is_accepted_undone_edited_and_searched_further(
     add_scans(qtbot, window, folder / "a.mcap")
     assert "Scans: 1" in panel.scans.text()
     assert "One place alone does not determine a room" in panel.scans.text()
-    session.add_scan(str(folder / "b.mcap"))
+    session.scans.open(str(folder / "b.mcap"))
     until(qtbot, lambda: "Scans: 2" in panel.scans.text())
     assert "One place alone" not in panel.scans.text()
     find(qtbot, window)
@@ -268,7 +268,7 @@ def test_a_cancelled_search_keeps_its_walls(qtbot: QtBot, window: MainWindow) ->
 
 
 def test_what_cannot_be_searched_is_reported(qtbot: QtBot, window: MainWindow, folder: Path) -> None:
-    window.session.add_scan(str(folder / "a.mcap"))
+    window.session.scans.open(str(folder / "a.mcap"))
     until(qtbot, lambda: len(window.session.scans.scans) == 2)
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, lambda: "contain the same readings" in window.banner.message)

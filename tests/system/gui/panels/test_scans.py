@@ -136,13 +136,16 @@ def test_differences_without_a_second_scan_are_a_sentence_instead_of_empty_axes(
 
 def test_two_sweeps_of_one_log(qtbot: QtBot, open_with: OpenWith, folder: Path, tmp_path: Path) -> None:
     log = read_log(folder / "before.mcap")
-    twice = replace_sweeps(log.readings)
-    window = open_with()
+    twice = replace(log, scans=(replace(log.scans[0], readings=replace_sweeps(log.readings)),))
+    window = open_with(source=twice, source_file=folder / "before.mcap")
     qtbot.keyClick(window, Qt.Key.Key_F12)
     until(qtbot, window.scans.isVisible)
-    window.session.scans.keep_sweeps("log", twice, window.session.shown.scene)
+    qtbot.mouseClick(window.scans.sweeps, LEFT)
     assert window.session.scans.pair == ScanPair(0, 1)
-    assert [window.scans.list.item(row).text() for row in (0, 1)] == ["log, sweep 1", "log, sweep 2"]
+    assert [window.scans.list.item(row).text() for row in (0, 1)] == [
+        "before, sweep 1",
+        "before, sweep 2",
+    ]
 
 
 def replace_sweeps(readings: tuple) -> tuple:

@@ -1,13 +1,16 @@
 """The fake scanner of a `fake:` URL: what it reports about itself, with and without faults."""
 
+from math import radians
+
 import numpy as np
 import pytest
-from sonarhw_compare.scanners.fake_url import fake_device
+from sonarhw_compare.scanners.fake_url import fake_device, moved_fake_url, read_fake_url
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.device.fault_schedule import NO_FAULTS, read_faults
 from sonarhw.echo_source import Ping
+from sonarhw.errors import InputError
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import Hello, Info
 
@@ -31,3 +34,21 @@ def test_a_fake_scanner_is_one_sensor_of_a_population() -> None:
     ranges = [times[0] * room.air.speed_of_sound / 2 for times in pings if times]
     assert len(ranges) > 30
     assert np.std(ranges) < 0.3 * population.range_sd
+
+
+def test_a_fake_scanner_stands_at_a_place_with_a_heading() -> None:
+    room = load_room("laboratory")
+    moved = moved_fake_url("fake:laboratory?place=door&seed=7&pace=max", "laboratory", "1.5,1.2", "paper", radians(-30))
+    assert moved == "fake:laboratory?place=1.5,1.2&seed=7&pace=max&board=paper&heading=-30"
+    settings = read_fake_url(moved)
+    place = settings.place_in(room)
+    assert (place.position, place.heading) == ((1.5, 1.2), pytest.approx(radians(-30)))
+    assert (settings.seed, settings.pace, settings.board) == (7, "max", "paper")
+    back = read_fake_url(moved_fake_url(moved, "laboratory", "door", "paper"))
+    assert back.place_in(room) == room.places["door"]
+
+
+def test_a_heading_that_is_no_number_is_refused() -> None:
+    for text in ("north", "nan", "inf", ""):
+        with pytest.raises(InputError, match=f"heading '{text}': expected degrees"):
+            read_fake_url(f"fake:laboratory?place=door&heading={text}")
