@@ -10,12 +10,15 @@ import numpy as np
 from scipy.special import softmax
 from sonarhw_sim.room.model import Room
 
+from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.matching.regions import mean_run
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, with_offset
 
-_TURNS = np.radians(np.arange(-6.0, 6.01, 0.25))  # rad, that are tried
+_STEP = math.radians(0.25)  # between the headings that are tried
+_LEAST_TURN = math.radians(6)  # to each side, at least
+_TURN = 2.0  # to each side, standard deviations of the heading; more is reached in several steps of a refinement
 _LEAST = math.radians(0.2)  # least standard deviation
 
 
@@ -26,10 +29,18 @@ def heading_error(evidence: Evidence, draft: RoomDraft, room: Room, scan: int) -
     """
     board, place = with_offset(evidence.problems[scan].board, draft), draft.places[scan]
     problem = evidence.of_draft(draft, room, scan, free_parameters(("heading",), ("",), room, board))
-    values = np.tile(problem.with_noise(np.array([place.heading]), ROUGH), (len(_TURNS), 1))
-    values[:, 0] += _TURNS
+    turns = _turns(evidence.spreads[scan].heading)
+    here = problem.with_noise(np.array([place.heading]), ROUGH)
+    values = np.tile(here, (len(turns), 1))
+    values[:, 0] += turns
     arrays = problem.scans[0]
-    likelihoods = problem.near(values[0] - [_TURNS[0], *np.zeros(problem.size - 1)]).many(values)
+    likelihoods = problem.near(here).many(values)
     weights = softmax(likelihoods / mean_run(arrays.angles, arrays.ranges[:, 0]))
-    error = float(weights @ _TURNS)
-    return error, math.hypot(math.sqrt(float(weights @ (_TURNS - error) ** 2)), _LEAST)
+    error = float(weights @ turns)
+    return error, math.hypot(math.sqrt(float(weights @ (turns - error) ** 2)), _LEAST)
+
+
+def _turns(spread: float) -> FloatArray:
+    """Return the angles (rad) by which a heading with this standard deviation (rad) is turned, (n,)."""
+    steps = round(max(_LEAST_TURN, _TURN * spread) / _STEP)
+    return np.asarray(np.arange(-steps, steps + 1) * _STEP)

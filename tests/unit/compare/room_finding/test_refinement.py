@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, ROUGH, Evidence, PoseSpread, evidence_of
+from sonarhw_compare.room_finding.evidence import (
+    FINE,
+    FOLLOWED,
+    REFLECTANCE,
+    ROUGH,
+    Evidence,
+    PoseSpread,
+    evidence_of,
+)
+from sonarhw_compare.room_finding.refining.heading_errors import heading_error
 from sonarhw_compare.room_finding.refining.moves import Move, moves_of
 from sonarhw_compare.room_finding.refining.range_errors import RANGE, range_errors
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
@@ -166,6 +175,16 @@ def test_headings_follow_from_where_echoes_begin_and_end() -> None:
             assert abs(heading) < math.radians(0.4), (seed, move.which)
             held.append(abs(heading) <= 1.96 * deviations[move])
     assert sum(held) >= len(held) - 1
+
+
+@pytest.mark.parametrize(("deviation", "is_reached"), [(10.0, True), (3.0, False)])
+def test_headings_are_searched_as_far_as_they_are_uncertain(deviation: float, is_reached: bool) -> None:
+    spread = PoseSpread(0.0, math.radians(deviation))
+    turned = [replace(PLACES[1], heading=math.radians(14)), replace(PLACES[2], heading=math.radians(-14))]
+    evidence, draft = case(noise=0.01, spread=spread, places=(PLACES[0], *turned))
+    errors = [heading_error(evidence, draft, draft.room(REFLECTANCE, ROOM.air), scan)[0] for scan in (1, 2)]
+    near = [abs(math.degrees(error) - true) < 1.5 for error, true in zip(errors, (-14, 14), strict=True)]
+    assert near == [is_reached, is_reached]
 
 
 def test_exact_headings_need_no_search_of_headings() -> None:
