@@ -185,6 +185,11 @@ class Driver:
         if self._action is command:
             self._action = None
 
+    def discard_errors(self) -> None:
+        """Set the counts of errors to zero, as at the begin of a conversation."""
+        for name in ("rejected_blocks", "missing_frames", "repeated_commands"):
+            self._counted.pop(name, None)
+
     # received bytes
 
     def receive(self, data: bytes, now: float, arrived: float | None = None) -> None:

@@ -34,14 +34,20 @@ def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
     # a bootloader would interpret bytes as a new program; a device that sends frames has left its bootloader
     yield Wait(lambda: talk.driver.statistics.frames_received > 0, talk.now + quiet)
     deadline = talk.now + patience
-    for baud in itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,)):
-        device.baud = baud
+    bauds = itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,))
+    frames = talk.driver.statistics.frames_received
+    while True:
+        if talk.driver.statistics.frames_received == frames:  # else the present rate is right
+            device.baud = next(bauds)
+        frames = talk.driver.statistics.frames_received
         hello = talk.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR), tries=2)
         yield Wait(lambda sent=hello: sent.settled or talk.driver.busy is not None, deadline)  # type: ignore[misc]
         if talk.driver.busy is not None:
             raise LinkBusy(f"{device.where}: is busy: {talk.driver.busy}")
         if isinstance(hello.answer, Info):
             _check_identity(talk, hello.answer)
+            # made at wrong baud rates, by a bootloader or in an earlier conversation: they say nothing about the line
+            talk.driver.discard_errors()
             return
         talk.driver.forget(hello)
         if talk.now >= deadline:

@@ -49,7 +49,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
         Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
         for share, name in ((0.0, "empty"), (0.5, "unknown"), (1.0, "occupied"))
     ]
-    figure.legend(handles=[*named.values(), *shades], loc="outside lower center", ncols=5 * len(layers))
+    figure.legend(handles=[*named.values(), *shades], loc="outside lower center", ncols=4 * len(layers))
     return laid_out(figure)
 
 

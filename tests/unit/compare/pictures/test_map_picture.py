@@ -68,6 +68,10 @@ def test_features_of_two_places_are_called_possible() -> None:
 def test_echoes_that_are_not_determined_make_one_plan() -> None:
     figure = draw_map(replace(found(3), followed_room=None))
     assert len(figure.axes) == 1
+    (legend,) = figure.legends
+    figure.draw_without_rendering()
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
 
 
 def test_the_legend_names_what_is_drawn() -> None:

@@ -59,6 +59,29 @@ def test_a_device_left_at_a_higher_speed_is_found() -> None:
     assert bench.session.state is Connection.READY
 
 
+def test_errors_at_a_wrong_speed_before_the_greeting_are_not_counted() -> None:
+    bench = Bench(FAST, bauds=True)
+    bench.board.line.change(1_000_000)
+    bench.connect()
+    counted = bench.session.statistics
+    assert (counted.rejected_blocks, counted.missing_frames, counted.repeated_commands) == (0, 0, 0)
+
+
+def test_the_speed_at_which_a_frame_arrives_is_tried_again() -> None:
+    session = Session("the port", rng=random.Random(1))
+    session.connect(0.0)
+    session.opened(0.0, bauds=True)
+    session.advance(0.0)
+    beat = Heartbeat(0, 0, 0, 2000)
+    session.receive(encode_frame(Frame(beat.TYPE, 5, 0, beat.pack())), 0.7)  # the device returned to its first speed
+    bauds = []
+    for tenth in range(7, 25):
+        session.advance(tenth / 10)
+        if session.outgoing():
+            bauds.append(session.device.baud)
+    assert bauds[:4] == [250_000, 250_000, 250_000, 1_000_000]
+
+
 def test_a_line_without_a_settable_speed_is_left_unchanged() -> None:
     bench = Bench(FAST).connect()
     assert bench.board.line.baud == 250_000
