@@ -1,16 +1,19 @@
-"""The help page: a short introduction and every key, on one screen. Not modal."""
+"""The help page: a short introduction, every key, and the classes of readings, on one screen. Not modal."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
 
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QApplication, QDialog, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from sonarhw_gui.dialogs.command_palette import plain_name
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import MARKS
+from sonarhw_gui.plots.legend import mark_picture
 
 _COLUMNS = 3
+_CLASS_WIDTH = 250  # pixels
 _ABOUT = (
     "The window shows a scan over its prediction. <b>Click a reading</b> in the plan, the range view or the table: the "
     "sentence explains it, the plan shows the path of its sound, and the trace names every echo. "
@@ -56,11 +59,31 @@ def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look
         label = QLabel("".join(_table(name, actions, look) for name, actions in part))
         label.setAlignment(Qt.AlignmentFlag.AlignTop)
         keys.addWidget(label, 0, column)
+    beside = QHBoxLayout()
+    beside.setSpacing(28)
+    beside.addLayout(keys)
+    beside.addLayout(_classes(look), stretch=1)
     layout = QVBoxLayout(page)
     layout.setContentsMargins(18, 14, 18, 14)
     layout.addWidget(about)
-    layout.addLayout(keys)
+    layout.addLayout(beside)
     return page
+
+
+def _classes(look: Look) -> QGridLayout:
+    """Return the mark of each class of readings beside its meaning."""
+    grid = QGridLayout()
+    grid.setSpacing(8)
+    grid.setColumnMinimumWidth(1, round(_CLASS_WIDTH * look.scale))
+    grid.addWidget(QLabel(_heading("Classes of readings", look)), 0, 0, 1, 2)
+    for row, (kind, mark) in enumerate(MARKS.items(), start=1):
+        symbol = QLabel(pixmap=mark_picture(kind, look.palette, QApplication.primaryScreen().devicePixelRatio()))
+        text = QLabel(f"<b>{mark.name}</b>: {mark.meaning}. {mark.hint}{'.' if mark.hint else ''}", wordWrap=True)
+        for column, part in enumerate((symbol, text)):
+            part.setAlignment(Qt.AlignmentFlag.AlignTop)
+            grid.addWidget(part, row, column)
+    grid.setRowStretch(grid.rowCount(), 1)
+    return grid
 
 
 def _in_columns(
@@ -86,7 +109,11 @@ def _table(name: str, actions: Sequence[QAction], look: Look) -> str:
         for action in actions
         if (keys := _keys(action))
     )
-    return f'<p style="color: {look.palette.predicted}; margin: 4px 0 2px 0">{escape(name)}</p><table>{rows}</table>'
+    return f"{_heading(name, look)}<table>{rows}</table>"
+
+
+def _heading(name: str, look: Look) -> str:
+    return f'<p style="color: {look.palette.predicted}; margin: 4px 0 2px 0">{escape(name)}</p>'
 
 
 def _keys(action: QAction) -> str:

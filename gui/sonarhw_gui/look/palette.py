@@ -39,18 +39,47 @@ class Mark:
     name: str
     symbol: str  # pyqtgraph's name
     meaning: str
+    hint: str = ""  # a frequent cause, or what to make of such readings
     hollow: bool = False  # drawn as an outline
 
 
 UNCLASSED = Mark("measured", "o", "measured, not compared with a prediction")
 MARKS: dict[Class, Mark] = {
-    Kind.MATCH: Mark("match", "o", "measured and predicted range differ by at most 5 cm"),
-    Kind.SHORT: Mark("short", "t", "measured range is shorter than predicted by more than 5 cm"),
-    Kind.LONG: Mark("long", "t1", "measured range is longer than predicted by more than 5 cm"),
-    Kind.EXTRA: Mark("extra", "s", "an echo was measured, none was predicted"),
-    Kind.MISSED: Mark("missed", "x", "an echo was predicted, none was measured; drawn at the predicted range"),
+    Kind.MATCH: Mark(
+        "match",
+        "o",
+        "measured and predicted range differ by at most 5 cm",
+        "With several reflections it is a ghost echo: there is no wall at this range",
+    ),
+    Kind.SHORT: Mark(
+        "short",
+        "t",
+        "measured range is shorter than predicted by more than 5 cm",
+        "Often there is something in front of the wall that the room file lacks",
+    ),
+    Kind.LONG: Mark(
+        "long",
+        "t1",
+        "measured range is longer than predicted by more than 5 cm",
+        "Often the predicted echo is weaker in reality, so the board reports a later one",
+    ),
+    Kind.EXTRA: Mark(
+        "extra",
+        "s",
+        "an echo was measured, none was predicted",
+        "Often the room file lacks something there, or the board detects weaker echoes than its profile states",
+    ),
+    Kind.MISSED: Mark(
+        "missed",
+        "x",
+        "an echo was predicted, none was measured; drawn at the predicted range",
+        "Often the surface reflects less sound than assumed, or reflects it elsewhere",
+    ),
     Kind.OWN_BODY: Mark(
-        "own body", "d", "an echo of the carrier of the sensor, not of the room (own_body of the board)"
+        "own body",
+        "d",
+        "an echo of the carrier of the sensor, not of the room (own_body of the board)",
+        "It counts neither for nor against the prediction",
     ),
     Unclassed.MEASURED: UNCLASSED,
     Unclassed.WAITING: Mark("not compared", "o", "measured, not compared with the prediction yet", hollow=True),

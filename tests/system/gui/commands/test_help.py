@@ -6,11 +6,13 @@ import pytest
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
+from sonarhw_compare.matching.match import Kind
 from sonarhw_gui.dialogs.help_page import HelpPage
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
+from tests.checkout import CHECKOUT
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import PATIENCE, until
 
@@ -63,7 +65,7 @@ def test_the_last_key_is_visible_or_can_be_scrolled_to(qtbot: QtBot, open_with: 
     for label in page.findChildren(QLabel):
         assert label.height() >= label.heightForWidth(label.width())
         end = label.mapTo(page.area.viewport(), label.rect().bottomLeft())
-        assert page.area.viewport().rect().contains(end) or label.wordWrap()
+        assert page.area.viewport().rect().contains(end) or "<table>" not in label.text()
     page.close()
 
 
@@ -71,3 +73,15 @@ def test_every_key_has_one_meaning(open_with: OpenWith) -> None:
     window = open_with()
     keys = [key.toString() for action in window.findChildren(type(window.commands.help)) for key in action.shortcuts()]
     assert sorted(keys) == sorted(set(keys))
+
+
+def test_f1_explains_each_class_of_readings_in_the_words_of_the_docs(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    text, page = page_text(window), (CHECKOUT / "docs" / "comparing" / "compare.md").read_text(encoding="utf-8")
+    rows = [line.strip("|").split(" | ") for line in page.splitlines() if line.count(" | ") == 2]
+    explained = {kind.strip(): (meaning, hint.strip()) for kind, meaning, hint in rows if kind.strip() != "class"}
+    assert explained.keys() == {kind.label for kind in Kind} - {"both silent"}
+    for kind, (meaning, hint) in explained.items():
+        assert f"<b>{kind}</b>: {meaning}" in text
+        assert f"{hint}." in text
