@@ -42,12 +42,6 @@ def plate_end(from_face_deg: float) -> Scene:
     return Scene(f"end of a plate, seen from {from_face_deg:g}°", ((x, y, OUT, y),))
 
 
-def abreast_of_an_end(beyond: float) -> Scene:
-    """Return a plate at the flat wall's distance that ends `beyond` m past the foot of the perpendicular."""
-    at = FLAT_WALL.walls[0][0]
-    return Scene("end abreast", ((at, -OUT, at, _on_line(beyond)),))
-
-
 def strip(width: float) -> Scene:
     """Return a thin plate at the flat wall's distance, `width` m wide, opposite the source."""
     at = FLAT_WALL.walls[0][0]

@@ -14,7 +14,7 @@ from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.map.certainty import certainty_grid
 from sonarhw_compare.map.contradiction import with_possible_walls
 from sonarhw_compare.map.features import find_features
-from sonarhw_compare.map.rejection import reachable_walls, room_of
+from sonarhw_compare.map.rejection import room_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -121,14 +121,6 @@ def test_one_place_gives_arcs_only() -> None:
     features = find_features([arc((0.0, 0.0), (0.0, 1.0)), arc((0.01, 0.0), (0.01, 1.0))])
     assert (features.walls, features.points) == ((), ())
     assert len(features.alone) == 2
-
-
-def test_a_wall_behind_a_wall_is_an_image() -> None:
-    centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]
-    arcs = [arc(centre, (centre[0], y)) for y in (1.0, 2.0) for centre in centres]
-    features = find_features(arcs)
-    assert sorted(round(wall.start[1], 3) for wall in features.walls) == [1.0, 2.0]
-    assert [round(wall.start[1], 3) for wall in reachable_walls(features)] == [1.0]
 
 
 @pytest.mark.parametrize(

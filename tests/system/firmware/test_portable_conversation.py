@@ -31,7 +31,6 @@ from sonarhw.wire.messages import (
     Settings,
     Started,
     StartScan,
-    Statistics,
     Stop,
     TestLink,
     TraceChunk,
@@ -157,16 +156,6 @@ def test_echoes_far_apart_are_sent_again_unchanged(board: PortableBoard, echoes_
     assert [m for m in board.ask(Resend(0, 3), 100_000) if isinstance(m, ReadingMessage)] == readings
 
 
-def test_readings_of_a_partial_scan_match_those_of_the_whole_scan(board: PortableBoard) -> None:
-    board.greet_and_home()
-    whole = [m for m in board.ask(StartScan(0, 5_000_000, 4, 2, 2), 2_000_000) if isinstance(m, ReadingMessage)]
-    part = board.ask(StartScan(0, 5_000_000, 4, 2, 2, first=6, count=5), 2_000_000)
-    assert Started(part[0].command, 5, 6) == part[0]  # type: ignore[attr-defined]
-    parts = [m for m in part if isinstance(m, ReadingMessage)]
-    expected = [(m.number, m.sweep, m.ping, m.angle) for m in whole]
-    assert [(m.number, m.sweep, m.ping, m.angle) for m in parts] == expected[6:11]
-
-
 @pytest.mark.parametrize("extra", [b"", b"1.3", bytes(58)], ids=["this version", "newer", "longest"])
 def test_a_repeated_command_is_carried_out_once(board: PortableBoard, extra: bytes) -> None:
     board.greet_and_home()
@@ -276,22 +265,6 @@ def test_a_baud_rate_with_a_valid_frame_is_kept(board: PortableBoard) -> None:
     assert tested.data == bytes([1, 2, 3, 1, 2, 3, 1])
     board.frames_until(board.now + 3_000_000)
     assert board.c.host_baud() == 500_000
-
-
-@pytest.mark.parametrize(("size", "data"), [(0, b"x"), (480, b"\0"), (480, bytes(range(64))), (256, b"ab\0")])
-def test_link_test_returns_the_repeated_bytes(board: PortableBoard, size: int, data: bytes) -> None:
-    board.ask(Hello(1, 0))
-    (tested,) = board.ask(TestLink(size, data))
-    assert isinstance(tested, LinkTested)
-    assert tested.data == (data * size)[:size]
-
-
-def test_invalid_blocks_are_counted_and_the_next_frame_is_received(board: PortableBoard) -> None:
-    board.ask(Hello(1, 0))
-    board.send(b"\x03\x41\x42" + b"\0" + b"\xff" * 200 + b"\0")
-    (statistics,) = board.ask(AskStatistics())
-    assert isinstance(statistics, Statistics)
-    assert (statistics.frames, statistics.rejected) == (2, 2)
 
 
 def test_stop_ends_a_scan_and_its_readings_are_kept(board: PortableBoard) -> None:

@@ -145,40 +145,6 @@ def test_settings_of_the_turntable_are_sent_in_the_units_of_the_protocol_and_ret
         assert found.approach is Approach.CLOCKWISE
 
 
-def test_traces_are_complete(served: Serve) -> None:
-    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.configure(trace=True)
-        scanner.home()
-        for reading in scanner.scan(ORDER):
-            assert reading.trace is not None
-            assert len(reading.trace.samples) == 3125
-            assert not (reading.trace.samples != reading.trace.samples).any()
-
-
-def test_abandoning_a_scan_stops_the_board_and_the_next_scan_works(served: Serve) -> None:
-    board = FakeBoard(PlainEchoes(), seed=5)
-    with served(board, pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.home()
-        for reading in scanner.scan(LONG):
-            if reading.number == 5:
-                break
-        wait_until(lambda: not board.busy)
-        check_scan(list(scanner.scan(ORDER)))
-
-
-def test_stop_from_another_thread_ends_the_scan(served: Serve) -> None:
-    with served(pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.home()
-        readings = []
-        stopper = threading.Thread(target=scanner.stop)
-        for reading in scanner.scan(LONG):
-            readings.append(reading)
-            if reading.number == 5:
-                stopper.start()
-        stopper.join()
-        assert 6 <= len(readings) < LONG.readings
-
-
 def test_stop_ends_homing_and_an_idle_scanner_can_be_stopped(served: Serve) -> None:
     with served(EndlessHoming(PlainEchoes()), pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.stop()
@@ -233,28 +199,6 @@ def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
             with pytest.raises(KeyboardInterrupt):
                 interrupted(scanner)
         wait_until(lambda: not board.busy)
-
-
-def test_a_second_client_is_served_after_the_first(served: Serve) -> None:
-    with served() as endpoint:
-        for _ in range(3):
-            with Scanner.open(endpoint.url) as scanner:
-                scanner.home()
-                check_scan(list(scanner.scan(ORDER)))
-
-
-def test_a_scan_left_running_by_a_client_does_not_disturb_the_next_client(served: Serve) -> None:
-    with served(pace=20.0) as endpoint:
-        first = Scanner.open(endpoint.url)
-        first.home()
-        scan = first.scan(LONG)
-        next(scan)
-        # ends without Stop, like a killed process
-        first._thread.close()
-        with Scanner.open(endpoint.url) as second:
-            check_scan(list(second.scan(ORDER)) if second.home() is Outcome.DONE else [])
-        scan.close()
-        first.close()
 
 
 def test_a_link_that_vanishes_during_a_scan_is_an_error(served: Serve) -> None:

@@ -4,8 +4,6 @@ import csv
 import io
 import json
 import math
-import subprocess
-import sys
 import tracemalloc
 from pathlib import Path
 
@@ -324,24 +322,6 @@ def test_a_place_outside_the_room_gives_a_warning(tmp_path: Path, capsys: pytest
     for command in (["simulate", room, "--step", "90"], ["paths", room], ["compare", log, "--room", room]):
         assert run([*command, "--place", "5,5"]) == 0
         assert capsys.readouterr().err.startswith(warning)
-
-
-def test_closed_pipe_ends_quietly() -> None:
-    command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "paths", *FIGURE_9]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.readline()
-        process.stdout.close()
-        assert process.stderr.read() == b""
-        assert process.wait() == 0
-
-
-def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["--help"]) == 0
-    out = capsys.readouterr().out
-    promised = "demo ports info scan home turn stop monitor fake simulate paths import replay log compare gui"
-    assert [name for name in promised.split() if f"\n  {name} " not in out] == []
 
 
 def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.CaptureFixture[str]) -> None:

@@ -167,11 +167,6 @@ def test_place_is_required_if_there_are_several() -> None:
         load_room("rooms/simple.toml").place(None)
 
 
-def test_error_for_an_unknown_board_lists_the_included_ones() -> None:
-    with pytest.raises(InputError, match="known: hc-sr04, lego-nxt, paper, paper-b12, polaroid-56, polaroid-6500"):
-        load_board("nothing")
-
-
 def test_board_file_is_checked(tmp_path: Path) -> None:
     wrong = tmp_path / "board.toml"
     wrong.write_text('name = "x"\nfrequency = 50000.0\n')

@@ -1,7 +1,5 @@
 """The refusals of the fake board, and its behaviour at the limits of its settings."""
 
-import math
-
 import pytest
 
 from sonarhw.device.device_protocol import BACKLOG
@@ -22,8 +20,6 @@ from sonarhw.wire.messages import (
     ReadingMessage,
     Refused,
     Resend,
-    Settings,
-    Started,
     StartScan,
     Stop,
     Turn,
@@ -72,52 +68,6 @@ def test_every_command_before_hello_is_refused(message: Message) -> None:
     assert refusal(Joined(), message) is Refusal.NO_HELLO
 
 
-@pytest.mark.parametrize("message", [Turn(0), StartScan(0, 1_000_000, 5, 1, 1)])
-def test_turns_and_scans_before_homing_are_refused(greeted: Joined, message: Message) -> None:
-    assert refusal(greeted, message) is Refusal.NOT_HOMED
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        Turn(720_000_001),
-        Turn(-720_000_001),
-        StartScan(0, 0, 5, 1, 1),
-        StartScan(0, 1_000_000, 0, 1, 1),
-        StartScan(0, 1_000_000, 5, 0, 1),
-        StartScan(0, 1_000_000, 5, 1, 0),
-        StartScan(0, 10_000_000, 74, 1, 1),
-        StartScan(0, 1, 0xFFFF, 0xFFFF, 2),
-        Configure(1000, 1000, 0, 343_200),
-        Configure(0, 0, 0, 343_200),
-        Configure(62_500, 2380, 3, 343_200),
-        Configure(62_500, 2380, 0, 0),
-        Resend(0, 0),
-        Resend(0, 65),
-    ],
-)
-def test_requests_beyond_the_limits_of_the_board_are_out_of_range(homed: Joined, message: Message) -> None:
-    assert refusal(homed, message) is Refusal.OUT_OF_RANGE
-
-
-def test_both_limits_of_the_angle_range_are_accepted(homed: Joined) -> None:
-    assert homed.act(Turn(720_000_000)).finished is not None
-    assert homed.act(Turn(-720_000_000)).finished is not None
-
-
-@pytest.mark.parametrize(
-    "message", [Configure(62_500, 2380, 0, 343_200), Home(), Turn(0), StartScan(0, 1_000_000, 5, 1, 1)]
-)
-def test_a_busy_board_refuses_commands_until_it_is_stopped(homed: Joined, message: Message) -> None:
-    homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
-    running = homed.driver._action
-    command = homed.driver.command(message, homed.now)
-    homed.driver._action = running  # otherwise the driver waits until the board is idle
-    homed.until(lambda: command.answer is not None)
-    assert isinstance(command.answer, Refused)
-    assert command.answer.code == Refusal.BUSY
-
-
 def test_an_unknown_type_and_a_malformed_payload_are_named_in_the_refusal() -> None:
     board = FakeBoard(PlainEchoes())
     raw_answers(board, Hello.TYPE, Hello(1, 0).pack())
@@ -131,12 +81,6 @@ def test_an_unknown_type_and_a_malformed_payload_are_named_in_the_refusal() -> N
     assert "0x55" in unknown.text
     assert "Turn" in malformed.text
     assert unknown.command == 9
-
-
-def test_the_listening_time_is_clamped_and_the_answer_reports_it(greeted: Joined) -> None:
-    answer = greeted.ask(Configure(1_000_000, 2380, 1, 340_000)).answer
-    assert isinstance(answer, Settings)
-    assert (answer.listen_us, answer.blanking_us, answer.trace, answer.speed_of_sound) == (65_000, 2380, 1, 340_000)
 
 
 def test_echoes_inside_blanking_and_beyond_listening_are_not_reported(homed: Joined) -> None:
@@ -292,14 +236,3 @@ def test_a_board_without_traces_reports_it_in_its_settings_and_sends_none() -> N
     assert joined.driver.assembler.settings.trace == 0
     (reading,) = joined.scan(StartScan(0, 1_000_000, 1, 1, 1))
     assert reading.trace is None
-
-
-def test_successive_sweeps_alternate_in_direction(homed: Joined) -> None:
-    readings = homed.scan(StartScan(0, 10_000_000, 3, 3, 2))
-    assert [round(math.degrees(reading.angle)) for reading in readings] == [
-        *(0, 0, 10, 10, 20, 20),
-        *(20, 20, 10, 10, 0, 0),
-        *(0, 0, 10, 10, 20, 20),
-    ]
-    assert [reading.ping for reading in readings] == [0, 1] * 9
-    assert isinstance(homed.driver._action and homed.driver._action.answer, Started)

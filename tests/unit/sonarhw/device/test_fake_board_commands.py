@@ -18,7 +18,6 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Info,
-    LinkTested,
     Message,
     ReadingMessage,
     Refused,
@@ -128,27 +127,6 @@ def test_statistics_count_frames_noise_and_pings() -> None:
     assert (statistics.frames, statistics.rejected, statistics.pings) == (host.sequence, 2, 5)
 
 
-@pytest.mark.parametrize(("first", "count"), [(0, 0), (3, 0), (3, 4), (11, 1)])
-def test_a_part_of_a_scan_has_the_readings_of_the_whole_scan(first: int, count: int) -> None:
-    host = Host()
-    host.act(Home())
-    whole = StartScan(10_000_000, 2_000_000, 3, 2, 2)
-    sent = host.act(StartScan(10_000_000, 2_000_000, 3, 2, 2, first, count))
-    expected = range(first, first + count if count else 12)
-    started = sent[0]
-    assert isinstance(started, Started)
-    assert (started.readings, started.first) == (len(expected), first)
-    readings = [message for message in sent if isinstance(message, ReadingMessage)]
-    assert [reading.number for reading in readings] == [*expected]
-    for reading in readings:
-        place, ping = divmod(reading.number, whole.pings)
-        sweep, index = divmod(place, whole.headings)
-        index = 2 - index if sweep else index
-        assert (reading.sweep, reading.ping, reading.angle) == (sweep, ping, 10_000_000 + 2_000_000 * index)
-    (finished,) = (message for message in sent if isinstance(message, Finished))
-    assert finished.readings == expected.stop
-
-
 def test_the_turntable_speed_is_limited_by_settings_and_motor() -> None:
     host = Host()
     host.act(Home())
@@ -181,12 +159,6 @@ def test_echoes_are_limited_in_number_and_spaced_by_the_rearming_time() -> None:
 def test_rearming_drops_echoes_too_soon_after_a_detected_echo() -> None:
     assert rearmed([0.010, 0.0101, 0.0109, 0.0111, 0.03], 0.001) == [0.010, 0.0111, 0.03]
     assert rearmed([0.02, 0.01], 0.0) == [0.01, 0.02]
-
-
-def test_a_line_test_repeats_its_bytes() -> None:
-    (back,) = Host().send(TestLink(7, b"abc"))
-    assert isinstance(back, LinkTested)
-    assert back.data == b"abcabca"
 
 
 def test_a_new_line_speed_is_reverted_without_a_valid_frame() -> None:

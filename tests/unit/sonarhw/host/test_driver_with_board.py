@@ -19,7 +19,6 @@ from sonarhw.wire.messages import (
     Heartbeat,
     Hello,
     Home,
-    Info,
     Message,
     ReadingMessage,
     Resend,
@@ -207,21 +206,6 @@ def test_homing_takes_less_than_three_seconds_from_any_angle() -> None:
         assert joined.now - began < 3.0
 
 
-def test_a_repeated_command_is_answered_again_and_not_executed_again() -> None:
-    joined = Joined()
-    joined.greet()
-    scan = joined.ask(SECTOR)
-    joined.until(lambda: len(joined.readings) == 3)
-    joined.board.receive(scan.wire, joined.now)
-    joined.until(lambda: scan.finished is not None)
-    assert len(joined.echoes.pings) == 80
-    assert sorted(reading.number for reading in joined.readings) == list(range(80))
-    joined.board.receive(scan.wire, joined.now)  # repeat it after its end
-    before = joined.driver.statistics.frames_received
-    joined.until(lambda: joined.driver.statistics.frames_received >= before + 4)
-    assert len(joined.echoes.pings) == 80
-
-
 def test_a_lost_finished_is_recovered_by_repeating_the_command() -> None:
     joined = Joined()
     joined.greet()
@@ -386,32 +370,6 @@ def test_the_tap_receives_each_frame_unchanged() -> None:
 def unknown_frame(filling: int) -> bytes:
     """Return a frame of an unknown type, 254 bytes long before byte stuffing."""
     return encode_frame(Frame(0xF0, 0x0101, 0x0101_0101_0101_0101, bytes([filling]) * (254 - 15)))
-
-
-def test_stop_in_the_middle_ends_the_scan_and_keeps_its_readings() -> None:
-    joined = Joined()
-    joined.greet()
-    scan = joined.ask(SECTOR)
-    joined.until(lambda: len(joined.readings) == 10)
-    stop = joined.ask(Stop())
-    assert isinstance(stop.answer, Accepted)
-    assert scan.finished is not None
-    assert scan.finished.outcome == Outcome.STOPPED
-    assert [reading.number for reading in joined.readings] == list(range(scan.finished.readings))
-    assert not joined.board.busy
-
-
-def test_hello_stops_a_busy_board_and_a_new_conversation_begins() -> None:
-    joined = Joined()
-    joined.greet()
-    joined.ask(SECTOR)
-    joined.until(lambda: len(joined.readings) == 5)
-    joined.driver = Driver(first_sequence=4000)
-    joined.readings.clear()
-    assert isinstance(joined.ask(Hello(1, 1)).answer, Info)
-    assert not joined.board.busy
-    assert not joined.readings
-    assert len(joined.scan(SECTOR)) == 80
 
 
 def test_a_second_scan_is_not_mixed_with_the_first() -> None:

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from sonarhw.errors import LogError, NotALog, SonarError
+from sonarhw.errors import LogError, SonarError
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.host.actions import configuring
-from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
+from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
 from sonarhw.wire.messages import Configure, Finished, Hello, Message, ReadingMessage, Started, StartScan
@@ -329,13 +329,6 @@ def test_every_frame_is_kept_with_the_bytes_of_the_wire(tmp_path: Path) -> None:
     assert [(frame.received, frame.wire) for frame in frames] == [(False, hello), (True, reading_frame(4))]
     assert isinstance(decode_block(frames[0].wire[:-1]), Frame)
     assert frames[1].time == pytest.approx(STARTED + 0.01, abs=1e-6)
-
-
-def test_a_newer_format_is_refused_with_advice(tmp_path: Path) -> None:
-    with LogWriter(tmp_path / "scan.mcap", LogMetadata("scan", STARTED, format_version=99)):
-        pass
-    with pytest.raises(NotALog, match=r"has format 99.*update"):
-        read_log(tmp_path / "scan.mcap")
 
 
 def test_the_writer_counts_the_readings_that_the_log_will_have(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """A closed log opened by its index gives the same data as its frames, and its traces are read on first use."""
 
-import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -267,16 +266,3 @@ def test_any_bit_error_in_a_closed_log_is_reported(tmp_path: Path) -> None:
         log = read_log(path)
         assert log.torn, at
         assert len(log.readings) == 4
-
-
-def test_ranges_are_kept_when_the_settings_are_lost(tmp_path: Path) -> None:
-    path = tmp_path / "scan.mcap"
-    written = [example_reading(number) for number in range(4)]
-    with LogWriter(path, METADATA) as log:
-        log.frame(True, STARTED, frame_of(Started(7, 4)))
-        for reading in written:
-            log.frame(True, STARTED + reading.time, frame_of(reading_message(reading, SOUND), time=reading.time + 0.06))
-            log.reading(reading)
-    for got, wanted in zip(read_log(path).readings, written, strict=True):
-        assert got.speed_of_sound == SPEED
-        assert got.range == wanted.range or math.isclose(got.range or 0, wanted.range or 0, abs_tol=1e-6)
