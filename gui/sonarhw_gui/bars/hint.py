@@ -7,6 +7,7 @@ from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.shown.shown import Shown
 
 _LASTS = 120_000  # ms
 _MARKS = {
@@ -15,11 +16,10 @@ _MARKS = {
     Origin.SIMULATED: "Orange marks: simulated readings.",
     Origin.IMPORTED: "Orange marks: readings imported from a CSV file.",
 }
-_STEPS = (
-    ("1", "measured", _MARKS[Origin.MEASURED]),
-    ("2", "predicted", "Blue line: predicted by the model."),
-    ("3", "chosen", "Click a mark: the sentence below says why."),
-)
+_NO_MARKS = "Orange marks: readings. There are none yet."
+_LINE, _NO_LINE = "Blue line: predicted by the model.", "Blue line: a prediction. It needs a room (Ctrl+R)."
+_CLICK = "Click {}: the sentence below says why."
+_COLOURS = "measured", "predicted", "chosen"  # of the steps
 
 
 class Hint(QFrame):
@@ -32,7 +32,7 @@ class Hint(QFrame):
         self.setObjectName("hint")
         steps = QWidget()
         row = FlowLayout(steps, QMargins(6, 2, 6, 2), gap=18)
-        self.labels = [PlainLabel(f"{number}  {text}") for number, _, text in _STEPS]
+        self.labels = [PlainLabel() for _ in _COLOURS]
         for label in self.labels:
             row.addWidget(label)
         self.close_button = QToolButton(autoRaise=True)
@@ -48,13 +48,17 @@ class Hint(QFrame):
         self._open = self._gives_way = False
         self.hide()
 
-    def show_origin(self, origin: Origin) -> None:
-        """Name what made the marks."""
-        self.labels[0].setText(f"1  {_MARKS[origin]}")
+    def show_state(self, shown: Shown) -> None:
+        """Name what made the marks; without readings, and without a room, say that something is missing."""
+        empty, room = not shown.readings and shown.origin is Origin.MEASURED, shown.scene.room is not None
+        marks = _NO_MARKS if empty else _MARKS[shown.origin]
+        click = _CLICK.format("the blue line" if empty and room else "a mark")
+        for number, text in enumerate((marks, _LINE if room else _NO_LINE, click)):
+            self.labels[number].setText(f"{number + 1}  {text}")
 
     def show_look(self, look: Look) -> None:
         """Give each step the colour of what it describes."""
-        for label, (_, colour, _) in zip(self.labels, _STEPS, strict=True):
+        for label, colour in zip(self.labels, _COLOURS, strict=True):
             label.setStyleSheet(f"color: {getattr(look.palette, colour)}; font-weight: bold")
 
     @Slot()

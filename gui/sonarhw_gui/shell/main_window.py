@@ -199,7 +199,7 @@ class MainWindow(TabbedWindow):
         self.toolbar.show_state(shown)
         self._show_title()
         self.legend.show_state(shown)
-        self.hint.show_origin(shown.origin)
+        self.hint.show_state(shown)
         self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
         self._update_texts_soon()

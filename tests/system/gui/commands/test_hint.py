@@ -1,9 +1,12 @@
 """The hint of the first start: shown once, ended by a click on a reading, called again from the menu."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.scene.scene import Scene
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
@@ -37,3 +40,28 @@ def test_the_hint_is_closed_by_its_button(qtbot: QtBot, open_with: OpenWith) -> 
     window.commands.first_steps.trigger()
     qtbot.mouseClick(window.hint.close_button, Qt.MouseButton.LeftButton)
     assert not window.hint.isVisible()
+
+
+def test_the_hint_of_a_room_alone_names_no_marks(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    qtbot.keyClick(window, Qt.Key.Key_F1, Qt.KeyboardModifier.ShiftModifier)
+    marks, line, to_click = (label.text() for label in window.hint.labels)
+    assert ("none yet" in marks, "Blue line: predicted" in line, "Click the blue line" in to_click) == (True,) * 3
+    until(qtbot, lambda: predicted(window))
+    plan = window.views.plan.drawing
+    outline = window.session.shown.outline
+    reached = int(np.flatnonzero(np.isfinite(outline.ranges))[0])
+    heading, away = outline.headings[reached], outline.ranges[reached]
+    x, y = window.session.shown.scene.pose.position
+    click(qtbot, plan, plan.plot.vb, (x + away * np.cos(heading), y + away * np.sin(heading)))
+    until(qtbot, lambda: window.session.shown.answer is not None and not window.hint.isVisible())
+
+
+def test_the_hint_without_a_room_says_how_to_get_a_prediction(
+    qtbot: QtBot, open_with: OpenWith, scene: Scene, recorded: Path
+) -> None:
+    window = open_with(scene=replace(scene, room=None, place=None))
+    assert "needs a room (Ctrl+R)" in window.hint.labels[1].text()
+    window.session.show_log(read_log(recorded))
+    until(qtbot, lambda: "from a fake scanner" in window.hint.labels[0].text())
+    assert "Click a mark" in window.hint.labels[2].text()
