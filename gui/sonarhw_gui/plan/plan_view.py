@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QToolButton, QVBoxLayout
 from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.flow_layout import FlowLayout
+from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.plan.plan_tools import TOOLS
 from sonarhw_gui.plan.typed_surface import TypedSurface
@@ -72,9 +73,10 @@ class PlanView(QWidget):
         self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
         buttons.addWidget(_button(self.remove))
-        self.message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
+        message = LabelSlot(self.message)
+        message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
         row.addWidget(tools)
-        row.addWidget(self.message, stretch=1)
+        row.addWidget(message, stretch=1)
         self.tools.actions()[0].setChecked(True)
         self.tools.triggered.connect(self._set_tool)
         return bar

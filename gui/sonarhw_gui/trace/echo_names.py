@@ -103,7 +103,12 @@ class EchoNames:
         for item in self._items[len(names) :]:
             item.setVisible(False)
         for item, name in zip(self._items, names, strict=False):
-            item.setText(name.text, color=self._colour(name.echo.detectable))
+            colour = self._colour(name.echo.detectable)
+            if (item.textItem.toPlainText(), item.color.name()) != (
+                name.text,
+                colour.lower(),
+            ):  # laying it out takes long
+                item.setText(name.text, color=colour)
             item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
             item.setPos(name.echo.time, self._middle(name.row))
             item.setVisible(True)

@@ -5,14 +5,15 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.session.turns import Turns
 
 from sonarhw.log import read_log
 from tests.conftest import Count
 from tests.system.gui.conftest import ORDER, OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import begin_drag, pixel_at, predicted, until
 
 REPAINTS = 120, 10_000  # by default, in a soak test
 NOISE = 60  # normal variation; a leak adds one or more references per item and repaint
@@ -57,3 +58,34 @@ def test_texts_take_turns_and_each_shows_the_last_change(qtbot: QtBot) -> None:
     assert [part for part, _ in drawn[4:]] == [0, 1, 2]
     qtbot.wait(20)
     assert len(drawn) == 7  # without a change, nothing is due
+
+
+class LayoutRequests(QObject):
+    """Counts the layouts of a widget."""
+
+    def __init__(self, widget: QWidget) -> None:
+        super().__init__(widget)
+        self.count = 0
+        widget.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        self.count += event.type() is QEvent.Type.LayoutRequest
+        return False
+
+
+def test_a_drag_of_the_sensor_lays_out_no_view(qtbot: QtBot, open_with: OpenWith) -> None:
+    """The place beside the tools changes with every move, and a layout reaches the whole window."""
+    window = open_with()
+    until(qtbot, lambda: predicted(window))
+    plan, texts = window.views.plan.drawing, set()
+    start = tuple(window.session.shown.scene.pose.position)
+    begin_drag(qtbot, plan, plan.plot.vb, start, (0.6, 0.3))
+    qtbot.wait(1)
+    requests = LayoutRequests(window.views.plan)
+    for x in (0.5, 0.45, 0.4, 0.35, 0.3):
+        qtbot.mouseMove(plan.viewport(), pixel_at(plan, plan.plot.vb, (x, 0.3)))
+        until(qtbot, lambda before=set(texts): window.views.plan.message.text() not in before)
+        texts.add(window.views.plan.message.text())
+        qtbot.wait(1)  # a layout is a posted event
+    qtbot.mouseRelease(plan.viewport(), Qt.MouseButton.LeftButton)
+    assert (len(texts), requests.count) == (5, 0)
