@@ -192,7 +192,10 @@ def locate(
     known, profile = given.room(room), given.board(board)
     _warn_of_doubts([given] if board is None else [], known, [])
     options = PredictionOptions(receiver=receiver)
-    return locate_scan(given.readings, known, profile, prediction=options, height=height, tick=progress)
+    located = locate_scan(given.readings, known, profile, prediction=options, height=height, tick=progress)
+    for doubt in located.doubts:
+        warnings.warn(f"{given.where}: {doubt}", stacklevel=2)
+    return located
 
 
 def _warn_of_doubts(without_board: Iterable[GivenScan], room: Room, places: Iterable[Place]) -> None:

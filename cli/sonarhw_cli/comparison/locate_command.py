@@ -71,7 +71,8 @@ def locate(
     else:
         _print(figures)
     echoes = sum(reading.range is not None for reading in located.readings)
-    for doubt in few_explained(str(log_file), located.explained, echoes, located=True):
+    few = few_explained(str(log_file), located.explained, echoes, located=True)
+    for doubt in (*few, *(f"{log_file}: {doubt}" for doubt in located.doubts)):
         warn(doubt)
 
 

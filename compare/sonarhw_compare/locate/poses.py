@@ -26,6 +26,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.room.outside import wall_distances
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
@@ -49,6 +50,7 @@ _CLIMBS = 3  # most repetitions of the full refinement
 _SAME = 0.03  # m between poses that count as the same
 _SAME_HEADING = math.radians(10)
 _LEAST = 1e-3  # smallest probability of a reported pose
+FEWEST = 7  # independent readings of a scan whose probabilities mean something; a pose has four values
 NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
 
 
@@ -74,6 +76,17 @@ class Located:
     scores: Scores  # rough log-likelihoods of the lattice
     redundancy: float  # number of readings per independent reading
     explained: float  # share of the echoes within 5 cm of the prediction at the most probable pose
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the stated probabilities may be wrong, a line each."""
+        independent = len(self.readings) / self.redundancy
+        if independent >= FEWEST:
+            return ()
+        return (
+            f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose may "
+            "be stated as certain; scan more headings",
+        )
 
     @property
     def lattice(self) -> FloatArray:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT, WALL
 from sonarhw_compare.pictures.picture_text import picture_text
@@ -34,6 +35,7 @@ def draw_difference(difference: ScanDifference, names: tuple[str, str]) -> Figur
     above.set(ylabel="range (m)", ylim=(0, None))
     _draw_differences(below, difference)
     below.set(xlabel="heading (°)", ylabel="second minus first (cm)")
+    below.xaxis.set_major_locator(MaxNLocator(9, steps=(1, 1.5, 3, 4.5, 9, 10)))  # 15°, 30°, 45°, 90°
     for axes in (above, below):
         axes.grid(alpha=0.25)
     figure.legend(loc="outside upper center", ncols=4)

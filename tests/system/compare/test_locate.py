@@ -15,6 +15,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 
+import sonarhw
 from benchmarks.real.judged_scans import DEFAULT_FOLDER, load_scans
 from benchmarks.real.real_places import locate_real, true_place
 from sonarhw import open_scanner, sector
@@ -40,6 +41,19 @@ def scan_from(room: Room, position: tuple[float, float], heading: float, count: 
 @pytest.fixture(scope="module")
 def arena() -> Room:
     return load_room("rooms/arena.toml")
+
+
+def test_few_readings_give_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "few.mcap"
+    options = ["--place", "figure9", "--board", "paper", "--from", "0", "--to", "360", "--step", "90"]
+    assert run(["simulate", "simple", *options, "--out", str(log)]) == 0
+    capsys.readouterr()
+    warning = f"{log}: only 4 independent readings, expected at least 7: a wrong pose may be stated as certain"
+    assert run(["locate", str(log)]) == 0
+    assert f"sonarhw: warning: {warning}" in capsys.readouterr().err
+    with pytest.warns(UserWarning, match=re.escape(warning)) as warned:
+        sonarhw.locate(log)
+    assert [one.filename for one in warned] == [__file__]
 
 
 def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:

@@ -88,6 +88,13 @@ def test_the_picture_shows_each_echo_at_its_range_from_the_best_pose() -> None:
     assert len(legend) == len(set(legend)) == 3
 
 
+@pytest.mark.parametrize(("readings", "redundancy", "doubtful"), [(4, 2.0, True), (12, 2.0, True), (14, 2.0, False)])
+def test_a_scan_with_few_independent_readings_is_doubtful(readings: int, redundancy: float, doubtful: bool) -> None:
+    scan = (Reading(0, 0, 0, 0.0, 0.0, (0.003,), 343.0),) * readings
+    found = Located(ROOM, load_board("lego-nxt"), scan, (), SCORES, redundancy, 1.0)
+    assert [f"only {readings // 2} independent readings" in doubt for doubt in found.doubts] == [True] * doubtful
+
+
 def test_the_volume_of_a_peak_is_bounded_by_the_room() -> None:
     sides = np.ptp(ROOM.walls.reshape(-1, 2), axis=0)
     bounded = _within(ROOM, np.diag([1e4, 1e4, 1e4]))
