@@ -1,7 +1,7 @@
 """Changes of board profiles as text: a changed value keeps its former value and comment in a comment."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,15 +55,28 @@ def calibrated_profile(
     Comments state the 95 % intervals and the former values. The `header` and the reasons for the `kept` keys are at the
     top. Raises InputError if the text of the profile cannot be changed.
     """
-    try:
-        profile: Any = tomlkit.parse(start.text)
-        profile["name"] = name
+
+    def change(profile: Any) -> None:
         for one in values:
             set_marked(profile, one.key, float(one.text), one.before, f"calibrated, 95 % {one.interval_text}")
         if own_body:
             profile["own_body"] = _tables(own_body)
-        lines = [*header, *(f"# Kept: {key}; {reason}." for key, reason in kept.items())]
-        text = below_header(lines, tomlkit.dumps(profile), start.name)
+
+    changed = changed_profile(start, name, change)
+    lines = [*header, *(f"# Kept: {key}; {reason}." for key, reason in kept.items())]
+    return parse_board(below_header(lines, changed.text, start.name), f"profile {name!r}")
+
+
+def changed_profile(start: Board, name: str, change: Callable[[Any], None]) -> Board:
+    """Return the profile `start` with another name after `change` of its TOML document.
+
+    Raises InputError if the text of the profile cannot be changed.
+    """
+    try:
+        profile: Any = tomlkit.parse(start.text)
+        profile["name"] = name
+        change(profile)
+        text = tomlkit.dumps(profile)
     except TOMLKitError as error:
         raise InputError(f"the board profile cannot be changed: {error}; choose another profile") from error
     return parse_board(text, f"profile {name!r}")

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
@@ -180,6 +181,7 @@ def _calibrate_scanner(
     _check_sector(order, width, step)
     with connect_turntable(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
+    from sonarhw_compare.profile_edit import changed_profile
     from sonarhw_sim.predict.plate_echo import plate_echo
 
     from sonarhw.scanning import calibration
@@ -191,7 +193,8 @@ def _calibrate_scanner(
         arcs=_arcs(profile, distance, step),
         delay=plate_echo(profile, Air(), distance).delay,
     )
-    write_text(out, _with_calibration(profile.text, profile_name(out), found), force)
+    changed = changed_profile(profile, profile_name(out), partial(_set_calibration, profile, found))
+    write_text(out, changed.text, force)
     print_line(_result_line(found, distance))
 
 
@@ -224,26 +227,14 @@ def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: f
         return list(scanner.scan(order))
 
 
-def _with_calibration(text: str, name: str, found: "Calibration") -> str:
-    """Return the text of the profile with a new name and the two measured keys, otherwise unchanged.
-
-    Raises InputError if the text cannot be changed.
-    """
-    import tomlkit
-    from sonarhw_sim.board.profile import parse_board
-    from tomlkit.exceptions import TOMLKitError
+def _set_calibration(start: "Board", found: "Calibration", profile: Any) -> None:
+    """Set the two measured keys in the document of a profile."""
+    from sonarhw_compare.profile_edit import set_marked
 
     # + 0.0 turns -0.0 into 0.0
-    offset = tomlkit.item(round(found.range_offset, 5) + 0.0)
-    home = tomlkit.item(round(math.degrees(found.home_angle), 3) + 0.0)
-    try:
-        document = tomlkit.parse(text)
-        document["name"] = name
-        document["range_offset"] = offset.comment("m, measured minus true")
-        document["home_angle_deg"] = home.comment("direction of the turntable's zero")
-        return parse_board(tomlkit.dumps(document), f"profile {name!r}").text
-    except TOMLKitError as error:
-        raise InputError(f"the board profile cannot be changed: {error}; give another --board") from error
+    offset, home = round(found.range_offset, 5) + 0.0, round(math.degrees(found.home_angle), 3) + 0.0
+    set_marked(profile, "range_offset", offset, start.range_offset, "m, measured minus true")
+    set_marked(profile, "home_angle_deg", home, start.home_angle_deg, "direction of the turntable's zero")
 
 
 def _result_line(found: "Calibration", distance: float) -> str:

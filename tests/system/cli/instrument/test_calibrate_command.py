@@ -53,6 +53,7 @@ def test_the_profile_contains_offset_and_home_angle_of_the_plate(
         shipped.blanking,
         shipped.threshold_db,
     )
+    assert "# m, measured minus true; before: 0\n" in profile.text
     # again, with the written profile: its keys are replaced, not added
     assert calibrated(out, "--board", str(out), "--force") == 2
     again = tmp_path / "again.toml"
