@@ -136,7 +136,7 @@ def _described(log: "Log") -> list[tuple[str, str]]:
     lines = [
         ("made by", f"{made.made_by}, sonarhw {made.product_version}" if made.started else "unknown"),
         ("started", started if made.started else "unknown"),
-        ("readings", log.origin),
+        ("readings", log.origin if log.readings else "none"),
         ("room", made.room_file or "not recorded"),
         ("place", made.place or "not recorded"),
         ("board", made.board or (device.board if device else "") or "not recorded"),

@@ -197,7 +197,7 @@ def test_info_of_a_log_without_metadata_prints_an_unknown_date(
         printed = dict(
             line.split(maxsplit=1) for line in capsys.readouterr().out.replace("made by", "made_by").splitlines()
         )
-        assert (printed["made_by"], printed["started"]) == ("unknown", "unknown")
+        assert (printed["made_by"], printed["started"], printed["readings"]) == ("unknown", "unknown", "none")
         assert printed["file"].startswith(state)
 
 
