@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_compare.paper.exhibit import Exhibit
 from sonarhw_compare.paper.page import EXHIBITS
 from sonarhw_compare.paper.setting import PaperScene
 
@@ -20,6 +21,8 @@ def test_committed_page_is_what_the_command_writes(tmp_path: Path, capsys: pytes
     out, err = capsys.readouterr()
     assert (folder / "figures.md").read_text() == (COMMITTED / "figures.md").read_text()
     assert {file.name for file in folder.iterdir()} == {file.name for file in COMMITTED.iterdir()}
+    assert all(file.stat().st_size < 300_000 for file in folder.iterdir())
+    assert all(file.read_bytes().startswith(b"\x89PNG") for file in folder.glob("*.png"))
     rows = re.findall(r"\| (yes|\*\*no\*\*) \|$", (folder / "figures.md").read_text(), re.MULTILINE)
     assert re.fullmatch(rf"\d+ figures; {rows.count('yes')} of {len(rows)} claims hold: .*figures\.md\n", out)
     assert err == ""
@@ -30,6 +33,13 @@ def test_committed_page_shows_every_picture_beside_it() -> None:
     shown = set(re.findall(r"!\[.*?\]\((.*?)\)", text))
     assert shown == {file.name for file in COMMITTED.glob("*.png")}
     assert all((COMMITTED / name).stat().st_size < 300_000 for name in shown)
+
+
+@pytest.mark.parametrize("exhibit", EXHIBITS, ids=lambda exhibit: exhibit.name)
+def test_axes_of_a_figure_are_labelled(exhibit: Exhibit) -> None:
+    last = [axes for axes in exhibit.draw().axes if axes.get_xlabel()]
+    assert last
+    assert all(re.search(r"\((m|µs|degrees)\)$", axes.get_xlabel()) for axes in last)
 
 
 SCENES = [scene for exhibit in EXHIBITS for scene in exhibit.scenes if scene.reach is None]
