@@ -161,7 +161,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "an array of one dimension",
     ),
     (
-        "sim/sonarhw_sim/rays/sequences.py",
+        "sim/sonarhw_sim/rays/contacts.py",
         "for k in range(sequence.shape[0]):",
         ("0 → (-1)",),
         "an array of one dimension",

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import array_part, compiled_part, inlined
 from sonarhw_sim.room.grid import IntArray
 
@@ -21,7 +20,6 @@ class CandidateTable(NamedTuple):
     """Room for candidates and sequences."""
 
     candidates: IntArray  # (c, 3): as in `Fan`
-    misses: FloatArray  # (c,): how near the ray passes the target, relative to the limit
     keys: IntArray  # (c, 2): sequence and target
     slots: IntArray  # hash table of the keys, -1 where empty
     sequences: IntArray  # (s, 2): number of the sequence without the last surface, 0 for none, and that surface
@@ -32,26 +30,26 @@ def no_candidates() -> CandidateTable:
     """Return an empty table."""
     keys, sequences = np.empty((2, _ROOM, 2), np.int32)
     slots, sequence_slots = np.full((2, _SLOTS * _ROOM), -1, np.int32)
-    return CandidateTable(np.empty((_ROOM, 3), np.int32), np.empty(_ROOM), keys, slots, sequences, sequence_slots)
+    return CandidateTable(np.empty((_ROOM, 3), np.int32), keys, slots, sequences, sequence_slots)
 
 
 @inlined
 def is_full(table: CandidateTable, found: int, known: int) -> bool:
     """Return whether there is no room for more than `found` candidates or `known` sequences."""
-    full: bool = (found == table.misses.shape[0]) | (known == table.sequences.shape[0])
+    full: bool = (found == table.candidates.shape[0]) | (known == table.sequences.shape[0])
     return full
 
 
 @array_part
 def with_room(table: CandidateTable, found: int, known: int) -> CandidateTable:
     """Return the same table with room for twice as many of what is full."""
-    candidates, misses, keys, slots, sequences, sequence_slots = table
-    if found == misses.shape[0]:
-        candidates, misses = _longer(candidates, misses)
+    candidates, keys, slots, sequences, sequence_slots = table
+    if found == candidates.shape[0]:
+        candidates = _longer(candidates)
         keys, slots = _grown(keys, slots)
     if known == sequences.shape[0]:
         sequences, sequence_slots = _grown(sequences, sequence_slots)
-    return CandidateTable(candidates, misses, keys, slots, sequences, sequence_slots)
+    return CandidateTable(candidates, keys, slots, sequences, sequence_slots)
 
 
 @compiled_part
@@ -81,14 +79,13 @@ def _grown(pairs: IntArray, slots: IntArray) -> tuple[IntArray, IntArray]:
 
 
 @inlined
-def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return both arrays with twice the capacity; numba would need a second to compile a concatenation."""
-    count = misses.shape[0]
-    more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)
+def _longer(candidates: IntArray) -> IntArray:
+    """Return the rows with twice the capacity; numba would need a second to compile a concatenation."""
+    count = candidates.shape[0]
+    more = np.empty((2 * count, 3), np.int32)
     for k in range(count):
         more[k, 0], more[k, 1], more[k, 2] = candidates[k, 0], candidates[k, 1], candidates[k, 2]
-        more_misses[k] = misses[k]
-    return more, more_misses
+    return more
 
 
 @inlined

@@ -93,7 +93,6 @@ class Fan(NamedTuple):
 
     touched: IntArray  # (r, b): surfaces, in order, padded with -1
     candidates: IntArray  # (c, 3): row, reflections before the target, row of the target
-    directions: FloatArray  # (r,), rad
 
 
 def follow_fan(
@@ -156,7 +155,7 @@ def follow_fan(
     space = _workspace(len(targets), slopes.shape[1], np.empty((slopes.size, max_bounces), np.int32))
     candidates = _follow(search, space, no_candidates(), path_table.MOST_POINTS)
     path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
-    return Fan(space.touched, candidates, np.repeat(directions, slopes.shape[1]))
+    return Fan(space.touched, candidates)
 
 
 def _workspace(targets: int, slopes: int, touched: IntArray) -> _Workspace:
@@ -273,39 +272,32 @@ def _note_targets(
         passed += 1
     for k in range(passed):
         target = space.nearby[k]
-        miss = _miss(leg, reach, target, search)
-        if miss < 0.0:
+        if not _passes(leg, reach, target, search):
             continue
-        number = number_of(branch.sequence, target, table.keys, found, table.slots)
-        # of equal candidates, the ray that passes nearest in widths of its tube is kept: where posts spread the tube,
-        # only that ray leads to the exact path
-        if number == found or miss < table.misses[number]:
-            table.candidates[number, 0], table.candidates[number, 1] = branch.row, branch.bounces
-            table.candidates[number, 2], table.misses[number] = target, miss
-        found = max(found, number + 1)
-        if found == table.misses.shape[0]:
-            break
+        if number_of(branch.sequence, target, table.keys, found, table.slots) == found:
+            table.candidates[found, 0], table.candidates[found, 1] = branch.row, branch.bounces
+            table.candidates[found, 2] = target
+            found += 1
+            if found == table.candidates.shape[0]:
+                break
     return found
 
 
 @inlined
-def _miss(leg: _Leg, reach: float, target: int, search: _Search) -> float:
-    """Return the distance at which a leg passes a target, relative to the limit.
-
-    It is negative if the leg is not near, or its path is too long or too faint.
-    """
+def _passes(leg: _Leg, reach: float, target: int, search: _Search) -> bool:
+    """Return whether a leg passes near a target, and its path there is neither too long nor too faint."""
     tx, ty = search.targets[target, 0] - leg.x, search.targets[target, 1] - leg.y
     ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
     on = max(ahead, 0.0)
     width = leg.width + leg.opening * on
     near = ALLOWANCE * search.spacing * width + search.radii[target]
     if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > search.longest[target] + near:
-        return -1.0
+        return False
     loudest = leg.amplitude * math.sqrt((leg.length + on) / width)
     if target == 0:
         loudest *= _most_received(leg, search.spacing, search.detectable)
     # at the start of the first leg, the tube has no width, and `loudest` is not a number
-    return -1.0 if loudest <= search.detectable.least[target] else aside / near
+    return not loudest <= search.detectable.least[target]
 
 
 @inlined

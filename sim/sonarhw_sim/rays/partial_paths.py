@@ -88,7 +88,7 @@ def solved_paths(
     # the height of a path to an edge is not known yet
     climbs = passing.to_receiver if passing is not None and leads_to[0] < 0 else None
     real, points, lengths, divergences = solve_candidates(
-        place, fan.directions, fan.touched, fan.candidates, targets, longest, blocking, climbs
+        place, fan.touched, fan.candidates, targets, longest, blocking, climbs
     )
     ray, bounces, target = fan.candidates[real].T
     most = points.shape[1] - 3

@@ -1,7 +1,7 @@
 """Exact solution of a sequence of surfaces: the path that touches exactly these, in this order, if it exists.
 
-Walls are solved with image sources. With a post in the sequence there is no finite image, so Newton's method refines
-the direction of the ray within its tube. A path is valid if every reflection point is on its surface and no leg is
+Walls are solved with image sources. With a post in the sequence there is no finite image, so Newton's method finds the
+points on posts first (`rays.contacts`). A path is valid if every reflection point is on its surface and no leg is
 blocked. Compiled by numba.
 """
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
-from sonarhw_sim.rays.first_surface import post_distance, reflect
+from sonarhw_sim.rays.contacts import mirrors_of, room_for_posts, touch_posts
 from sonarhw_sim.rays.passing import Climbs, fits_a_climb, no_climbs, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
@@ -20,18 +20,10 @@ BoolArray = NDArray[np.bool_]
 
 ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
 _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
-_ON_TARGET = 1e-12  # of the length
-_NEAR_TARGET = 1e-6  # m
-_ROUNDING = 1e-15  # rad, of a direction
-_MOST_SHOTS = 60
-# Close to the tangent of a post, at the angle e from it, the miss is a - b sqrt(e), so it changes at most by twice its
-# slope times e: a target for which the slope demands many times e is in the shadow of the post.
-_TOO_FAR = 16.0
 
 
 def solve_candidates(
     source: FloatArray,
-    directions: FloatArray,
     touched: IntArray,
     candidates: IntArray,
     targets: FloatArray,
@@ -42,7 +34,7 @@ def solve_candidates(
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Solve candidates (c, 3) of `follow_fan`; those to target 0 only if one of the climbs `to_receiver` is possible.
 
-    Without posts, a path may touch a wall up to `beyond_ends` m beyond its end.
+    A path may touch a wall up to `beyond_ends` m beyond its end.
 
     Returns whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool, and for each of the
     r valid ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
@@ -54,7 +46,6 @@ def solve_candidates(
     lengths, divergences = np.empty(count), np.empty(count)
     found = _solve(
         source,
-        directions,
         touched,
         candidates,
         targets,
@@ -73,7 +64,6 @@ def solve_candidates(
 @compiled
 def _solve(
     source: FloatArray,
-    directions: FloatArray,
     touched: IntArray,
     candidates: IntArray,
     targets: FloatArray,
@@ -89,6 +79,7 @@ def _solve(
     """Fill in the results of `solve_candidates`, and return the number of paths."""
     walls, posts = surfaces.walls, surfaces.posts
     found, width = 0, points.shape[1]
+    mirrors, unfolded = mirrors_of(walls), room_for_posts(width)
     images, room = np.empty((width, 2)), room_for_fitting(width, to_receiver)
     for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
@@ -98,10 +89,10 @@ def _solve(
         path[bounces + 1, 0], path[bounces + 1, 1] = targets[target, 0], targets[target, 1]
         divergence = 1.0
         if _touches_post(sequence, walls.shape[0]):
-            solved, divergence = _refine(path, directions[ray], sequence, walls, posts)
-        else:
-            solved = unfold(path, sequence, walls, beyond_ends, images)
-        if not solved:
+            solved, divergence = touch_posts(path, sequence, mirrors, posts, longest[target], unfolded)
+            if not solved:
+                continue
+        if not _unfold_between_posts(path, sequence, walls, beyond_ends, images):
             continue
         length = _length(path)
         if length > longest[target]:
@@ -124,6 +115,20 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
         if surface >= walls:
             return True
     return False
+
+
+@compiled_part
+def _unfold_between_posts(
+    path: FloatArray, sequence: IntArray, walls: FloatArray, beyond_ends: float, images: FloatArray
+) -> bool:
+    """Do the same as `unfold`, for a path on which the points on posts are filled in."""
+    begin, last = 0, sequence.shape[0]
+    for k in range(last + 1):
+        if k == last or sequence[k] >= walls.shape[0]:
+            if not unfold(path[begin : k + 2], sequence[begin:k], walls, beyond_ends, images):
+                return False
+            begin = k + 1
+    return True
 
 
 @compiled_part
@@ -164,87 +169,6 @@ def mirrored(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
     return x - 2.0 * aside * ey, y + 2.0 * aside * ex
-
-
-@inlined
-def _refine(
-    path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
-) -> tuple[bool, float]:
-    """Turn a ray until it meets path[-1] after `sequence`; return whether it does, and its divergence."""
-    sign = -1.0 if sequence.shape[0] % 2 else 1.0  # every reflection swaps left and right
-    step, beyond = 0.0, np.inf  # beyond: the last direction in which the ray missed a surface
-    for _ in range(_MOST_SHOTS):
-        reached, miss, width, length = _shoot(path, direction + step, sequence, walls, posts)
-        if not reached:
-            if step == 0.0:
-                return False, 1.0
-            # turned too far: the ray misses a post or the end of the path
-            beyond = direction + step
-            step /= 2.0
-            continue
-        direction, step = direction + step, sign * miss / width
-        # where posts spread the tube so wide that only rounding turns the ray again, this is the best result
-        nearest = abs(step) <= _ROUNDING or (abs(step) <= 10 * _ROUNDING and abs(miss) <= _NEAR_TARGET)
-        if abs(miss) <= _ON_TARGET * length or nearest:
-            return _touches_lie_on_walls(path, sequence, walls), width / length
-        if step * (beyond - direction) > 0.0 and abs(step) > _TOO_FAR * abs(beyond - direction):
-            return False, 1.0
-    return False, 1.0
-
-
-@compiled_part
-def _shoot(
-    path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
-) -> tuple[bool, float, float, float]:
-    """Follow one ray along `sequence` and fill in its points.
-
-    Returns whether it meets every surface, its distance from path[-1] (m, to its left), the width of its tube there
-    (m/rad) and its length (m).
-    """
-    n, last = walls.shape[0], sequence.shape[0] + 1
-    x, y = path[0]
-    dx, dy = math.cos(direction), math.sin(direction)
-    length, width, opening = 0.0, 0.0, 1.0
-    for k in range(last - 1):
-        # of the type as in `_follow`, so that `reflect` is compiled once
-        surface: int = np.int64(sequence[k])  # type: ignore[assignment]
-        if surface < n:
-            distance = _wall_distance(x, y, dx, dy, walls[surface])
-        else:
-            distance = post_distance(x, y, dx, dy, posts[surface - n])
-        if not -1e-9 < distance < np.inf:
-            return False, 0.0, 1.0, 1.0
-        x, y = x + distance * dx, y + distance * dy
-        path[k + 1, 0], path[k + 1, 1] = x, y
-        length += distance
-        width += opening * distance
-        dx, dy, curvature = reflect(x, y, dx, dy, surface, walls, posts)
-        opening += curvature * width
-    tx, ty = path[last, 0] - x, path[last, 1] - y
-    ahead = tx * dx + ty * dy
-    return ahead > 0.0, dx * ty - dy * tx, width + opening * ahead, length + ahead
-
-
-@compiled_part
-def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
-    # the infinite line of the wall: during refinement a ray may pass its end
-    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-    across = dx * ey - dy * ex
-    return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
-
-
-@compiled_part
-def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
-    for k in range(sequence.shape[0]):
-        if sequence[k] >= walls.shape[0]:
-            continue
-        wall = walls[sequence[k]]
-        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-        length = math.hypot(ex, ey)
-        along = ((path[k + 1, 0] - wall[0]) * ex + (path[k + 1, 1] - wall[1]) * ey) / length
-        if not -ON_WALL <= along <= length + ON_WALL:
-            return False
-    return True
 
 
 @compiled_part

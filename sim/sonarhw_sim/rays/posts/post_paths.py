@@ -11,7 +11,6 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.kernel import Fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, solved_paths
 from sonarhw_sim.rays.passing import Passing
-from sonarhw_sim.rays.posts.contacts import aimed
 from sonarhw_sim.rays.posts.post_chains import Chains, equal_pairs, joined, may_be_louder
 from sonarhw_sim.rays.posts.post_ways import MOST_REFLECTIONS, PostWays
 from sonarhw_sim.room.grid import IntArray
@@ -95,5 +94,4 @@ def _solved(
     bounces = (sequences >= 0).sum(axis=1)
     sequences = np.ascontiguousarray(sequences[:, : bounces.max()])
     candidates = np.column_stack((np.arange(len(sequences)), bounces, target)).astype(np.int32)
-    directions = aimed(source, targets[target], sequences, room.walls, room.posts)
-    return solved_paths(room, source, Fan(sequences, candidates, directions), targets, longest, leads_to, passing)
+    return solved_paths(room, source, Fan(sequences, candidates), targets, longest, leads_to, passing)

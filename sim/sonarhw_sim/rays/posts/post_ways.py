@@ -100,7 +100,7 @@ def _ways(
     """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets (t, 2) with these radii."""
     # the receiver, target 0, is none of them
     targets, radii, longest = np.vstack((place, targets)), np.append(0.0, radii), np.append(0.0, longest)
-    fan = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), np.empty((0, 3), np.int32), np.zeros(1))
+    fan = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), np.empty((0, 3), np.int32))
     if most:
         detectable = all_rays(len(directions), len(targets))
         fan = follow_fan(
@@ -116,7 +116,6 @@ def _ways(
     nothing = Listing(np.zeros_like(room.surfaces.listing.starts), room.surfaces.listing.numbers[:0])
     real, _, lengths, _ = solve_candidates(
         place,
-        fan.directions,
         fan.touched,
         candidates,
         targets,

@@ -171,3 +171,14 @@ def test_sound_goes_from_a_thin_post_to_an_edge_at_every_bearing() -> None:
         assert len(by_both) == 4
         nearest = math.dist(wall[0], post) + math.hypot(*wall[0]) + 5.0
         assert by_both.lengths[0] == pytest.approx(nearest, abs=0.004)
+
+
+def test_a_path_by_a_post_and_walls_is_found_in_both_directions() -> None:
+    """Pillar, west and north wall of the laboratory, seen from its bench."""
+    walls = np.array([[-1.72, 1.57, -1.72, -1.23], [0.98, 1.57, -1.72, 1.57]])
+    posts, here = np.array([[-0.62, 0.82, 0.15]]), np.array(HERE)
+    expected = {sequence: points for sequence, points, _ in reflected_paths(here, here, walls, posts, 4)}
+    paths = find_paths(scene(walls, posts), HERE, PathSearch(21.4, WAVELENGTH, diffraction=False))
+    lengths = {tuple(row[row >= 0].tolist()): length for row, length in zip(paths.surfaces, paths.lengths, strict=True)}
+    for sequence in ((2, 0, 2, 1), (1, 2, 0, 2)):
+        assert lengths[sequence] == pytest.approx(np.hypot(*np.diff(expected[sequence], axis=0).T).sum(), abs=1e-9)
