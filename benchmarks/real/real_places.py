@@ -4,7 +4,9 @@ Locates each scan of the folder in the whole arena, with unknown heading, and pr
 places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
 boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans, and
 finds it with poses within 3 cm and 2°, those of `locate` and those at the written positions, without range offsets, and
-once with the first pose only. It prints which walls are found.
+once with the first pose only. It prints which walls are found. A scan determines its own heading in the
+arena within 3° only (standard deviation), and with it the direction of the whole room if no other pose is known. For
+the first pose only, the walls are therefore also counted after the turn about it that gives most of them.
 """
 
 import math
@@ -18,7 +20,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.room_finding.evidence import PoseSpread
-from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+from sonarhw_compare.room_finding.unknown_poses import PlacedRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
@@ -104,23 +106,50 @@ def print_map(scans: Sequence[RealScan]) -> None:
     ]
     for title, given in (("poses by locate", raw), ("written positions", marked)):
         print_found_room(title, given, [MARKS] * len(scans), room)
-    print_found_room("first pose only", marked, [PoseSpread(), *[None] * (len(scans) - 1)], room)
+    answer = print_found_room("first pose only", marked, [PoseSpread(), *[None] * (len(scans) - 1)], room)
+    print_turned(answer, marked[0].place, room)
 
 
 def print_found_room(
     title: str, placed: Sequence[PlacedScan], spreads: Sequence[PoseSpread | None], room: Room
-) -> None:
+) -> PlacedRoom:
     """Print which walls of the arena are found, and which scans are left out; a spread of None is an unknown pose."""
     answer = find_room_and_poses(placed, load_board("lego-nxt"), room.air, spreads)
     found = answer.found
-    names = [_true_wall(ends, room, ON_FOUND, TURNED) for ends in found.draft.segments.reshape(-1, 2, 2)]
-    true = sorted({name for name in names if name})
     print(
-        f"found room, {title}: {len(true)} of {len(room.walls)} walls within 3 cm and 2° ({', '.join(true)}), "
-        f"{names.count(None)} of {len(names)} found walls not, {len(found.draft.posts)} posts; "
+        f"found room, {title}: {_walls_text(found.draft.segments, room)}, {len(found.draft.posts)} posts; "
         f"{found.explained} of {found.echoes} echoes explained; "
         f"range offset {found.draft.offset * 1000:.0f} ± {(found.offset_deviation or 0.0) * 1000:.0f} mm"
         f"{'; left out: ' if answer.left_out else ''}{', '.join(answer.left_out)}"
+    )
+    return answer
+
+
+def print_turned(answer: PlacedRoom, first: Place, room: Room) -> None:
+    """Print which walls are found after the turn of the found room about the first place that gives most walls."""
+    points = answer.found.draft.segments.reshape(-1, 2) - first.position
+    by_turn = []
+    for turn in np.radians(np.arange(-6.0, 6.01, 0.1)).tolist():
+        ahead = np.array([math.cos(turn), math.sin(turn)])
+        turned = np.column_stack((points @ (ahead * (1, -1)), points @ ahead[::-1])) + first.position
+        by_turn.append((turn, turned.reshape(-1, 4)))
+    counts = [len(set(_names(segments, room)) - {None}) for _, segments in by_turn]
+    best = [row for row, count in enumerate(counts) if count == max(counts)]
+    turn, segments = by_turn[best[len(best) // 2]]  # the middle one of the best
+    print(f"  turned by {math.degrees(turn):.1f}° about the first place: {_walls_text(segments, room)}")
+
+
+def _names(segments: FloatArray, room: Room) -> list[str | None]:
+    """Return the wall of the arena within 3 cm and 2° of each found wall (n, 4) m."""
+    return [_true_wall(ends, room, ON_FOUND, TURNED) for ends in segments.reshape(-1, 2, 2)]
+
+
+def _walls_text(segments: FloatArray, room: Room) -> str:
+    names = _names(segments, room)
+    true = sorted({name for name in names if name})
+    return (
+        f"{len(true)} of {len(room.walls)} walls within 3 cm and 2° ({', '.join(true)}), "
+        f"{names.count(None)} of {len(names)} found walls not"
     )
 
 
