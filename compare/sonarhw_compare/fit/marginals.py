@@ -24,10 +24,17 @@ from sonarhw_compare.fit.values.tolerances import tolerated_parameters
 
 MOST_WALLS = 12  # that may be off: those that most echoes touch
 # coordinates that are swept together before a refinement, and the steps of each, in its own unit
-_SWEEPS = (("aperture", "threshold", "heading"), ("scale", "heading"), ("aperture", "threshold", "heading"))
+_SWEEPS = (
+    ("aperture", "threshold", "heading"),
+    ("reflectance", "threshold"),
+    ("scale", "heading"),
+    ("aperture", "threshold", "heading"),
+)
 _STEPS = {
     "aperture": (-4e-3, -2e-3, 0.0, 2e-3, 4e-3),
-    "threshold": (-3.0, 0.0, 3.0),
+    # without the right aperture and reflectances, the threshold before is wrong by up to 9 dB
+    "threshold": tuple(1.5 * step for step in range(-6, 7)),
+    "reflectance": (-0.3, -0.2, -0.1, 0.0, 0.05),
     "heading": tuple(math.radians(turn) for turn in (-4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0)),
     "scale": (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02),
 }

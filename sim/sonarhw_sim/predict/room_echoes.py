@@ -19,15 +19,14 @@ from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.predicted_scan import PredictedScan, whole_microdegrees
 from sonarhw_sim.predict.prediction import (
     PredictionOptions,
+    paths_for,
     paths_serve_all_headings,
     predict_scan,
     scan_of_paths,
-    search_for,
 )
 from sonarhw_sim.rays.first_surface import first_hit
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room, with_post
-from sonarhw_sim.vertical.sections import paths_from
 
 MAX_ECHOES = 5  # per ping
 _FIRST_LISTEN = 0.01  # s, of the ping in `prepare`
@@ -97,8 +96,11 @@ class RoomEchoes:
         if self._actual is None:
             room, place = self._disturbed()
             if paths_serve_all_headings(self._board, Unit.PASS):
-                search = search_for(room, self._board, PredictionOptions())
-                self._actual = room, place, paths_from(room, self._board.at_axis(place), search)
+                options = PredictionOptions()
+                paths = paths_for(room, place, self._board, options)
+                # without those that are too faint at every heading, so that they are left out once
+                loud = scan_of_paths(room, place, self._board, np.array([place.heading]), paths, options)
+                self._actual = room, place, loud.paths
             else:
                 self._actual = room, place, None
                 self._turned(place.heading)
@@ -130,8 +132,7 @@ class RoomEchoes:
             times = self._detected(signal, scan.room.air.speed_of_sound, ping.listen)
             return PingResult(times, self._trace(signal, random) if ping.trace else None)
         times = self._first_echo_times(scan, ping, random)
-        signal = scan.ping(0).signal(ping.listen)
-        return PingResult(times, self._trace(signal, random) if ping.trace else None)
+        return PingResult(times, self._trace(scan.ping(0).signal(ping.listen), random) if ping.trace else None)
 
     def _detected(self, signal: Signal, speed_of_sound: float, listen: float) -> tuple[float, ...]:
         times = counted_time(echo_times(signal.samples, self._board, speed_of_sound), self._board)

@@ -51,6 +51,8 @@ from sonarhw_compare.fit.values.quantities import (
 MOST_ECHOES = 5  # maximum number of echoes that a scanner reports for one ping
 _ROUNDED = 1 / math.sqrt(12)  # standard deviation of the error of rounding to 1
 _KEPT_BELOW_THRESHOLD = 14.0  # dB; each path is weighed alone, and the threshold may change by some decibels
+_SMOOTH = math.log(2.0)  # of dB, least error of levels in the smooth objective
+_DIFFRACTED_FURTHER = 6.0  # dB below the threshold: how much fainter diffracted paths are searched
 _TOGETHER = 8  # vectors, whose paths are moved at once; those of more do not fit into the cache of a processor
 _OVERLAPPING = 1.0  # dB, least error of levels where overlapping echoes are modelled as single ones
 
@@ -189,7 +191,9 @@ class Problem:
     ) -> tuple[EchoPaths, ...]:
         """Return the paths from each place in a room, as a board needs them."""
         # the likelihood weighs each path alone, so it needs no faint paths that are loud together
-        search = search_for(room, replace(self.board, sum_arrivals=False), prediction)
+        # but those that become audible while the values change, from the threshold of `board` on
+        fainter = replace(self.board, sum_arrivals=False, threshold_db=board.threshold_db - _DIFFRACTED_FURTHER)
+        search = search_for(room, fainter, prediction)
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
 
         def of_place(place: Place) -> EchoPaths:
@@ -225,6 +229,14 @@ class Objective:
             for scan, redundancy in enumerate(redundancies):
                 totals[rows] += self._by_reading(values[rows], scan).sum(axis=1) / redundancy
         return np.where(np.isfinite(totals), totals, -math.inf)
+
+    def smooth(self, values: FloatArray) -> FloatArray:
+        """Return `many` of vectors (m, size) with an error of levels of at least 2 dB, so that steps are flat."""
+        smooth, level = values.copy(), len(self.problem.parameters) + 1
+        smooth[:, level] = np.maximum(smooth[:, level], _SMOOTH)
+        totals, inside = np.full(len(values), -math.inf), np.isfinite(self._log_priors(values))
+        totals[inside] = self.many(smooth[inside])
+        return totals
 
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Return the log-likelihood of each reading of a scan, (n,)."""

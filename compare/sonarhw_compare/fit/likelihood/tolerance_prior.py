@@ -13,9 +13,13 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import REFLECTANCE
 
 LEVELS = np.array([1.0, 0.3, 0.1, 0.02])  # of the stated standard deviation
 PROBABILITIES = np.array([0.1, 0.1, 0.2, 0.6])  # of the levels
+# Of the levels of reflectances. A room file states measured walls and assumed reflectances, and first echoes often
+# cannot distinguish reflectances from the threshold.
+REFLECTANCE_PROBABILITIES = np.full(4, 0.25)
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,7 @@ class TolerancePrior:
     groups: FloatArray  # (g, t), 1 where a value belongs to a group
     middle: FloatArray  # (t,)
     widest: FloatArray  # (t,), standard deviations as stated
+    probabilities: FloatArray  # (g, levels), of the levels of each group
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return the logarithm of the density of vectors (m, size) relative to the widest normal one's middle, (m,)."""
@@ -38,17 +43,19 @@ class TolerancePrior:
     @cached_property
     def _weights(self) -> FloatArray:
         """The logarithm of the weight of each level of each group, (g, levels)."""
-        return np.asarray(np.log(PROBABILITIES) - self.groups.sum(axis=1)[:, None] * np.log(LEVELS))
+        return np.asarray(np.log(self.probabilities) - self.groups.sum(axis=1)[:, None] * np.log(LEVELS))
 
 
 def tolerance_prior(parameters: Sequence[Parameter]) -> TolerancePrior:
     """Return the prior of those parameters that are tolerated; a group for each quantity."""
     rows = [row for row, parameter in enumerate(parameters) if parameter.is_tolerated]
     quantities = list(dict.fromkeys(parameters[row].quantity for row in rows))
+    probabilities = [REFLECTANCE_PROBABILITIES if one is REFLECTANCE else PROBABILITIES for one in quantities]
     groups = [[float(parameters[row].quantity is quantity) for row in rows] for quantity in quantities]
     return TolerancePrior(
         np.array(rows, dtype=np.intp),
         np.array(groups, dtype=np.float64).reshape(len(quantities), len(rows)),
         np.array([parameters[row].expected or 0.0 for row in rows]),
         np.array([parameters[row].deviation or 1.0 for row in rows]),
+        np.array(probabilities, dtype=np.float64).reshape(len(quantities), len(LEVELS)),
     )

@@ -6,9 +6,8 @@ autocorrelation time here is about 25 steps, a third of that of Goodman and Wear
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 
 import numpy as np
 from numpy.random import RandomState
@@ -19,9 +18,14 @@ from sonarhw_compare.fit.likelihood.objective import Objective
 from sonarhw_compare.fit.search.averaging import Mixture
 
 _WALKERS = 96  # at least; with 48, draws of 20 values are correlated for twice as many evaluations
-_WIDER = 1.2  # initial width by that of the curvature; a wide ensemble converges faster than a narrow one
+_WIDER = 1.5  # initial width by that of the curvature; a wide ensemble converges faster than a narrow one
 _SHORTEST = 0.01  # of the distance of a draw from the mean
-_BURN_IN = 40  # steps, at least
+# Burn-in, steps for each value: from the curvature at one of many narrow maxima, fits with 26 values need 250. With few
+# samples, at most so many times their steps. The first half is that of a smooth likelihood.
+_BURN_IN, _MOST_BURN_IN = 10, 6
+# Scales of the moves relative to the best one for a normal distribution, and how often each is used. Smaller moves are
+# accepted more often where the likelihood has steps.
+_MOVES = ((1.0, 0.6), (0.5, 0.4))
 _LONGER = 1  # most repetitions with twice as many samples, if the chain has not converged
 _TESTABLE = 50  # steps; fewer are too few to test for convergence
 _DRIFT = 0.4  # standard deviations, largest difference between the means of both halves of a converged chain
@@ -34,8 +38,8 @@ def samples_of(
 ) -> FloatArray:
     """Return about `count` samples (m, size) of the posterior; the ensemble starts with draws from `start`.
 
-    Half as many are discarded first. If the chain has not converged, twice as many are drawn again. `tick` receives the
-    completed share, 0..1.
+    A burn-in is discarded first; its first half is that of the smooth objective. If the chain has not converged, twice
+    as many are drawn again. `tick` receives the completed share, 0..1.
     """
     import emcee  # loads in half a second, and most runs of the window need no fit
 
@@ -46,27 +50,31 @@ def samples_of(
     state = emcee.State(begin, random_state=random.get_state())
     steps = math.ceil(count / walkers)
     most = _LONGER if steps >= _TESTABLE else 0
-    # the first part is always discarded
-    parts = [min(steps, max(steps // 2, _BURN_IN)), *(steps * 2**longer for longer in range(most + 1))]
-    with _parallel(objective, core_count()) as log_probabilities:
-        # no snooker move: its samples in emcee 3.1.6 are at least 6 % too narrow
-        sampler = emcee.EnsembleSampler(walkers, size, log_probabilities, moves=emcee.moves.DEMove(), vectorize=True)
+    discarded = min(_MOST_BURN_IN * steps, max(steps // 2, _BURN_IN * size))
+    # the first two parts are always discarded
+    parts = [discarded // 2, discarded - discarded // 2, *(steps * 2**longer for longer in range(most + 1))]
+    # no snooker move: its samples in emcee 3.1.6 are at least 6 % too narrow
+    best = 2.38 / math.sqrt(2 * size)
+    moves = [(emcee.moves.DEMove(gamma0=scale * best), weight) for scale, weight in _MOVES]
+    with ThreadPoolExecutor(core_count()) as pool:
         for part, iterations in enumerate(parts):
-            sampler.reset()
+            of_many = objective.smooth if part == 0 else objective.many
+            sampler = emcee.EnsembleSampler(walkers, size, _parallel(of_many, pool), moves=moves, vectorize=True)
             for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
                 tick((part + done / iterations) / len(parts))
-            state = sampler.get_last_sample()
+            # probabilities of one objective are not those of the next
+            state = emcee.State(sampler.get_last_sample().coords, random_state=sampler.random_state)
             # the noise has no interval; a kind that the scan hardly has drifts for long, and nothing depends on it
-            if 0 < part <= most and _settled(sampler.get_chain()[:, :, : len(objective.problem.parameters)]):
+            if 1 < part <= most + 1 and _settled(sampler.get_chain()[:, :, : len(objective.problem.parameters)]):
                 break
     return np.asarray(sampler.get_chain(flat=True))
 
 
-@contextmanager
-def _parallel(objective: Objective, threads: int) -> Iterator[Callable[[FloatArray], FloatArray]]:
-    """Yield the objective for many values (m, size), computed in threads. Kernels release Python's lock."""
-    with ThreadPoolExecutor(threads) as pool:
-        yield lambda values: np.concatenate(list(pool.map(objective.many, np.array_split(values, threads))))
+def _parallel(
+    of_many: Callable[[FloatArray], FloatArray], pool: ThreadPoolExecutor
+) -> Callable[[FloatArray], FloatArray]:
+    """Return a function of many values (m, size) that is computed in threads. Kernels release Python's lock."""
+    return lambda values: np.concatenate(list(pool.map(of_many, np.array_split(values, core_count()))))
 
 
 def _settled(chain: FloatArray) -> bool:

@@ -28,6 +28,7 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, load_room
 from sonarhw_sim.vertical.sections import paths_from
 
+from benchmarks.cases.synthetic_scan import synthetic_scan
 from sonarhw.readings import FloatArray, Reading
 from tests.fixtures.rooms_for_tests import room_of
 
@@ -168,6 +169,28 @@ def test_paths_after_moves_of_walls_equal_those_of_a_new_search() -> None:
     for row, other in pairs:
         assert np.hypot(*out[row]) + np.hypot(*back[row]) == pytest.approx(there.lengths[other], abs=1e-12)
         assert out[row] / np.hypot(*out[row]) == pytest.approx(there.leaving[other], abs=1e-12)
+
+
+@pytest.mark.parametrize("searched", [{}, {"reflectance:board": 0.63}, {"threshold": -41.5}, {"wall:divider": 3e-4}])
+def test_the_likelihood_hardly_depends_on_where_paths_were_searched(searched: dict[str, float]) -> None:
+    """Diffracted paths down to 3 dB below the threshold of the profile were too few: log-likelihoods fell by 10."""
+    board = replace(BOARD, receiver=Receiver.FIRST_ECHO)
+    place = Place("", (0.8756, 0.3031), 1.8795)
+    scan = synthetic_scan(
+        replace(ARENA, reflectances=0.75 * ARENA.reflectances), place, replace(board, threshold_db=-42.5), 10
+    )
+    free = free_parameters(("threshold", "reflectance", "walls"), [""], ARENA, board)
+    problem = make_problem([PlacedScan(scan, place)], ARENA, board, free, PredictionOptions(), True)
+    true = {"threshold": -42.5, "reflectance:board": 0.675}
+    values = problem.start()
+    for row, parameter in enumerate(problem.parameters):
+        values[row] = true.get(parameter.name, values[row])
+    other = values.copy()
+    for row, parameter in enumerate(problem.parameters):
+        other[row] = searched.get(parameter.name, other[row])
+    here, there = (problem.near(one).by_reading(values, 0) for one in (values, other))
+    assert there == pytest.approx(here, abs=2.0)
+    assert there.sum() == pytest.approx(here.sum(), abs=2.0)
 
 
 def test_growth_by_wall_equals_the_measured_growth() -> None:

@@ -12,18 +12,19 @@ from sonarhw_compare.fit.search.posterior import samples_of
 from sonarhw.readings import FloatArray
 
 SIZE = 11  # five parameters and six of noise
+MANY = 26  # with two values of the board, three reflectances and ten walls
 DRAWS = 40_000
 
 
 class Target:
     """A normal distribution with unit deviations, neighbours correlated by 0.5, truncated at its bounds."""
 
-    def __init__(self, lowest: float = -np.inf) -> None:
-        apart = np.abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE)))
+    def __init__(self, lowest: float = -np.inf, size: int = SIZE) -> None:
+        apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
         self.precision = np.linalg.inv(0.5**apart)
-        lower, upper = np.full(SIZE, -1e3), np.full(SIZE, 1e3)
+        lower, upper = np.full(size, -1e3), np.full(size, 1e3)
         lower[0] = max(lowest, lower[0])
-        self.problem = SimpleNamespace(bounds=(lower, upper), steps=np.ones(SIZE), parameters=("",) * SIZE)
+        self.problem = SimpleNamespace(bounds=(lower, upper), steps=np.ones(size), parameters=("",) * size)
 
     def __call__(self, values: FloatArray) -> float:
         lower, upper = self.problem.bounds
@@ -32,6 +33,9 @@ class Target:
 
     def many(self, values: FloatArray) -> FloatArray:
         return np.array([self(one) for one in values])
+
+    def smooth(self, values: FloatArray) -> FloatArray:
+        return self.many(values)
 
 
 class Box(Target):
@@ -59,6 +63,13 @@ def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations()
     assert samples.std(axis=0).mean() == pytest.approx(1.0, rel=0.03)
     assert np.corrcoef(samples, rowvar=False)[0, :3] == pytest.approx([1.0, 0.5, 0.25], abs=0.06)
     assert samples.mean(axis=0) == pytest.approx(np.zeros(SIZE), abs=0.1)
+
+
+def test_few_samples_of_many_values_have_the_deviations_although_the_start_is_three_times_as_narrow() -> None:
+    """The curvature at one of the maxima that the steps of a likelihood make is larger than that of the whole."""
+    start = Mixture(np.ones(1), np.zeros((1, MANY)), np.eye(MANY)[None] / 9)
+    samples = samples_of(cast(Objective, Target(size=MANY)), start, 4_000, seed=1)
+    assert samples.std(axis=0).mean() == pytest.approx(1.0, rel=0.1)
 
 
 def test_the_share_of_a_chain_grows_from_0_to_1() -> None:

@@ -1,11 +1,12 @@
 """Shifted walls against the corners of rectangles and triangles, and derivatives against finite differences."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from sonarhw_compare.fit.values.free_walls import corner_moves, left_normals, with_shifted_walls
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.model import Room, load_room, parse_room
 
 CORNERS = {"bottom": (0.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)}  # first of each wall
 
@@ -46,6 +47,31 @@ def test_two_parts_of_one_straight_wall_move_together() -> None:
     corners = {"one": (0.0, 0.0), "two": (1.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)}
     moved = with_shifted_walls(room_of(corners), {"one[0]": 0.1, "two[0]": 0.1})
     assert moved.walls[:2] == pytest.approx(np.array([[0, 0.1, 1, 0.1], [1, 0.1, 3, 0.1]]))
+
+
+@pytest.mark.parametrize("by", [0.01, -0.01])
+def test_a_wall_that_ends_on_another_one_still_ends_on_it(by: float) -> None:
+    """Otherwise its end is free, and diffracts: the arena had an edge more for a divider that was off."""
+    arena, text = load_room("rooms/arena.toml"), Path("rooms/arena.toml").read_text(encoding="utf-8")
+    moved = with_shifted_walls(arena, {"divider": by})  # by the left, towards smaller x
+    drawn = parse_room(text.replace("0.84, 1.26], [0.84, 2.10", f"{0.84 - by}, 1.26], [{0.84 - by}, 2.10"), "drawn")
+    drawn = parse_room(drawn.text.replace("[0.84, 1.68]", f"[{0.84 - by}, 1.68]"), "drawn")
+    assert moved.walls == pytest.approx(drawn.walls)
+    assert moved.edges.names == drawn.edges.names
+
+
+def test_edges_where_a_wall_ends_on_another_one_or_crosses_it_follow_both() -> None:
+    walls = '[[walls]]\nname = "across"\npoints = [[0, 1], [4, 1]]\nmaterial = "m"\n' + "".join(
+        f'[[walls]]\nname = "{name}"\npoints = [[{x}, 0], [{x}, {end}]]\nmaterial = "m"\n'
+        for name, x, end in (("ends", 1.0, 1.0), ("crosses", 3.0, 2.0))
+    )
+    room = parse_room(f'name = "room"\n[materials.m]\nreflectance = 0.9\n{walls}', "room")
+    for point in ([1.0, 1.0], [3.0, 1.0]):
+        found = corner_moves(room, np.array(point), {0: 0, 1: 1, 2: 2})
+        stem = 1 if point[0] == 1.0 else 2
+        assert found[:, 0] == pytest.approx([0, 1])
+        assert found[:, stem] == pytest.approx([-1, 0])
+        assert found[:, 3 - stem] == pytest.approx([0, 0])
 
 
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (2.0, 0.5), (1.5, 2.0), (-0.3, 1.6)])
