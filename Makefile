@@ -58,7 +58,7 @@ firmware:
 	setup/debian_packages.sh firmware
 	$(MAKE) --no-print-directory -C firmware WERROR=-Werror combinations emulator host
 
-# the emulated board in the demo room; its first line of output is its URL; Ctrl-C ends it
+# builds the emulated board, runs it in the demo room and prints its URL; Ctrl-C ends it
 board: setup firmware
 	$(BIN)/sonarhw board
 

@@ -51,7 +51,7 @@ class ScanFigures:
     def line(self) -> str:
         """The figures in words."""
         summary = self.comparison.summary()
-        share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.3f} of the echoes within 5 cm"
+        share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.0%} of the echoes within 5 cm"
         agreement = summary.no_echo_agreement
         return share if agreement is None else f"{share}, balanced accuracy of silence {agreement:.3f}"
 
