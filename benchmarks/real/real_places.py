@@ -4,7 +4,7 @@ Locates each scan of the folder in the whole arena, with unknown heading, and pr
 places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
 boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans, and
 finds it with poses within 3 cm and 2°, those of `locate` and those at the written positions, without range offsets, and
-once with the first pose only. It prints which walls are found. A scan determines its own heading in the
+once with the first pose of `locate` only. It prints which walls are found. A scan determines its own heading in the
 arena within 3° only (standard deviation), and with it the direction of the whole room if no other pose is known. For
 the first pose only, the walls are therefore also counted after the turn about it that gives most of them.
 """
@@ -106,8 +106,8 @@ def print_map(scans: Sequence[RealScan]) -> None:
     ]
     for title, given in (("poses by locate", raw), ("written positions", marked)):
         print_found_room(title, given, [MARKS] * len(scans), room)
-    answer = print_found_room("first pose only", marked, [PoseSpread(), *[None] * (len(scans) - 1)], room)
-    print_turned(answer, marked[0].place, room)
+    answer = print_found_room("first pose only", raw, [PoseSpread(), *[None] * (len(scans) - 1)], room)
+    print_turned(answer, raw[0].place, room)
 
 
 def print_found_room(

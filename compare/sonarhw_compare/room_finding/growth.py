@@ -46,7 +46,7 @@ def grown(
             return best
         longer = refined(evidence, with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
         best, before = pruned(evidence, longer), best
-        if _worth(best) <= _worth(before):
+        if worth(best) <= worth(before):
             return before
         evidence.course.accepted(best.draft)
         added += 1
@@ -58,8 +58,8 @@ def _newest_length(draft: RoomDraft) -> float:
     return float(np.hypot(*np.diff(draft.segments[-1].reshape(2, 2), axis=0)[0])) if draft.walls else 0.0
 
 
-def _worth(one: Scored) -> float:
-    """Return the log-likelihood without the price of all walls and posts."""
+def worth(one: Scored) -> float:
+    """Return the log-likelihood less the price of all walls and posts."""
     return one.score - PRICE * (len(one.draft.walls) + len(one.draft.posts))
 
 

@@ -24,7 +24,7 @@ from sonarhw_compare.room_finding.evidence import (
     scored,
     with_offset,
 )
-from sonarhw_compare.room_finding.growth import grown, pruned
+from sonarhw_compare.room_finding.growth import grown, pruned, worth
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
 from sonarhw_compare.room_finding.refining.squaring import squared
@@ -45,7 +45,12 @@ class FoundRoom:
     draft: RoomDraft
     deviations: dict[Move, float]  # m or rad: standard deviations
     touches: Touches
-    echoes: int  # of all scans
+    worth: float  # log-likelihood of all scans, less the price of all walls and posts
+
+    @property
+    def echoes(self) -> int:
+        """The number of echoes of all scans."""
+        return sum(self.touches.echoes)
 
     @property
     def offset_deviation(self) -> float | None:
@@ -73,10 +78,9 @@ def find_room(
     or the board is a ring.
     """
     scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
-    echoes = sum(reading.range is not None for scan in scans for reading in scan.readings)
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
-    if echoes == 0:
+    if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
     check_given_once(scans)
     evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course)
@@ -95,7 +99,7 @@ def find_room(
     end, deviations = _finished(evidence, best, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    found = FoundRoom(end, deviations, touches_of(scans, end, board, air), echoes)
+    found = FoundRoom(end, deviations, touches_of(scans, end, board, air), worth(scored(evidence, end)))
     tick(1.0)
     return found
 

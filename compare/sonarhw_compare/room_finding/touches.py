@@ -22,6 +22,7 @@ class Touches:
 
     walls: dict[int, FloatArray]  # by key: m along the wall from its middle
     posts: tuple[int, ...]  # number of touches of each post
+    echoes: tuple[int, ...]  # by scan: their number
     unexplained: tuple[int, ...]  # by scan: number of echoes without a path
 
 
@@ -29,11 +30,12 @@ def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air:
     """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
     room, board = draft.room(REFLECTANCE, air), with_offset(board, draft)
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
-    posts, unexplained = [0] * len(draft.posts), []
+    posts, echoes, unexplained = [0] * len(draft.posts), [], []
     for scan, place in zip(scans, draft.places, strict=True):
         heading = board.heading_at(0.0, place.heading)
         comparison = compare_readings(scan.readings, room, place, board, heading=heading, options=FOLLOWED)
         paths = comparison.prediction.paths
+        echoes.append(sum(row.measured is not None for row in comparison.rows))
         unexplained.append(sum(row.measured is not None and row.path is None for row in comparison.rows))
         for row in comparison.rows:
             if row.path is None:
@@ -46,7 +48,7 @@ def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air:
                         walls[key].append(at)
                 for number, post in enumerate(draft.posts):
                     posts[number] += bool(abs(np.hypot(*(point - post.center)) - post.radius) < 1e-6)
-    return Touches({key: np.array(at) for key, at in walls.items()}, tuple(posts), tuple(unexplained))
+    return Touches({key: np.array(at) for key, at in walls.items()}, tuple(posts), tuple(echoes), tuple(unexplained))
 
 
 def _on(draft: RoomDraft, key: int, point: FloatArray) -> float | None:

@@ -1,26 +1,30 @@
 """The room and the poses of scans of which only some poses are known: simultaneous localisation and mapping.
 
-The scans with known poses give a first room. The others are located in it, and those that it explains well extend it,
-until all scans are placed or the rest cannot be located.
+The scans with known poses give a first room, in which the others are located. Those that it explains well are placed at
+once. If there are none, the one that it explains best is placed at each of its possible poses in turn: each gives
+another room, and the one that explains all scans best is kept. One scan in a part of a room often has several poses
+that are almost as probable, but the walls that it then needs contradict the other scans at the wrong ones.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.locate.poses import Pose, locate_scan
+from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course, PoseSpread
 from sonarhw_compare.room_finding.room_search import FoundRoom, find_room
 
 _LOCATED = PoseSpread(0.05, 0.06)  # m, rad: of a located scan; wide, because the scan itself gives its pose
-_AS_GOOD = 0.5  # of the share that the room explains of its own scans, at which a scan is placed at once
-_POOR = 0.25  # of that share; a scan that is explained less is not placed at all
-_PROBABLE = 0.5  # least probability of a pose at which its scan is placed at once
+_AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
+_PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
+_POOR = 0.75  # of the share that the room explains of the other scans; a scan that is explained less is not placed
+_TRIED = 3  # poses of a scan, each of which needs a room
+_UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,26 @@ class PlacedRoom:
     # possible poses of each located scan, by its title, in the room of the scans before it
     poses: dict[str, tuple[Pose, ...]]
     left_out: tuple[str, ...]  # titles of the scans that could not be located
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """A room of some scans, by their numbers, at the places with which its search began."""
+
+    placed: dict[int, PlacedScan]
+    found: FoundRoom
+
+    @cached_property
+    def refined(self) -> dict[int, PlacedScan]:
+        """The scans at their refined places."""
+        places = zip(sorted(self.placed), self.found.draft.places, strict=True)
+        return {k: replace(self.placed[k], place=place) for k, place in places}
+
+    def explained(self, numbers: Sequence[int]) -> float:
+        """Return the share of the echoes of some of the scans that the room explains."""
+        touches, rows = self.found.touches, [sorted(self.placed).index(k) for k in numbers]
+        echoes = sum(touches.echoes[row] for row in rows)
+        return 1 - sum(touches.unexplained[row] for row in rows) / max(1, echoes)
 
 
 def find_room_and_poses(
@@ -51,60 +75,87 @@ def find_room_and_poses(
     known = {k: spread for k, spread in enumerate(spreads) if spread is not None}
     if not known:
         raise InputError("no pose is known; give that of the first log")
-    placed = {k: scans[k] for k in known}
-    steps = len(scans) - len(placed) + 1  # of which each ends with a room, at most
-
-    def found_with(step: int) -> FoundRoom:
-        own = [known.get(k, _LOCATED) for k in sorted(placed)]
-        given = [placed[k] for k in sorted(placed)]
-        return find_room(given, board, air, own, lambda share: tick((step + share) / steps), course)
-
-    found, step = found_with(0), 0
+    search = _Search(tuple(scans), known, board, air, tick, course or Course())
+    stage = search.room_of({k: scans[k] for k in known}, 0.0, 1.0)
     poses: dict[int, tuple[Pose, ...]] = {}
-    while waiting := [k for k in range(len(scans)) if k not in placed]:
-        located = _located(scans, waiting, found, board, air, (course or Course()).check)
-        chosen = _chosen(located, found.explained / found.echoes)
-        if not chosen:
+    while located := search.located(stage):
+        longer = search.extended(stage, located)
+        if longer is None:
             break
-        poses |= {k: located[k][1] for k in chosen}
-        refined = zip(sorted(placed), found.draft.places, strict=True)
-        placed = {k: scans[k] if k in known else replace(placed[k], place=at) for k, at in refined}
-        placed |= {k: replace(scans[k], place=_place(scans[k], poses[k][0])) for k in chosen}
-        step += 1
-        found = found_with(step)
+        poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
+        stage = longer
+    if poses:  # once more, because the last scans began at located places, which are not refined
+        stage = search.room_of(stage.refined | {k: scans[k] for k in known}, 1.0, 1.0)
     tick(1.0)
-    used = zip(sorted(placed), found.draft.places, strict=True)
     return PlacedRoom(
-        found,
-        tuple(replace(placed[k], place=at) for k, at in used),
+        stage.found,
+        tuple(stage.refined.values()),
         {scans[k].title: found_here for k, found_here in sorted(poses.items())},
-        tuple(scan.title for k, scan in enumerate(scans) if k not in placed),
+        tuple(scan.title for k, scan in enumerate(scans) if k not in stage.placed),
     )
 
 
-def _located(
-    scans: Sequence[PlacedScan],
-    waiting: Sequence[int],
-    found: FoundRoom,
-    board: Board,
-    air: Air,
-    check: Callable[[], None],
-) -> dict[int, tuple[float, tuple[Pose, ...]]]:
-    """Return the share of echoes that the room explains, and the possible poses, of each waiting scan."""
-    room = found.draft.room(REFLECTANCE, air)
-    located = {
-        k: locate_scan(scans[k].readings, room, board, prediction=FOLLOWED, tick=lambda _share: check())
-        for k in waiting
-    }
-    return {k: (one.explained, one.poses) for k, one in located.items()}
+@dataclass(frozen=True)
+class _Search:
+    """The scans, those of known pose, and what the search for a room needs."""
 
+    scans: tuple[PlacedScan, ...]
+    known: dict[int, PoseSpread]  # by number
+    board: Board
+    air: Air
+    tick: Callable[[float], None]
+    course: Course
 
-def _chosen(poses: dict[int, tuple[float, tuple[Pose, ...]]], own: float) -> list[int]:
-    """Return the scans to place now: those explained well, or else the best one; `own` is the room's own share."""
-    well = [k for k, (share, found) in poses.items() if share >= _AS_GOOD * own and found[0].probability >= _PROBABLE]
-    best = max(poses, key=lambda k: poses[k][0])
-    return well or ([best] if poses[best][0] >= _POOR * own else [])
+    def room_of(self, placed: dict[int, PlacedScan], done: float, part: float) -> _Stage:
+        """Return the room of some scans; `done` and `part` are shares of the progress with this number of scans."""
+        step, unknown = len(placed) - len(self.known), len(self.scans) - len(self.known)
+        steps = unknown + 2 if unknown else 1
 
+        def tick(share: float) -> None:
+            self.tick((step + done + part * share) / steps)
 
-def _place(scan: PlacedScan, pose: Pose) -> Place:
-    return replace(scan.place, position=pose.position, heading=pose.heading)
+        numbers = sorted(placed)
+        spreads = [self.known.get(k, _LOCATED) for k in numbers]
+        found = find_room([placed[k] for k in numbers], self.board, self.air, spreads, tick, self.course)
+        return _Stage(placed, found)
+
+    def located(self, stage: _Stage) -> dict[int, Located]:
+        """Return the possible poses of all other scans in a room."""
+        room = stage.found.draft.room(REFLECTANCE, self.air)
+        return {
+            k: locate_scan(
+                scan.readings, room, self.board, prediction=FOLLOWED, tick=lambda _share: self.course.check()
+            )
+            for k, scan in enumerate(self.scans)
+            if k not in stage.placed
+        }
+
+    def extended(self, stage: _Stage, located: Mapping[int, Located]) -> _Stage | None:
+        """Return the room of one more scan, or of all that are sure; None if none of them can be placed."""
+        own = stage.explained(list(stage.placed))
+        sure = [
+            k for k, one in located.items() if one.explained >= _AS_GOOD * own and one.poses[0].probability >= _PROBABLE
+        ]
+        if sure:
+            return self._with(stage, {k: located[k].poses[0] for k in sure}, 0.0, 1.0)
+        for k in sorted(located, key=lambda k: -located[k].explained):
+            longer = self._with_best(stage, k, located[k].poses)
+            if longer.explained([k]) >= _POOR * longer.explained(list(stage.placed)):
+                return longer
+        return None
+
+    def _with_best(self, stage: _Stage, k: int, poses: Sequence[Pose]) -> _Stage:
+        """Return the best room with scan `k` at one of its poses."""
+        tried = [pose for pose in poses[:_TRIED] if pose.probability >= _UNLIKELY * poses[0].probability]
+        part = 1 / len(tried)
+        rooms = [self._with(stage, {k: pose}, row * part, part) for row, pose in enumerate(tried)]
+        return max(rooms, key=lambda one: one.found.worth)
+
+    def _with(self, stage: _Stage, poses: Mapping[int, Pose], done: float, part: float) -> _Stage:
+        """Return the room with more scans at their poses; scans of known poses begin where they are given."""
+        before = stage.refined | {k: self.scans[k] for k in self.known}
+        more = {
+            k: replace(self.scans[k], place=replace(self.scans[k].place, position=pose.position, heading=pose.heading))
+            for k, pose in poses.items()
+        }
+        return self.room_of(before | more, done, part)

@@ -1,5 +1,6 @@
-"""Scans are placed when the room found so far explains them; the rest is left out."""
+"""Scans are placed where the room that follows explains all scans best; the rest is left out."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,58 +10,89 @@ from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.room_finding import unknown_poses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import PoseSpread
+from sonarhw_compare.room_finding.room_search import FoundRoom
+from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
+from sonarhw.readings import Reading
 
 BOARD = load_board("polaroid-6500")
 NOWHERE = Place("", (0.0, 0.0))
 
 
 def scans(count: int) -> list[PlacedScan]:
-    return [PlacedScan((), NOWHERE, str(k), str(k)) for k in range(count)]
+    """Return scans with their number as title, and as number of their only reading."""
+    return [PlacedScan((Reading(k, 0, 0, 0.0, 0.0, (), 343.0),), NOWHERE, str(k), str(k)) for k in range(count)]
 
 
 def pose(x: float, probability: float = 1.0) -> Pose:
     return Pose((x, 0.0), 0.1, 0.0, probability, (0.01, 0.01, 0.01))
 
 
-def with_shares(monkeypatch: pytest.MonkeyPatch, shares: dict[int, list[float]]) -> list[int]:
-    """Let the room explain these shares of each waiting scan, one after the other; return the sizes of the rooms."""
-    sizes: list[int] = []
+def with_answers(
+    monkeypatch: pytest.MonkeyPatch,
+    shares: dict[int, list[float]],
+    poses: dict[int, tuple[Pose, ...]] | None = None,
+    worth: Callable[[float], float] = lambda _x: 0.0,
+) -> list[list[str]]:
+    """Let the room explain these shares of each waiting scan, one after the other; return the scans of each room.
+
+    The room explains 0.8 of each scan that it is made of, or the last of its shares. A scan has one pose, at its
+    number, if `poses` has no others. `worth` is that of a room, by x of its last scan.
+    """
+    rooms: list[list[str]] = []
 
     def find_room(given: list[PlacedScan], *_: object) -> object:
-        sizes.append(len(given))
-        return SimpleNamespace(draft=RoomDraft(tuple(scan.place for scan in given)), explained=80, echoes=100)
+        rooms.append([scan.title for scan in given])
+        explained = [shares.get(int(scan.title), [0.8])[-1] for scan in given]
+        touches = Touches({}, (), (100,) * len(given), tuple(round(100 * (1 - share)) for share in explained))
+        draft = RoomDraft(tuple(scan.place for scan in given))
+        return FoundRoom(draft, {}, touches, worth(given[-1].place.position[0]))
 
-    def located(_scans: object, waiting: list[int], *_: object) -> dict[int, tuple[float, tuple[Pose, ...]]]:
-        return {k: (shares[k].pop(0), (pose(float(k)),)) for k in waiting}
+    def locate_scan(readings: list[Reading], *_: object, **__: object) -> object:
+        k = readings[0].number
+        share = shares[k].pop(0) if len(shares[k]) > 1 else shares[k][0]
+        return SimpleNamespace(explained=share, poses=(poses or {}).get(k, (pose(float(k)),)))
 
     monkeypatch.setattr(unknown_poses, "find_room", find_room)
-    monkeypatch.setattr(unknown_poses, "_located", located)
-    return sizes
+    monkeypatch.setattr(unknown_poses, "locate_scan", locate_scan)
+    return rooms
 
 
 def test_well_explained_scans_come_first_then_the_best_and_foreign_ones_never(monkeypatch: pytest.MonkeyPatch) -> None:
-    # the room explains 0.8 of its own scans: 0.4 is enough at once, less than 0.2 never
-    shares = {1: [0.5], 2: [0.3, 0.3], 3: [0.1, 0.1, 0.1], 4: [0.45]}
-    sizes = with_shares(monkeypatch, shares)
+    # the room explains 0.8 of its own scans: 0.72 is enough at once, less than 0.6 never
+    shares = {1: [0.75, 0.8], 2: [0.65, 0.65, 0.8], 3: [0.5], 4: [0.74, 0.8]}
+    rooms = with_answers(monkeypatch, shares)
     result = find_room_and_poses(scans(5), BOARD, Air(), [PoseSpread(), None, None, None, None])
-    assert sizes == [1, 3, 4]
+    assert rooms[:3] == [["0"], ["0", "1", "4"], ["0", "1", "2", "4"]]
     assert [scan.title for scan in result.scans] == ["0", "1", "2", "4"]
     assert [scan.place.position[0] for scan in result.scans] == [0.0, 1.0, 2.0, 4.0]
     assert result.left_out == ("3",)
     assert list(result.poses) == ["1", "2", "4"]
 
 
+@pytest.mark.parametrize("right", [5.0, 7.0])
+def test_of_similar_poses_that_whose_room_explains_all_scans_best_is_taken(
+    monkeypatch: pytest.MonkeyPatch, right: float
+) -> None:
+    rooms = with_answers(
+        monkeypatch, {1: [0.8]}, {1: (pose(5.0, 0.6), pose(7.0, 0.4))}, lambda x: 100.0 if x == right else 0.0
+    )
+    result = find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(), None])
+    assert [scan.place.position[0] for scan in result.scans] == [0.0, right]
+    assert [found.probability for found in result.poses["1"]] == [0.6, 0.4]
+    assert rooms == [["0"], ["0", "1"], ["0", "1"], ["0", "1"]]  # the last one from the refined places
+
+
 def test_known_poses_need_one_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes = with_shares(monkeypatch, {})
+    rooms = with_answers(monkeypatch, {})
     ticks: list[float] = []
     result = find_room_and_poses(scans(2), BOARD, Air(), (), ticks.append)
-    assert sizes == [2]
+    assert rooms == [["0", "1"]]
     assert (result.left_out, result.poses) == ((), {})
     assert ticks[-1] == 1.0
     assert np.diff(ticks).min(initial=0.0) >= 0.0

@@ -59,7 +59,7 @@ def test_a_corner_that_no_place_sees_ends_at_the_outermost_touch() -> None:
     ends = []
     for at in ((0.5, 0.3), (1.9, 1.0)):
         draft = RoomDraft((Place("", at),), {0: south, 1: east, 2: screen})
-        cut = trimmed(draft, Touches(touched, (), (0,)), RoomDraft(draft.places))
+        cut = trimmed(draft, Touches(touched, (), (0,), (0,)), RoomDraft(draft.places))
         ends.append(cut.segment(0)[[0, 2]])
     np.testing.assert_allclose(ends, [[0.1, 1.2], [0.1, 2.0]], atol=1e-9)
 
