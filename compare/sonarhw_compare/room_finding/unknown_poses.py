@@ -22,7 +22,7 @@ from sonarhw_compare.room_finding.room_search import FoundRoom, find_room
 _LOCATED = PoseSpread(0.05, 0.06)  # m, rad: of a located scan; wide, because the scan itself gives its pose
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
-_POOR = 0.75  # of the share that the room explains of the other scans; a scan that is explained less is not placed
+_POOR = 0.25  # of the share that the room explains of the other scans; a scan that is explained less is not placed
 _TRIED = 3  # poses of a scan, each of which needs a room
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
 
