@@ -1,13 +1,14 @@
-"""Errors of fits and coverage of their credible intervals: `python -m benchmarks.fit [DRAWS] [--mismatch]`.
+"""Errors of fits and coverage of their credible intervals: `python -m benchmarks.fit [DRAWS [FIRST]] [--mismatch]`.
 
 Simulates scans with ground truth and the errors of real ones: 1 mm in range, 0.5 dB in level, 2 % of pings lost, 3 % of
 readings with a random range, 0.2 K in temperature. Prints the errors of fits, the coverage of their credible intervals,
 reflectances fitted from several places at once, and the duration of a fit with the whole room as prior. With
 `--mismatch`, prints the coverage and the warnings if room, levels or turntable differ from what the fit is given.
+FIRST is the number of the first draw: draws that showed what to change are no evidence of the change.
 """
 
+import argparse
 import math
-import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -135,12 +136,12 @@ def mismatched(
     return room, board, ()
 
 
-def print_mismatches(draws: int) -> None:
+def print_mismatches(draws: range) -> None:
     """Print, for each mismatch, median deviations, coverages, and how often a warning names it."""
-    print(f"{draws} draws each; free: {', '.join(FREE)}; coverage of 95 % intervals and median ±")
+    print(f"{len(draws)} draws each; free: {', '.join(FREE)}; coverage of 95 % intervals and median ±")
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         for mismatch in MISMATCHES:
-            drawn = list(pool.map(partial(drawn_fit, samples=4000, mismatch=mismatch), range(draws)))
+            drawn = list(pool.map(partial(drawn_fit, samples=4000, mismatch=mismatch), draws))
             cells = []
             for key in drawn[0].errors:
                 unit, scale = {"heading": ("°", math.degrees(1)), "threshold": ("dB", 1.0)}.get(key, ("mm", 1e3))
@@ -237,18 +238,23 @@ def timed_fit(seed: int, echoes: int = 1) -> float:
 
 def main() -> None:
     """Print all tables."""
-    numbers = [int(one) for one in sys.argv[1:] if one != "--mismatch"]
-    if "--mismatch" in sys.argv:
-        print_mismatches(numbers[0] if numbers else _MEASURED)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("draws", nargs="?", type=int, help=f"default {DRAWS}, or {_MEASURED} of each mismatch")
+    parser.add_argument("first", nargs="?", type=int, default=0, help="number of the first draw")
+    parser.add_argument("--mismatch", action="store_true")
+    given = parser.parse_args()
+    draws = given.draws or (_MEASURED if given.mismatch else DRAWS)
+    drawn = range(given.first, given.first + draws)
+    if given.mismatch:
+        print_mismatches(drawn)
         return
-    draws = numbers[0] if numbers else DRAWS
     timed_fit(0)  # compiles
     for echoes in (1, 5):
         seconds = sorted(timed_fit(seed, echoes) for seed in range(1, 6))
         title = f"whole room as prior, {READINGS} readings of {echoes}, 8 walls"
         print(f"{title}: {seconds[2]:.1f} s per fit ({seconds[0]:.1f} to {seconds[-1]:.1f})", flush=True)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
+        print("\n".join(coverage_table(list(pool.map(drawn_fit, drawn, chunksize=4)))))
         own = partial(drawn_fit, receiver=Receiver.BOARD)
         print("by the board's own receiver, both in the scan and in the fit:")
         fresh = range(_MEASURED, _MEASURED + max(1, draws // 5))
