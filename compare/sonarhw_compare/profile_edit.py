@@ -62,9 +62,8 @@ def calibrated_profile(
         if own_body:
             profile["own_body"] = _tables(own_body)
 
-    changed = changed_profile(start, name, change)
     lines = [*header, *(f"# Kept: {key}; {reason}." for key, reason in kept.items())]
-    return parse_board(below_header(lines, changed.text, start.name), f"profile {name!r}")
+    return parse_board(below_header(lines, _changed_text(start, name, change), start.name), f"profile {name!r}")
 
 
 def changed_profile(start: Board, name: str, change: Callable[[Any], None]) -> Board:
@@ -72,14 +71,17 @@ def changed_profile(start: Board, name: str, change: Callable[[Any], None]) -> B
 
     Raises InputError if the text of the profile cannot be changed.
     """
+    return parse_board(_changed_text(start, name, change), f"profile {name!r}")
+
+
+def _changed_text(start: Board, name: str, change: Callable[[Any], None]) -> str:
     try:
         profile: Any = tomlkit.parse(start.text)
         profile["name"] = name
         change(profile)
-        text = tomlkit.dumps(profile)
+        return tomlkit.dumps(profile)
     except TOMLKitError as error:
         raise InputError(f"the board profile cannot be changed: {error}; choose another profile") from error
-    return parse_board(text, f"profile {name!r}")
 
 
 def _tables(own_body: Sequence[OwnBodyPart]) -> Any:

@@ -40,20 +40,20 @@ class PlacedRoom:
 
 @dataclass(frozen=True)
 class _Stage:
-    """A room of some scans, by their numbers, at the places with which its search began."""
+    """A room of some scans at the places with which its search began."""
 
-    placed: dict[int, PlacedScan]
+    placed: dict[int, PlacedScan]  # by number, in order
     found: FoundRoom
 
     @cached_property
     def refined(self) -> dict[int, PlacedScan]:
         """The scans at their refined places."""
-        places = zip(sorted(self.placed), self.found.draft.places, strict=True)
-        return {k: replace(self.placed[k], place=place) for k, place in places}
+        places = self.found.draft.places
+        return {k: replace(scan, place=at) for (k, scan), at in zip(self.placed.items(), places, strict=True)}
 
     def explained(self, numbers: Sequence[int]) -> float:
         """Return the share of the echoes of some of the scans that the room explains."""
-        touches, rows = self.found.touches, [sorted(self.placed).index(k) for k in numbers]
+        touches, rows = self.found.touches, [list(self.placed).index(k) for k in numbers]
         echoes = sum(touches.echoes[row] for row in rows)
         return 1 - sum(touches.unexplained[row] for row in rows) / max(1, echoes)
 
@@ -85,7 +85,7 @@ def find_room_and_poses(
         poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
         stage = longer
     if poses:  # once more, because the last scans began at located places, which are not refined
-        stage = search.room_of(stage.refined | {k: scans[k] for k in known}, 1.0, 1.0)
+        stage = search.room_with(stage, {}, 1.0, 1.0)
     tick(1.0)
     return PlacedRoom(
         stage.found,
@@ -114,9 +114,8 @@ class _Search:
         def tick(share: float) -> None:
             self.tick((step + done + part * share) / steps)
 
-        numbers = sorted(placed)
-        spreads = [self.known.get(k, _LOCATED) for k in numbers]
-        found = find_room([placed[k] for k in numbers], self.board, self.air, spreads, tick, self.course)
+        spreads = [self.known.get(k, _LOCATED) for k in placed]
+        found = find_room(list(placed.values()), self.board, self.air, spreads, tick, self.course)
         return _Stage(placed, found)
 
     def located(self, stage: _Stage) -> dict[int, Located]:
@@ -137,7 +136,7 @@ class _Search:
             k for k, one in located.items() if one.explained >= _AS_GOOD * own and one.poses[0].probability >= _PROBABLE
         ]
         if sure:
-            return self._with(stage, {k: located[k].poses[0] for k in sure}, 0.0, 1.0)
+            return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 0.0, 1.0)
         for k in sorted(located, key=lambda k: -located[k].explained):
             longer = self._with_best(stage, k, located[k].poses)
             if longer.explained([k]) >= _POOR * longer.explained(list(stage.placed)):
@@ -148,14 +147,14 @@ class _Search:
         """Return the best room with scan `k` at one of its poses."""
         tried = [pose for pose in poses[:_TRIED] if pose.probability >= _UNLIKELY * poses[0].probability]
         part = 1 / len(tried)
-        rooms = [self._with(stage, {k: pose}, row * part, part) for row, pose in enumerate(tried)]
+        rooms = [self.room_with(stage, {k: pose}, row * part, part) for row, pose in enumerate(tried)]
         return max(rooms, key=lambda one: one.found.worth)
 
-    def _with(self, stage: _Stage, poses: Mapping[int, Pose], done: float, part: float) -> _Stage:
+    def room_with(self, stage: _Stage, poses: Mapping[int, Pose], done: float, part: float) -> _Stage:
         """Return the room with more scans at their poses; scans of known poses begin where they are given."""
         before = stage.refined | {k: self.scans[k] for k in self.known}
         more = {
             k: replace(self.scans[k], place=replace(self.scans[k].place, position=pose.position, heading=pose.heading))
             for k, pose in poses.items()
         }
-        return self.room_of(before | more, done, part)
+        return self.room_of(dict(sorted((before | more).items())), done, part)

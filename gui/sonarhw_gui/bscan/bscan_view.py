@@ -99,9 +99,8 @@ class BScanView(QWidget):
 
     def showEvent(self, event: QShowEvent) -> None:
         """Request the images, now that the view is visible."""
-        if self._shown is not None:
-            self._choose_pane(self._shown)
-        self.gestures.bscan_requested.emit(self.settings)
+        if self._shown is None or not self._choose_pane(self._shown):
+            self.gestures.bscan_requested.emit(self.settings)
         if self._shown is not None:
             self._draw(self._shown)
 
@@ -136,16 +135,18 @@ class BScanView(QWidget):
     def _settle(self) -> None:
         self._settled = True
 
-    def _choose_pane(self, shown: Shown) -> None:
-        """Show the prediction of a room until there are readings or the user chooses."""
+    def _choose_pane(self, shown: Shown) -> bool:
+        """Show the prediction of a room until there are readings or the user chooses; return whether that is new."""
         if self._settled:
-            return
+            return False
         self._settled = bool(shown.readings)
         recorded, predicted, *_ = self.choices.actions()
         choice = predicted if shown.scene.room is not None and not shown.readings else recorded
-        if not choice.isChecked():
-            choice.setChecked(True)
-            self._request_bscan()
+        if choice.isChecked():
+            return False
+        choice.setChecked(True)
+        self._request_bscan()
+        return True
 
     @Slot()
     def _request_bscan(self) -> None:

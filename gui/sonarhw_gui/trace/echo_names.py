@@ -104,10 +104,8 @@ class EchoNames:
             item.setVisible(False)
         for item, name in zip(self._items, names, strict=False):
             colour = self._colour(name.echo.detectable)
-            if (item.textItem.toPlainText(), item.color.name()) != (
-                name.text,
-                colour.lower(),
-            ):  # laying it out takes long
+            # laying out a text takes long
+            if (item.textItem.toPlainText(), item.color.name()) != (name.text, colour.lower()):
                 item.setText(name.text, color=colour)
             item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
             item.setPos(name.echo.time, self._middle(name.row))

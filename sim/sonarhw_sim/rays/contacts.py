@@ -35,9 +35,7 @@ class Unfolded(NamedTuple):
     earlier: FloatArray  # (p, 2): the normals before the last step
     angles: FloatArray  # (p,), rad: by which that step turns them
     cosines: FloatArray  # (p,): of the incidence
-    system: (
-        FloatArray  # (p, 3): of equations for a step: diagonal, right-hand side, and the element before the diagonal
-    )
+    system: FloatArray  # (p, 3): equations for a step: diagonal, right-hand side, the element before the diagonal
 
 
 @array_part

@@ -127,6 +127,11 @@ class Problem:
         own = [parameter.quantity.step for parameter in self.parameters]
         return np.array([*own, *(noise.step for noise in self.noises)], dtype=np.float64)
 
+    @property
+    def level_row(self) -> int:
+        """The row of the error of levels in a vector; `NOISES` begins with the error of ranges."""
+        return len(self.parameters) + 1
+
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bound of each value, (size,) each."""
@@ -134,7 +139,7 @@ class Problem:
         upper = [*(parameter.upper for parameter in self.parameters), *(math.log(n.upper) for n in self.noises)]
         lower[len(self.parameters)] = math.log(max(NOISES[0].lower, self.rounding * _ROUNDED))
         if self.receiver is Receiver.BOARD:
-            lower[len(self.parameters) + 1] = math.log(_OVERLAPPING)
+            lower[self.level_row] = math.log(_OVERLAPPING)
         return np.array(lower), np.array(upper)
 
     def start(self) -> FloatArray:
@@ -232,7 +237,7 @@ class Objective:
 
     def smooth(self, values: FloatArray) -> FloatArray:
         """Return `many` of vectors (m, size) with an error of levels of at least 2 dB, so that steps are flat."""
-        smooth, level = values.copy(), len(self.problem.parameters) + 1
+        smooth, level = values.copy(), self.problem.level_row
         smooth[:, level] = np.maximum(smooth[:, level], _SMOOTH)
         totals, inside = np.full(len(values), -math.inf), np.isfinite(self._log_priors(values))
         totals[inside] = self.many(smooth[inside])
