@@ -70,10 +70,11 @@ uint8_t line_write(const uint8_t *bytes, uint8_t count)
         if (++in == SEND_ROOM)
             in = 0;
     }
-    send_in = in;
     sent_once = true;
+    // together: if the interrupt sent the new bytes in between, it would then send the whole ring again
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
+        send_in = in;
         UCSR0B |= _BV(UDRIE0);
     }
     return count;
