@@ -58,8 +58,9 @@ def samples_of(
     moves = [(emcee.moves.DEMove(gamma0=scale * best), weight) for scale, weight in _MOVES]
     with ThreadPoolExecutor(core_count()) as pool:
         for part, iterations in enumerate(parts):
-            of_many = objective.smooth if part == 0 else objective.many
-            sampler = emcee.EnsembleSampler(walkers, size, _parallel(of_many, pool), moves=moves, vectorize=True)
+            of_many = _parallel(objective.smooth if part == 0 else objective.many, pool)
+            sampler = emcee.EnsembleSampler(walkers, size, of_many, moves=moves, vectorize=True)
+            sampler.log_prob_fn = of_many  # its wrapper prints every exception, also that of Ctrl-C, to standard output
             for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
                 tick((part + done / iterations) / len(parts))
             # probabilities of one objective are not those of the next

@@ -102,3 +102,16 @@ def test_samples_of_a_uniform_distribution_reach_its_bounds() -> None:
     samples = drawn(Box())
     assert samples.std(axis=0) == pytest.approx(np.full(SIZE, 1 / np.sqrt(3)), rel=0.08)
     assert samples.std(axis=0).mean() == pytest.approx(1 / np.sqrt(3), rel=0.03)
+
+
+class Interrupted(Target):
+    """A distribution during whose computation the user presses Ctrl-C."""
+
+    def many(self, values: FloatArray) -> FloatArray:
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_of_a_fit_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        drawn(Interrupted())
+    assert capfd.readouterr() == ("", "")
