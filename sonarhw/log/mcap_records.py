@@ -167,7 +167,7 @@ def _unpacked(chunk: Record) -> Iterator[Record | McapMessage] | Damage:
         return left_out("it is damaged")
     _, _, size, crc, name, stored = _CHUNK.unpack_from(chunk.content)
     if chunk.content[_NAME_AT : _NAME_AT + name] in (b"lz4", b"zstd"):
-        return left_out("it is compressed, but logs of this project are not")
+        return left_out("it is compressed, but logs of sonarhw are not")
     if name or not size == stored == len(chunk.content) - _CHUNK.size:
         return left_out("it is damaged")
     data = chunk.content[_CHUNK.size :]

@@ -44,7 +44,7 @@ _Speeds = dict[tuple[int, float], float]  # m/s, by number and device time (µs)
 def read_log(path: Path | str) -> Log:
     """Return everything readable in a log. `torn` states where it ends too early or is damaged.
 
-    Raises NotALog if the file cannot be read, is not a log of this project, or has a newer format.
+    Raises NotALog if the file cannot be read, is not a log of sonarhw, or has a newer format.
     """
     path = Path(path)
     try:
@@ -54,10 +54,10 @@ def read_log(path: Path | str) -> Log:
             raise NotALog(f"{path}: {what}; give the name of a log (*.mcap)")
         file = OpenFile(path)
         if not file.size:
-            raise NotALog(f"{path}: the file is empty; expected a log of this project")
+            raise NotALog(f"{path}: the file is empty; expected a log of sonarhw")
         if not is_mcap(file):
             raise NotALog(
-                f"{path}: is not an MCAP file; expected a log of this project; "
+                f"{path}: is not an MCAP file; expected a log of sonarhw; "
                 "`sonarhw import` converts a scan in CSV to a log"
             )
         head = _Head(path)
@@ -112,9 +112,7 @@ class _Head:
             return _UNKNOWN, []
         if torn and self._profile is None:
             raise NotALog(f"{self._path}: cannot be read: its header is damaged: {torn}")
-        raise NotALog(
-            f"{self._path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata"
-        )
+        raise NotALog(f"{self._path}: is an MCAP file, but not a log of sonarhw: it has no {METADATA_NAME} metadata")
 
 
 def _stored_index(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:

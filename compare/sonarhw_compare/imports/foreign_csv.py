@@ -134,6 +134,8 @@ def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
             raise InputError(f"{file}: is not a file; give the name of {expected}")
         with file.open(encoding="utf-8-sig", newline="") as text:
             yield text
+    except FileNotFoundError as error:
+        raise InputError(f"{file}: no such file; give the name of {expected}") from error
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected {expected}") from error
     except UnicodeDecodeError as error:

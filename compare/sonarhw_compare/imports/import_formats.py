@@ -63,11 +63,13 @@ _ROS, _RAW = FORMATS[-2:]
 def import_format(file: Path, rate: float | None = None) -> ImportFormat | None:
     """Return the format of a file by its suffix; None: CSV. Raises InputError for a log.
 
-    With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag, or without a
-    suffix, is a bag of ROS 2.
+    With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag is a bag of ROS 2; any other
+    raises InputError.
     """
-    if (file / "metadata.yaml").exists() or (file.is_dir() and not file.suffix):
+    if (file / "metadata.yaml").exists():
         return _ROS
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2")
     if file.suffix.lower() == ".mcap":
         raise InputError(
             f"{file}: is a log already, which all commands read; of a bag of ROS 2, give the folder with metadata.yaml"

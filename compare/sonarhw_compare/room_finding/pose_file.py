@@ -25,11 +25,15 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
         if path.stat().st_size > _MOST_BYTES:
             raise InputError(f"{path}: {path.stat().st_size} bytes; expected a table of poses with the header {HEADER}")
         lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; give the name of a table of poses (CSV)") from error
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not a text file"
         raise InputError(f"{path}: cannot be read: {reason}") from error
-    if not lines or lines[0].strip() != HEADER:
-        raise InputError(f"{path}: line 1: expected the header {HEADER}, got {lines[0] if lines else 'nothing'!r}")
+    if not lines:
+        raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
+    if lines[0].strip() != HEADER:
+        raise InputError(f"{path}: line 1: expected the header {HEADER}, got {lines[0]!r}")
     poses: dict[str, tuple[Place, PoseSpread | None]] = {}
     for number, row in enumerate(csv.reader(lines[1:]), start=2):
         if row:

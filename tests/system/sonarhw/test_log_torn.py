@@ -284,7 +284,7 @@ def test_an_mcap_file_of_another_program_gives_an_error_of_one_line(tmp_path: Pa
     writer = Writer(str(tmp_path / "scan.mcap"))
     writer.start("ros2")
     writer.finish()
-    with pytest.raises(NotALog, match="is an MCAP file, but not a log of this project"):
+    with pytest.raises(NotALog, match="is an MCAP file, but not a log of sonarhw"):
         read_log(tmp_path / "scan.mcap")
 
 

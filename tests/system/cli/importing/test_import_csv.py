@@ -305,11 +305,17 @@ def test_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], co
 
 def test_a_missing_file_and_an_existing_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
-    assert "cannot be read: No such file" in capsys.readouterr().err
+    assert "in.csv: no such file; give the name of a CSV file" in capsys.readouterr().err
     (tmp_path / "in.csv").write_text("deg,cm\n0,1\n")
     (tmp_path / "out.mcap").write_text("mine")
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
     assert (tmp_path / "out.mcap").read_text() == "mine"
+
+
+def test_a_folder_that_is_no_bag_is_refused_as_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder := tmp_path / "scans").mkdir()
+    assert run(["import", str(folder), "--out", str(tmp_path / "out.mcap")]) == 2
+    assert "scans: is a folder without metadata.yaml; give a file" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the recorded scans are not part of the repository")

@@ -118,8 +118,6 @@ def damaged(folder: Path, kind: str) -> Path:
             content = ros1_bag(folder).read_bytes()
             (folder / "a.bag").write_bytes(content[: len(content) // 2])
             return folder / "a.bag"
-        case "folder":
-            (folder / "bag").mkdir()
         case "database":
             bag = ros2_bag(folder, rosbag2.StoragePlugin.SQLITE3)
             next(bag.glob("*.db3")).write_bytes(b"SQLite format 3\0" + b"\7" * 4000)
@@ -129,7 +127,7 @@ def damaged(folder: Path, kind: str) -> Path:
     return folder / "bag"
 
 
-@pytest.mark.parametrize("kind", ["empty", "torn", "folder", "database", "mcap"])
+@pytest.mark.parametrize("kind", ["empty", "torn", "database", "mcap"])
 def test_a_damaged_bag_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
     bag = damaged(tmp_path, kind)
     assert run(["import", str(bag), "--out", str(tmp_path / "out.mcap")]) == 2

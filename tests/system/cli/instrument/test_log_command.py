@@ -246,7 +246,7 @@ def another_programs_mcap(path: Path) -> None:
         (os.mkfifo, "is not a file"),
         (lambda path: path.write_bytes(b""), "is empty"),
         (lambda path: path.write_bytes(b"time_s\n"), "is not an MCAP file"),
-        (another_programs_mcap, "is an MCAP file, but not a log of this project"),
+        (another_programs_mcap, "is an MCAP file, but not a log of sonarhw"),
         (lambda path: path.write_bytes(MCAP0_MAGIC + bytes(100)), "its header is damaged"),
     ],
 )

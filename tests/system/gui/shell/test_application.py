@@ -69,7 +69,7 @@ def test_a_signal_during_a_scan_closes_window_and_log(tmp_path: Path, number: in
         ([f"fake:{ROOM}?place=figure9&pace=never"], "pace never"),
         (["/dev/null", "--place", "figure9"], "--place needs --room"),
         (["/dev/null", "--board", "none"], "unknown board 'none'"),
-        (["nowhere.csv"], "nowhere.csv: cannot be read: No such file"),
+        (["nowhere.csv"], "nowhere.csv: no such file"),
         (["nowhere.toml"], "nowhere.toml"),
         (
             [__file__],

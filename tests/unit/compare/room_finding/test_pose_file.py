@@ -39,7 +39,7 @@ def test_a_row_without_numbers_is_an_unknown_pose_but_not_for_the_first_log(tmp_
     ("lines", "message"),
     [
         (["log,x,y"], "line 1: expected the header log,x_m"),
-        ([], "line 1: expected the header log,x_m"),
+        ([], "poses.csv: the file is empty; expected the header log,x_m"),
         ([HEADER, "a.mcap,1,2,0,,"], "no row for b.mcap"),
         ([HEADER, "a.mcap,1,2,0,,", "a.mcap,1,2,0,,"], "line 3: a.mcap was given before"),
         ([HEADER, "a.mcap,1,,,,"], "line 2: expected x, y and heading, or a row without numbers"),
@@ -55,5 +55,5 @@ def test_a_wrong_table_is_refused(tmp_path: Path, lines: list[str], message: str
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"poses\.csv: cannot be read"):
+    with pytest.raises(InputError, match=r"poses\.csv: no such file; give the name of a table of poses"):
         read_poses(tmp_path / "poses.csv", LOGS)
