@@ -1,1 +1,1 @@
-"""The fit of the scanner's pose, as a request to a thread and as a state."""
+"""The fit of the scanner's pose: a request to a thread, a state, an edit of the scene, and the panel."""

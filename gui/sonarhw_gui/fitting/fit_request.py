@@ -8,7 +8,7 @@ from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import Reading
-from sonarhw_gui.scene.fit_scene import fitted
+from sonarhw_gui.fitting.fit_scene import fitted
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
 from sonarhw_gui.work.run_progress import RunProgress

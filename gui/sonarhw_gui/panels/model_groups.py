@@ -10,8 +10,9 @@ from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw_gui.panels.room_groups import Change, Group, short_list, show_names
+from sonarhw_gui.panels.room_groups import Change, Group
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.parts.short_list import short_list, show_names
 from sonarhw_gui.parts.slider_field import SliderField
 from sonarhw_gui.scene.scene_edit import with_air_state, with_board, with_options
 from sonarhw_gui.shown.shown import Shown

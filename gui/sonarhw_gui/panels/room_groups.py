@@ -1,12 +1,11 @@
 """Groups of the room panel: their base class, the pose of the sensor, and the selected wall or post."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Protocol
 
 from PySide6.QtCore import QSignalBlocker, Signal, Slot
 from PySide6.QtWidgets import (
-    QComboBox,
     QFormLayout,
     QGroupBox,
     QHBoxLayout,
@@ -19,7 +18,7 @@ from sonarhw_sim.room.room_writing import materials
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.parts.number_field import NumberField
 from sonarhw_gui.parts.plain_label import PlainLabel
-from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
+from sonarhw_gui.parts.short_list import short_list, show_names
 from sonarhw_gui.plan.plan_texts import surface_text
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import (
@@ -33,7 +32,6 @@ from sonarhw_gui.scene.scene_edit import (
 from sonarhw_gui.shown.shown import Shown
 
 _FARTHEST = 1000.0  # m
-_SHORT = 8  # characters, minimum width of a list
 
 
 class Change(Protocol):
@@ -183,25 +181,6 @@ class SurfaceGroup(Group):
     def _remove(self) -> None:
         number = self.surface.currentIndex()
         self._change(lambda scene: without_surface(scene, number))
-
-
-def short_list() -> QComboBox:
-    """Return a list that does not widen the panel for a long name."""
-    field = QComboBox()
-    field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-    field.setMinimumContentsLength(_SHORT)
-    ignore_wheel_without_focus(field)
-    return field
-
-
-def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
-    """Fill a list with names and choose `current` if it is among them."""
-    wanted = [*names]
-    with QSignalBlocker(field):
-        if [field.itemText(k) for k in range(field.count())] != wanted:
-            field.clear()
-            field.addItems(wanted)
-        field.setCurrentIndex(wanted.index(current) if current in wanted else 0)
 
 
 def _show_number(field: NumberField, value: float) -> None:

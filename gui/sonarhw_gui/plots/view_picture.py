@@ -41,7 +41,7 @@ def png_pixels(widget: QWidget, title: str, shown: Shown) -> Pixels:
 
 
 def svg_text(widget: QWidget, title: str, shown: Shown) -> str:
-    """Return the view with title and legend as SVG. `sonarhw_gui.parts.svg_strokes` corrects Qt's line widths in it.
+    """Return the view with title and legend as SVG. `sonarhw_gui.store.svg_strokes` corrects Qt's line widths in it.
 
     Qt's generator does not clip, so the content of each plot is a nested SVG element.
     """

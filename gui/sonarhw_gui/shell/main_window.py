@@ -25,11 +25,11 @@ from sonarhw_gui.commands.print_command import PrintCommand
 from sonarhw_gui.commands.save_commands import SaveCommands
 from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.finding.find_panel import FindPanel
+from sonarhw_gui.fitting.fit_panel import FitPanel
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import apply_look
 from sonarhw_gui.panels.device_panel import DevicePanel
-from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.parts.label_slot import LabelSlot

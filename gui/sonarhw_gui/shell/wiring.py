@@ -4,8 +4,8 @@ from sonarhw_gui.bars.banner import Banner
 from sonarhw_gui.causes.causes_panel import CausesPanel
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.finding.find_panel import FindPanel
+from sonarhw_gui.fitting.fit_panel import FitPanel
 from sonarhw_gui.panels.device_panel import DevicePanel
-from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.scans.scans_panel import ScansPanel
 from sonarhw_gui.session.window_session import WindowSession

@@ -15,9 +15,9 @@ from sonarhw.export.export_formats import export_format, export_suffixes
 from sonarhw.json_text import json_text
 from sonarhw.log import Log, read_log
 from sonarhw_gui.parts.pixels import Pixels
-from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import room_and_place
+from sonarhw_gui.store.svg_strokes import with_own_coordinates
 
 JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
 

@@ -9,9 +9,9 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
+from sonarhw_gui.fitting.fit_scene import fitted
+from sonarhw_gui.fitting.fit_texts import value_text
 from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.panels.fit_texts import value_text
-from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import sensor_at
 from sonarhw_gui.shell.main_window import MainWindow

@@ -20,11 +20,11 @@ from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
 from sonarhw.errors import InputError
 from sonarhw_gui.fitting.fit_control import FitState
 from sonarhw_gui.fitting.fit_request import NEAR, FitSettings
-from sonarhw_gui.panels.fit_texts import rows, share_line, solution_line, warnings
-from sonarhw_gui.panels.room_groups import short_list
+from sonarhw_gui.fitting.fit_scene import fitted
+from sonarhw_gui.fitting.fit_texts import rows, share_line, solution_line, warnings
 from sonarhw_gui.parts.plain_label import PlainLabel
+from sonarhw_gui.parts.short_list import short_list
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
-from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.shown.shown import Shown
 
 _LEAST_WIDTH = 290  # pixels
