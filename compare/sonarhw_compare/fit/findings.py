@@ -5,7 +5,7 @@ them at its top.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -98,17 +98,27 @@ def found_board(
     profile: Any = tomlkit.parse(board.text)
     profile["name"] = name
     found = []
-    for parameter, value in values.items():
-        if isinstance(quantity := parameter.quantity, BoardQuantity):
-            deviation = None if deviations is None else deviations.get(parameter)
-            section, _, key = quantity.key.rpartition(".")
-            table = profile.setdefault(section, tomlkit.table()) if section else profile
-            spread = "" if deviation is None else f" ± {deviation:.{quantity.digits}f}"
-            changed = round(quantity.read(quantity.put(board, value)), quantity.digits)
-            set_marked(table, key, changed, quantity.read(board), f"fitted{spread}")
-            found.append(quantity.name)
+    for parameter, quantity, value in board_values(board, values):
+        deviation = None if deviations is None else deviations.get(parameter)
+        spread = "" if deviation is None else f" ± {deviation:.{quantity.digits}f}"
+        table, key = table_and_key(profile, quantity)
+        set_marked(table, key, value, quantity.read(board), f"fitted{spread}")
+        found.append(quantity.name)
     text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs, unconstrained)
     return parse_board(text, f"profile {name!r}")
+
+
+def board_values(board: Board, values: Values) -> Iterator[tuple[Parameter, BoardQuantity, float]]:
+    """Yield each fitted value of a board as its profile states it; `board` is the one of the fit."""
+    for parameter, value in values.items():
+        if isinstance(quantity := parameter.quantity, BoardQuantity):
+            yield parameter, quantity, round(quantity.read(quantity.put(board, value)), quantity.digits)
+
+
+def table_and_key(profile: Any, quantity: BoardQuantity) -> tuple[Any, str]:
+    """Return the table of a profile's TOML document that contains a quantity, and its key there."""
+    section, _, key = quantity.key.rpartition(".")
+    return profile.setdefault(section, tomlkit.table()) if section else profile, key
 
 
 def _with_provenance(

@@ -46,13 +46,11 @@ def _at_fitted_place(scene: Scene, values: Mapping[str, float]) -> Scene:
 
 
 def _board(board: Board, fitted_with: Board, values: "Mapping[Parameter, float]") -> Board:
-    from sonarhw_compare.fit.values.quantities import BoardQuantity
+    from sonarhw_compare.fit.findings import board_values, table_and_key
 
     profile: Any = tomlkit.parse(board.text)
-    for parameter, value in values.items():
-        if isinstance(quantity := parameter.quantity, BoardQuantity):
-            section, _, key = quantity.key.rpartition(".")
-            table = profile.setdefault(section, tomlkit.table()) if section else profile
-            table[key] = round(quantity.read(quantity.put(fitted_with, value)), _DIGITS)
-            board = quantity.write(board, float(table[key]))
+    for _, quantity, value in board_values(fitted_with, values):
+        table, key = table_and_key(profile, quantity)
+        table[key] = value
+        board = quantity.write(board, value)
     return replace(board, text=tomlkit.dumps(profile))
