@@ -167,10 +167,10 @@ def compare_log(
 
     Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
     """
+    scan, room, chosen = open_in_room(log_file, room_name, board)
     from sonarhw_compare.in_one_call import fitted_comparison
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    scan, room, chosen = open_in_room(log_file, room_name, board)
     here = scan.place(room, place)
     print_place(room, here)
     with progress_of_fit(fit) as tick:

@@ -45,12 +45,12 @@ def locate(
     force: Force = False,
 ) -> None:
     """Find the pose of a scan in a known room. Each possible pose is printed with its probability."""
-    from sonarhw_compare.locate.poses import locate_scan
-    from sonarhw_sim.predict.prediction import PredictionOptions
-
     if out is not None:
         checked_out(out, PICTURES, force, log_file, room_name, board)
     scan, room, chosen = open_in_room(log_file, room_name, board)
+    from sonarhw_compare.locate.poses import locate_scan
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
     prediction = PredictionOptions(receiver=receiver)
     with progress_of_share() as show:
         located = locate_scan(

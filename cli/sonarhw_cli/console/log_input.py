@@ -54,9 +54,9 @@ def open_scan(log_file: Path, board: str | None = None) -> "GivenScan":
 
     If `board` is None, the log should name the board.
     """
+    log = open_log(log_file)  # before the import, which takes a second, so that a wrong name is reported at once
     from sonarhw_compare.imports.given_scan import GivenScan
 
-    log = open_log(log_file)
     scan = GivenScan(str(log_file), log.readings, log)
     for doubt in scan.board_doubts if board is None else ():
         warn(doubt)
@@ -65,8 +65,8 @@ def open_scan(log_file: Path, board: str | None = None) -> "GivenScan":
 
 def open_in_room(log_file: Path, room_name: str | None, board: str | None) -> "tuple[GivenScan, Room, Board]":
     """Return a log with the given room and board, or else with those in the log. Raises InputError without a room."""
+    scan = open_scan(log_file, board)
+    room = None if room_name is None else open_room(room_name)
     from sonarhw_sim.board.profile import load_board
 
-    room = None if room_name is None else open_room(room_name)
-    scan = open_scan(log_file, board)
     return scan, scan.room(room), load_board(board) if board else scan.board()

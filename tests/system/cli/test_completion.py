@@ -88,3 +88,12 @@ def test_completion_and_help_do_not_import_slow_packages() -> None:
     code += "with contextlib.redirect_stdout(io.StringIO()): run(['--help'])\nsys.stdout.write(' '.join(sys.modules))"
     loaded = {name.partition(".")[0] for name in output([sys.executable, "-c", code]).split()}
     assert not loaded & SLOW_TO_IMPORT
+
+
+@pytest.mark.parametrize("command", [["compare"], ["report", "--out", "scan.html"], ["locate"]])
+def test_a_missing_log_is_reported_before_slow_packages_are_imported(command: list[str]) -> None:
+    code = "import sys; from sonarhw_cli.app import run; import contextlib, io\n"
+    code += f"with contextlib.redirect_stderr(io.StringIO()): assert run({[*command, 'nowhere.mcap']}) == 2\n"
+    code += "sys.stdout.write(' '.join(sys.modules))"
+    loaded = {name.partition(".")[0] for name in output([sys.executable, "-c", code]).split()}
+    assert not loaded & {"numba", "scipy", "matplotlib", "emcee"}
