@@ -55,6 +55,8 @@ class Evidence:
     first: RoomDraft  # with the walls and posts at which the search begins
     air: Air
     course: Course = field(default_factory=Course)
+    # log-likelihoods of the readings of a scan, by all that they depend on: one draft in ten was scored before
+    known: dict[bytes, FloatArray] = field(default_factory=dict, compare=False, repr=False)
 
     def log_likelihood(self, draft: RoomDraft, noise: ReadingNoise) -> float:
         """Return the log-likelihood of all scans plus the logarithm of the prior of their places."""
@@ -68,9 +70,15 @@ class Evidence:
 
     def of_scan(self, draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> FloatArray:
         """Return the log-likelihood of each reading of one scan, (n,); `room` is that of the draft."""
-        problem = self.of_draft(draft, room, scan)
-        values = problem.with_noise(np.empty(0), noise)
-        return problem.near(values).by_reading(values, 0)
+        place = draft.places[scan]
+        others = np.array([*place.position, place.heading, draft.offset, scan, *noise])
+        surfaces = room.walls, room.posts, room.reflectances, room.scattered, room.heights
+        key = b"|".join(array.tobytes() for array in (others, *surfaces))
+        if key not in self.known:
+            problem = self.of_draft(draft, room, scan)
+            values = problem.with_noise(np.empty(0), noise)
+            self.known[key] = problem.near(values).by_reading(values, 0)
+        return self.known[key]
 
     def of_draft(self, draft: RoomDraft, room: Room, scan: int, free: tuple[Parameter, ...] = ()) -> Problem:
         """Return the problem of one scan with `free` parameters; `room` is that of the draft."""

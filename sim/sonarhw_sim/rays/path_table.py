@@ -1,7 +1,7 @@
 """Tables of paths, one row each: the base of `Paths` and `PartialPaths`; and the limit of their size."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -28,13 +28,12 @@ class PathTable:
 
     def select(self, rows: NDArray[np.intp]) -> Self:
         """Return only these rows, in this order."""
-        return type(self)(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return type(self)(*[getattr(self, name)[rows] for name in self.__dataclass_fields__])
 
     @classmethod
     def join(cls, tables: Sequence[Self]) -> Self:
         """Return the rows of all tables, in order; expects at least one table."""
-        columns = ([getattr(table, column.name) for table in tables] for column in fields(cls))
-        return cls(*(_joined(column) for column in columns))
+        return cls(*[_joined([getattr(table, name) for table in tables]) for name in cls.__dataclass_fields__])
 
 
 def check_size(paths: int, points: int) -> None:

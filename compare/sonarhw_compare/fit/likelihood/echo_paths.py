@@ -8,7 +8,7 @@ posts, all this holds to first order.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import SAME_LENGTH
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.room.grid import whole_numbers
 from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
@@ -54,27 +55,21 @@ def with_reverses(paths: Paths, board: Board) -> Paths:
     if not board.sum_arrivals or board.mount.separation:
         return paths
     ends = np.searchsorted(paths.lengths, paths.lengths + SAME_LENGTH, side="right")
+    rows = np.arange(len(paths))
+    row, second = whole_numbers(rows + 1, ends - 1)
     kept, gains = np.ones(len(paths), np.bool_), paths.gains.copy()
-    leaving, arriving = paths.leaving.tolist(), paths.arriving.tolist()  # of short lists, a comparison is faster
-    for first in np.flatnonzero(ends - np.arange(len(paths)) > 1).tolist():
-        for second in range(first + 1, ends[first]):
-            ways = (leaving[first], arriving[first]), (arriving[second], leaving[second])
-            if kept[first] and kept[second] and _are_reverse(*ways):
-                kept[second] = False
-                gains[first] *= 2
+    reverse = _are_alike(paths.leaving[row], paths.arriving[second])
+    reverse &= _are_alike(paths.arriving[row], paths.leaving[second])
+    for one, other in zip(row[reverse].tolist(), second[reverse].tolist(), strict=True):
+        if kept[one] and kept[other]:
+            kept[other] = False
+            gains[one] *= 2
     return replace(paths, gains=gains).select(np.flatnonzero(kept))
 
 
-def _are_reverse(one: Iterable[list[float]], reverse: Iterable[list[float]]) -> bool:
-    """Return whether a path departs where another one of equal length arrives, and arrives where that one departs.
-
-    `one` has departure and arrival of the path, `reverse` arrival and departure of the other, as unit vectors.
-    """
-    return all(
-        abs(a - b) < _SAME_DIRECTION
-        for here, there in zip(one, reverse, strict=True)
-        for a, b in zip(here, there, strict=True)
-    )
+def _are_alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
+    """Return which of the unit vectors (n, 2) have the same direction, (n,)."""
+    return np.asarray((np.abs(one - other) < _SAME_DIRECTION).all(axis=1))
 
 
 def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str]) -> EchoPaths:

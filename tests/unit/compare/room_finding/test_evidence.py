@@ -1,0 +1,54 @@
+"""The likelihood of scans is computed once for each room."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit.likelihood.objective import Problem
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.room_finding.evidence import REFLECTANCE, ROUGH, PoseSpread, evidence_of
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import Place
+
+from sonarhw.readings import Reading
+
+AIR, HERE = Air(), Place("here", (0.0, 0.0))
+READING = Reading(0, 0, 0, 0.0, 0.0, (6.0 / AIR.speed_of_sound,), AIR.speed_of_sound)
+EVIDENCE = evidence_of([PlacedScan([READING], HERE)], [PoseSpread()], load_board("polaroid-6500"), AIR)
+EAST = RoomDraft((HERE,), {0: DraftWall((3.0, 0.0), math.pi / 2, (DraftEnd(-1.0), DraftEnd(1.0)))})
+
+
+def known_room(reflectance: float) -> RoomDraft:
+    """Return a draft that adds nothing to a known room with one wall."""
+    room = EAST.room(REFLECTANCE, AIR)
+    return RoomDraft((HERE,), base=replace(room, reflectances=np.full_like(room.reflectances, reflectance)))
+
+
+def test_a_draft_is_searched_for_paths_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = replace(EVIDENCE, known={}).log_likelihood(EAST, ROUGH)
+    fresh, searched = replace(EVIDENCE, known={}), []
+    near = Problem.near
+    monkeypatch.setattr(Problem, "near", lambda problem, values: searched.append(1) or near(problem, values))
+    assert [fresh.log_likelihood(EAST, ROUGH) for _ in range(3)] == [before] * 3
+    assert len(searched) == 1
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        EAST.with_wall(0, EAST.walls[0].moved(-0.01, 0.0)),
+        replace(EAST, offset=0.01),
+        replace(EAST, places=(replace(HERE, heading=math.radians(6)),)),
+        replace(EAST, places=(replace(HERE, position=(0.01, 0.0)),)),
+        known_room(0.001),
+    ],
+    ids=["wall", "offset", "heading", "position", "reflectance"],
+)
+def test_a_change_of_the_room_or_the_pose_changes_the_likelihood(other: RoomDraft) -> None:
+    evidence = replace(EVIDENCE, known={})
+    first = evidence.log_likelihood(EAST, ROUGH)
+    assert evidence.log_likelihood(known_room(REFLECTANCE), ROUGH) == first
+    assert evidence.log_likelihood(other, ROUGH) != first
