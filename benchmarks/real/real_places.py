@@ -4,9 +4,10 @@ Locates each scan of the folder in the whole arena, with unknown heading, and pr
 places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
 boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans, and
 finds it with poses within 3 cm and 2°, those of `locate` and those at the written positions, without range offsets, and
-once with the first pose of `locate` only. It prints which walls are found. A scan determines its own heading in the
-arena within 3° only (standard deviation), and with it the direction of the whole room if no other pose is known. For
-the first pose only, the walls are therefore also counted after the turn about it that gives most of them.
+once with the first pose of `locate` only. It prints which walls are found. If no other pose is known, the first one
+determines the direction of the whole room, and no scan determines this direction. For the first pose only, the walls
+are therefore also counted after two turns about the first place: the one that fits the written positions of the other
+scans, and the one within the 95 % interval of the first heading that gives most walls. `locate` states this interval.
 """
 
 import math
@@ -28,6 +29,8 @@ from benchmarks.real.judged_scans import RealScan, load_scans, program_options
 from sonarhw.readings import FloatArray, Reading
 
 ON_WALL, ON_FOUND, TURNED = 0.05, 0.03, math.radians(2)  # m, m, rad
+INTERVAL = 1.96  # standard deviations: 95 %
+LEVER = 0.3  # m from the first place, nearer than which a position determines no turn about it
 MARKS = PoseSpread(0.03, math.radians(2))  # of marks on the floor
 OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
 OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
@@ -85,12 +88,13 @@ def print_elsewhere(scans: Sequence[RealScan]) -> None:
 def print_map(scans: Sequence[RealScan]) -> None:
     """Print which walls of the arena a map of all scans contains, and the number of false walls."""
     room = load_room("rooms/arena.toml")
-    placed = []
+    placed, spread = [], 0.0
     for scan in scans:
         poses = locate_real(scan).poses
         nearest = min(poses, key=lambda pose: math.dist(pose.position, (scan.x, scan.y)))
         place = Place(scan.name, nearest.position, nearest.heading)
         placed.append(PlacedScan([farther(reading, nearest.offset) for reading in scan.readings], place, scan.name))
+        spread = spread or nearest.deviations[2]
     found = map_scans(placed, load_board("lego-nxt"))
     print()
     for name, features in (("all readings", found.plain.features), ("direct readings", found.direct.features)):
@@ -107,7 +111,7 @@ def print_map(scans: Sequence[RealScan]) -> None:
     for title, given in (("poses by locate", raw), ("written positions", marked)):
         print_found_room(title, given, [MARKS] * len(scans), room)
     answer = print_found_room("first pose only", raw, [PoseSpread(), *[None] * (len(scans) - 1)], room)
-    print_turned(answer, raw[0].place, room)
+    print_turned(answer, raw[0].place, INTERVAL * spread, marked, room)
 
 
 def print_found_room(
@@ -125,18 +129,45 @@ def print_found_room(
     return answer
 
 
-def print_turned(answer: PlacedRoom, first: Place, room: Room) -> None:
-    """Print which walls are found after the turn of the found room about the first place that gives most walls."""
+def print_turned(answer: PlacedRoom, first: Place, farthest: float, marked: Sequence[PlacedScan], room: Room) -> None:
+    """Print which walls are found after turns of the found room about the first place.
+
+    One turn fits the written positions `marked`, the other gives most walls of all up to `farthest` (rad).
+    """
+    written = _turn_to(answer, first, marked)
+    print(
+        f"  turned by {math.degrees(written):.1f}° about the first place, to the written positions: "
+        f"{_walls_text(_turned(answer, first, written), room)}"
+    )
+    turns = np.radians(np.arange(-math.degrees(farthest), math.degrees(farthest), 0.1)).tolist()
+    counts = [len(set(_names(_turned(answer, first, turn), room)) - {None}) for turn in turns]
+    best = [turn for turn, count in zip(turns, counts, strict=True) if count == max(counts)]
+    turn = best[len(best) // 2]  # the middle one of the best
+    print(
+        f"  turned by {math.degrees(turn):.1f}°, of all up to {math.degrees(farthest):.1f}° the one with most walls: "
+        f"{_walls_text(_turned(answer, first, turn), room)}"
+    )
+
+
+def _turn_to(answer: PlacedRoom, first: Place, marked: Sequence[PlacedScan]) -> float:
+    """Return the turn about the first place towards the written positions, rad: the median of those of the scans."""
+    written = {scan.title: scan.place.position for scan in marked}
+    turns = []
+    for scan in answer.scans:
+        found, true = (np.subtract(at, first.position) for at in (scan.place.position, written[scan.title]))
+        if np.hypot(*true) > LEVER:
+            turned = math.atan2(true[1], true[0]) - math.atan2(found[1], found[0])
+            turns.append(math.remainder(turned, math.tau))
+    return median(turns)
+
+
+def _turned(answer: PlacedRoom, first: Place, turn: float) -> FloatArray:
+    """Return the segments (n, 4) m of a found room turned about the first place by an angle (rad)."""
+    ahead = np.array([math.cos(turn), math.sin(turn)])
     points = answer.found.draft.segments.reshape(-1, 2) - first.position
-    by_turn = []
-    for turn in np.radians(np.arange(-6.0, 6.01, 0.1)).tolist():
-        ahead = np.array([math.cos(turn), math.sin(turn)])
-        turned = np.column_stack((points @ (ahead * (1, -1)), points @ ahead[::-1])) + first.position
-        by_turn.append((turn, turned.reshape(-1, 4)))
-    counts = [len(set(_names(segments, room)) - {None}) for _, segments in by_turn]
-    best = [row for row, count in enumerate(counts) if count == max(counts)]
-    turn, segments = by_turn[best[len(best) // 2]]  # the middle one of the best
-    print(f"  turned by {math.degrees(turn):.1f}° about the first place: {_walls_text(segments, room)}")
+    return np.column_stack((points @ (ahead * (1, -1)), points @ ahead[::-1])).reshape(-1, 4) + np.tile(
+        first.position, 2
+    )
 
 
 def _names(segments: FloatArray, room: Room) -> list[str | None]:
