@@ -77,8 +77,8 @@ def test_a_rectangle_has_two_equally_probable_poses() -> None:
 
 def test_locate_and_fit_find_the_same_pose(arena: Room) -> None:
     # rough refinement alone ends 1.8 deviations away
-    board = load_board("polaroid-6500")
-    with open_scanner("fake:arena?place=p3&seed=1&pace=max") as scanner:
+    board = load_board("hc-sr04")
+    with open_scanner("fake:arena?place=p3&board=hc-sr04&seed=1&pace=max") as scanner:
         readings = list(scanner.scan(sector(0, 360, 5)))
     best = locate_scan(readings, arena, board).poses[0]
     free = free_parameters(("position", "heading", "offset"), [""], arena, board)
