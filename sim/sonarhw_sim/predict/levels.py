@@ -23,19 +23,24 @@ KEPT_BELOW_THRESHOLD = {Receiver.FIRST_ECHO: 36.0, Receiver.BOARD: 24.0}
 
 
 def path_amplitudes(
-    room: Room, board: Board, heading: float, paths: Paths, sender_headings: FloatArray | None = None
+    room: Room,
+    board: Board,
+    heading: float,
+    paths: Paths,
+    sender_headings: FloatArray | None = None,
+    without_beam: FloatArray | None = None,
 ) -> FloatArray:
     """Return the signed amplitude of every path at a heading (rad), (p,) float; 1 is a perfect wall straight ahead.
 
     It includes reflectances, edges and curvature, the beam at departure and arrival, and absorption beyond the ideal
     gain, but no other path. `sender_headings` (p,) rad are the headings of the senders; None: that of the receiver.
+    `without_beam` (p,) are the `strengths` of the paths, if they are known.
     """
+    without_beam = strengths(room, board, paths) if without_beam is None else without_beam
     ka = board.wavenumber(room.air) * board.aperture_radius
     # as if the sender had pointed along `heading`
     leaving = paths.leaving if sender_headings is None else turned(paths.leaving, heading - sender_headings)
-    return np.asarray(
-        amplitudes_at(heading, leaving, paths.arriving, strengths(room, board, paths), ka, beam_table(ka))
-    )
+    return np.asarray(amplitudes_at(heading, leaving, paths.arriving, without_beam, ka, beam_table(ka)))
 
 
 def turned(vectors: FloatArray, angles: FloatArray) -> FloatArray:

@@ -4,9 +4,10 @@
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,9 +120,15 @@ class PredictedScan:
     def amplitudes_at(self, index: int, rows: NDArray[np.intp], paths: Paths) -> FloatArray:
         """Return the signed amplitudes of `paths`, which are `rows` of all, at heading `index`, (k,)."""
         senders = None if self.sender_headings is None else self.sender_headings[rows]
-        amplitudes = path_amplitudes(self.room, self.board, float(self.headings[index]), paths, senders)
+        heading = float(self.headings[index])
+        amplitudes = path_amplitudes(self.room, self.board, heading, paths, senders, self._strengths[rows])
         amplitudes[self.blocked_at(index, paths)] = 0.0
         return amplitudes
+
+    @cached_property
+    def _strengths(self) -> FloatArray:
+        """Amplitude of each path without the beam, (p,)."""
+        return strengths(self.room, self.board, self.paths)
 
     def phasors_of(self, paths: Paths) -> ComplexArray:
         """Return the amplitudes of `paths` (p,) without the beam, with their phases; patches of rough surfaces: 0."""
@@ -364,27 +371,36 @@ class PredictedPing:
     @cached_property
     def echoes(self) -> tuple[Echo, ...]:
         """All arrivals after blanking that are loud enough, earliest first."""
-        return tuple(self._loud(self.scan.in_time))
+        return self._as_echoes(self._loud(self.scan.in_time))
 
     @cached_property
     def blanked_echoes(self) -> tuple[Echo, ...]:
         """All arrivals within blanking that are loud enough, earliest first."""
-        return tuple(self._loud(self.scan.blanked & self.scan.in_range))
+        return self._as_echoes(self._loud(self.scan.blanked & self.scan.in_range))
 
     @property
     def first_echo(self) -> Echo | None:
         """The first of `echoes`, or None without any."""
-        return next(self._loud(self.scan.in_time), None)
+        return next(iter(self._as_echoes(islice(self._loud(self.scan.in_time), 1))), None)
 
-    def _loud(self, among: BoolArray) -> Iterator[Echo]:
-        scan, levels, loudest, lengths = self.scan, self.levels, self.loudest, self.arrival_lengths
+    def _as_echoes(self, arrivals: Iterable[tuple[int, float, float]]) -> tuple[Echo, ...]:
+        """Return the echoes of these arrivals, each with its path, level (dB) and apparent length (m)."""
+        found = tuple(arrivals)
+        ranges = self.scan.board.reported(np.array([length / 2 for _, _, length in found], dtype=np.float64))
+        return tuple(
+            Echo(path, reported, level, length)
+            for (path, level, length), reported in zip(found, ranges.tolist(), strict=True)
+        )
+
+    def _loud(self, among: BoolArray) -> Iterator[tuple[int, float, float]]:
+        """Yield path, level (dB) and apparent length (m) of each arrival that is loud enough."""
+        scan, levels = self.scan, self.levels
         scattered, board = self._scattered, self.scan.board
         loud = np.flatnonzero((levels >= board.threshold_db) & np.isfinite(levels) & among)
         span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
         until, until_scattered = -math.inf, -math.inf  # ends of the last arrivals
-        for first in loud.tolist():
-            begin, path = float(scan.apparent_lengths[first]), int(loudest[first])
-            length, level = float(lengths[first]), float(levels[first])
+        columns = (scan.apparent_lengths, self.loudest, levels, self.arrival_lengths)
+        for begin, path, level, length in zip(*(column[loud].tolist() for column in columns), strict=True):
             # paths within an arrival begin no other one
             if begin <= until:
                 continue
@@ -395,7 +411,7 @@ class PredictedPing:
             else:
                 length = scattered.reaches(board.threshold_db, begin)
                 level, until_scattered = scattered.level_from(length), length + scan.burst_length
-            yield Echo(path, float(board.reported(np.array([length / 2]))[0]), level, length)
+            yield path, level, length
 
 
 def silent_scan(
