@@ -10,7 +10,7 @@ class FlowLayout(QLayout):
     def __init__(self, parent: QWidget, margins: QMargins, gap: int) -> None:
         super().__init__(parent)
         self._items: list[QLayoutItem] = []
-        self._gap = gap
+        self.gap = gap
         self.setContentsMargins(margins)
 
     def addItem(self, item: QLayoutItem) -> None:
@@ -50,7 +50,7 @@ class FlowLayout(QLayout):
         """Return the size of all items in one line."""
         margins = self.contentsMargins()
         hints = [item.sizeHint() for item in self._items if not item.isEmpty()]
-        width = sum(hint.width() for hint in hints) + self._gap * max(0, len(hints) - 1)
+        width = sum(hint.width() for hint in hints) + self.gap * max(0, len(hints) - 1)
         height = max((hint.height() for hint in hints), default=0)
         return QSize(width, height).grownBy(margins)
 
@@ -70,9 +70,9 @@ class FlowLayout(QLayout):
             if item.isEmpty():
                 continue
             if x > inside.left() and x + hint.width() > inside.right() + 1:
-                x, y, line = inside.left(), y + line + self._gap // 2, 0
+                x, y, line = inside.left(), y + line + self.gap // 2, 0
             if move:
                 item.setGeometry(QRect(QPoint(x, y), hint))
-            x += hint.width() + self._gap
+            x += hint.width() + self.gap
             line = max(line, hint.height())
         return y + line + margins.bottom() - area.top()

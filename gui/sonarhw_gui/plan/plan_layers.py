@@ -94,8 +94,8 @@ class SensorLayer:
         self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
         self._turntable.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
         self._zero.setPen(cosmetic_pen(colours.ink, width=2.5))
-        self._handle.setPen(cosmetic_pen(colours.ink, width=1.5))
-        self._handle.setBrush(pg.mkBrush(colours.beam))
+        self._handle.setPen(cosmetic_pen(colours.paper))  # filled: the ring of the selected reading is hollow
+        self._handle.setBrush(colours.ink)
         self._sensor.setPen(cosmetic_pen(colours.paper))
         self._sensor.setBrush(pg.mkBrush(colours.ink))
 

@@ -1,13 +1,14 @@
 """The legend above the views. Marks and colours mean the same in all views; tooltips explain each entry."""
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import pyqtgraph as pg
 from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
-from PySide6.QtCore import QMargins, QPointF, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPixmap
+from PySide6.QtCore import QMargins, QPointF, QRectF, QSize, Qt, Signal, Slot
+from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPixmap, QResizeEvent
 from PySide6.QtWidgets import QToolButton, QWidget
 from sonarhw_compare.matching.match import Kind
 
@@ -38,7 +39,7 @@ class Legend(QWidget):
         self._hidden, self._switches = hidden, switches
         self._palette, self._origin = LIGHT, Origin.MEASURED
         self.entries: dict[Class | ViewLayer, QToolButton] = {}
-        row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=1)
+        self._row = row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=1)
         for layer, entry in _ENTRIES.items():
             if switches or layer not in hidden:
                 self.entries[layer] = button = self._made(layer, entry)
@@ -46,6 +47,14 @@ class Legend(QWidget):
         self.explained = {entry.name: self._explained(entry) for entry in _EXPLAINED}
         for button in self.explained.values():
             row.addWidget(button)
+        self._unused: set[QToolButton] = set()  # entries of what is not drawn now
+        self._low = False
+        self.more = QToolButton(autoRaise=True)
+        self.more.setCheckable(True)
+        self.more.setToolTip("Show the whole legend, or one line of it")
+        self.more.toggled.connect(self._fold)
+        row.addWidget(self.more)
+        self.more.hide()
         self._draw()
 
     def show_state(self, shown: Shown) -> None:
@@ -55,29 +64,71 @@ class Legend(QWidget):
         only if the board states some.
         """
         room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
-        self.explained[_NOTE].setVisible(bool(shown.notes))
-        for name in SOUND:
-            self.explained[name].setVisible(shown.sound is not None)
-        self.explained[_WALL].setVisible(room)
         found = shown.found
-        self.explained[FOUND].setVisible(found is not None)
-        for name, part in SPEAKING.items():
-            self.explained[name].setVisible(found is not None and len(getattr(found, part)) > 0)
+        used = {
+            self.explained[_NOTE]: bool(shown.notes),
+            self.explained[_WALL]: room,
+            self.explained[FOUND]: found is not None,
+            **{self.explained[name]: shown.sound is not None for name in SOUND},
+            **{
+                self.explained[name]: found is not None and len(getattr(found, part)) > 0
+                for name, part in SPEAKING.items()
+            },
+        }
         for layer, entry in self.entries.items():
             if layer is Kind.OWN_BODY:
-                entry.setVisible(room and bool(shown.scene.board.own_body))
+                used[entry] = room and bool(shown.scene.board.own_body)
             elif layer is Unclassed.MEASURED:
-                entry.setVisible(not room)
+                used[entry] = not room
             elif isinstance(layer, Kind) or layer in _PREDICTIONS:
-                entry.setVisible(room)
-        if (origin, hidden) != (self._origin, self._hidden):
-            self._origin, self._hidden = origin, hidden
+                used[entry] = room
+        unused = {entry for entry, is_used in used.items() if not is_used}
+        if (origin, hidden, unused) != (self._origin, self._hidden, self._unused):
+            self._origin, self._hidden, self._unused = origin, hidden, unused
             self._draw()
+            self._fold()
+
+    def set_low(self, low: bool) -> None:
+        """Keep to one line if the window is `low`; a button shows the other entries."""
+        if low is not self._low:
+            self._low = low
+            self._fold()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Choose the entries of a single line again."""
+        super().resizeEvent(event)
+        if self._low and event.oldSize().width() != self.width():
+            self._fold()
+
+    @Slot()
+    def _fold(self) -> None:
+        """Show all entries in use; in a low window, only those that fit into one line, until `more` is pressed."""
+        entries = [*self.entries.values(), *self.explained.values()]
+        used = [entry for entry in entries if entry not in self._unused]
+        line = self._fitting(used) if self._low else len(used)
+        shown = len(used) if self.more.isChecked() else line
+        for entry in entries:
+            entry.setVisible(entry in used[:shown])
+        self.more.setVisible(line < len(used))
+        self.more.setText("less" if self.more.isChecked() else f"{len(used) - line} more")
+
+    def _fitting(self, used: list[QToolButton]) -> int:
+        """Return how many of these entries fit into one line, with `more` if it is needed."""
+        margins = self.contentsMargins() + self._row.contentsMargins()
+        width = self.width() - margins.left() - margins.right()
+        ends: list[int] = []  # of the entries, pixels
+        for entry in used:
+            ends.append((ends[-1] + self._row.gap if ends else 0) + entry.sizeHint().width())
+        if not ends or ends[-1] <= width:
+            return len(used)
+        self.more.setText(f"{len(used)} more")  # the widest text
+        return bisect_right(ends, width - self._row.gap - self.more.sizeHint().width())
 
     def show_look(self, look: Look) -> None:
         """Use the colours of `look`."""
         self._palette = look.palette
         self._draw()
+        self._fold()
 
     def _made(self, layer: Class | ViewLayer, entry: "_Entry") -> QToolButton:
         button = QToolButton(autoRaise=True)

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import cast
 
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
-from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QShowEvent
+from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QAbstractButton, QApplication, QVBoxLayout, QWidget
 
 from sonarhw_gui.bars.banner import Banner
@@ -278,6 +278,11 @@ class MainWindow(TabbedWindow):
         self._open = True
         self._show_again()
         QTimer.singleShot(_NO_PAINT, self.session.begin)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave the place of a long legend to the plan where the window is low."""
+        super().resizeEvent(event)
+        self.legend.set_low(self.height() < _LOW)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Close the session too: stop the board and close the log."""

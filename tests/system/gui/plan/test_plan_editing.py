@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import DARK, LIGHT, Palette
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
@@ -307,6 +309,21 @@ def test_the_beam_has_the_heading_of_the_chosen_reading(qtbot: QtBot, open_with:
         (x, y), end = sensor_position(window), window.views.plan.drawing.sensor.handle_at
         apart = math.atan2(end[1] - y, end[0] - x) - window.session.shown.heading(chosen)
         assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("palette", [LIGHT, DARK])
+def test_the_handle_of_the_beam_is_filled_unlike_the_ring_of_the_selected_reading(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, palette: Palette
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    window.session.showing.set_look(Look(palette=palette))
+    window.session.showing.choose(18)  # no reading is near the handle
+    view = window.views.plan.drawing
+    qtbot.wait(50)
+    at, drawn = pixel_at(view, view.plot.vb, view.sensor.handle_at), view.grab().toImage()
+    around = [drawn.pixelColor(at + QPoint(x, y)).name() for x in (-2, 0, 2) for y in (-2, 0, 2)]
+    assert around == [palette.ink.lower()] * 9
 
 
 def test_labels_of_bounces_cover_neither_each_other_nor_the_sensor(

@@ -175,3 +175,30 @@ def test_each_large_view_keeps_its_share_of_the_width(qtbot: QtBot, window: Main
     assert share() == pytest.approx(wide, abs=0.02)
     plan.trigger()
     assert share() == pytest.approx(dragged, abs=0.02)
+
+
+def test_a_low_window_has_one_line_of_legend_until_more_is_pressed(
+    qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    legend = window.legend
+
+    def lines() -> int:
+        qtbot.wait(50)
+        return len({button.y() for button in legend.findChildren(QToolButton) if button.isVisible()})
+
+    on_screen(window, QSize(1280, 800), monkeypatch)
+    assert (lines(), legend.more.isVisible()) == (2, False)
+    every = [button for button in legend.findChildren(QToolButton) if button.isVisible()]
+    on_screen(window, QSize(1024, 600), monkeypatch)
+    window.docks.actions[1].trigger()  # the room
+    assert lines() == 1
+    hidden = [button for button in every if not button.isVisible()]
+    assert legend.more.text() == f"{len(hidden)} more"
+    qtbot.mouseClick(legend.more, Qt.MouseButton.LeftButton)
+    assert lines() > 2
+    assert all(button.isVisible() for button in every)
+    qtbot.mouseClick(legend.more, Qt.MouseButton.LeftButton)
+    assert lines() == 1
+    on_screen(window, QSize(1280, 800), monkeypatch)
+    window.docks.actions[1].trigger()
+    assert (lines(), legend.more.isVisible()) == (2, False)
