@@ -1,6 +1,7 @@
 """The log-likelihood of readings for given paths: detected echoes, undetected echoes, and no echo.
 
-Path k is detected with probability d = (1 - missed) Φ((level - threshold) / σ_level), at its range ± σ_range. False
+Path k is detected with probability d = (1 - missed) Φ((level - threshold) / σ_level), at its range ± σ_range. If the
+receiver adds later paths to it, d is the mean over all differences of phase, which no plan of a room states. False
 echoes (strays) are uniform in range. The board listens until its first echo or, if it reports several, in all intervals
 between them. The log-likelihood is
 
@@ -16,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.weighing import beam
+from sonarhw_sim.board.weighing import FAINT_DB, beam
 from sonarhw_sim.compiled import array_part, compiled, compiled_part
 
 from sonarhw.readings import FloatArray
@@ -26,6 +27,9 @@ LATENESS_STEP = 0.5  # dB, between nodes of a lateness table
 _FAR = 6.0  # standard deviations beyond which a normal distribution is 0
 _HOPELESS = -40.0  # log-likelihood of silence to which further paths add nothing, because a ping can be lost
 _ASIDE = 0.05  # cosine of the largest angle from the axis at which echoes are detected
+_FAINT = 10 ** (-FAINT_DB / 20)  # amplitude by that of the threshold; fainter paths begin no arrival
+_NEGLIGIBLE = 0.03  # amplitude of later paths by that of the first; less changes a level by 0.3 dB at most
+_PHASES = np.cos((np.arange(6) + 0.5) * math.pi / 6)  # cosines of equally probable phase differences
 _PER_DB = math.log(10.0) / 20.0  # the logarithm of an amplitude by its level
 _ROOT_2 = math.sqrt(2.0)
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
@@ -75,6 +79,7 @@ class PathArrays(NamedTuple):
     rise: FloatArray
     turn: FloatArray
     kind: NDArray[np.int8]
+    until: NDArray[np.int64]  # (k,), the row after the last path that a receiver adds to each
     level_db: FloatArray  # (k,), before the beam
 
 
@@ -99,7 +104,9 @@ def log_likelihoods(
     reported, nearest, leaving, arriving = _on_axis(paths, by, board)
     aside = board.sender != (0.0, 0.0) or board.listener != (0.0, 0.0)
     reach = _reach(board) * board.stretch
-    needed = np.exp((board.threshold_db - _FAR * noise.level - levels) * _PER_DB)
+    # amplitudes are relative to the threshold
+    strengths = np.exp((levels - board.threshold_db) * _PER_DB)
+    needed = _needed(strengths, paths.until, noise)
     likelihoods, densities = np.empty(angles.shape[0]), np.empty(echoes.shape[1])
     for i in range(angles.shape[0]):
         count, ranges = counts[i], echoes[i]
@@ -131,10 +138,22 @@ def log_likelihoods(
             amplitude *= beam(home, board.ka, table)
             if amplitude < needed[k]:
                 continue
-
-            over = levels[k] + 20.0 * math.log10(amplitude) - board.threshold_db
-            found += _late(over, lateness)
-            chance = (1.0 - noise.missed) * _normal(over / noise.level)
+            amplitude *= strengths[k]
+            power = 0.0
+            for j in range(k + 1, paths.until[k]):
+                there = leaving[j, 0] * hx + leaving[j, 1] * hy
+                on = arriving[j, 0] * hx + arriving[j, 1] * hy
+                power += (strengths[j] * beam(there, board.ka, table) * beam(on, board.ka, table)) ** 2
+            if power > (_NEGLIGIBLE * amplitude) ** 2:
+                # smooth in the level: a limit at which whole arrivals come and go would trap the sampler
+                begins = _normal((20.0 * math.log10(amplitude) + FAINT_DB) / noise.level)
+                chance = (1.0 - noise.missed) * begins * _chance_of_sum(amplitude, math.sqrt(power), noise.level)
+            else:
+                over = 20.0 * math.log10(amplitude)
+                found += _late(over, lateness)
+                chance = (1.0 - noise.missed) * _normal(over / noise.level)
+            if chance == 0.0:
+                continue
             silence = 1.0 - chance * _mass(found, ranges, count, ends, board, noise.range)
             undetected += math.log(silence)
             if count == 0 and undetected < _HOPELESS:
@@ -187,6 +206,35 @@ def _legs(
     # back along the image's axes: R⁻¹(-u)
     across = (turn[0] * oy - turn[1] * ox) / there
     return there, 0.0, -(turn[0] * ox + turn[1] * oy) / there, across if kind == ODD else -across
+
+
+@array_part
+def _needed(strengths: FloatArray, until: NDArray[np.int64], noise: ReadingNoise) -> FloatArray:
+    """Return the least factor by the beam at which each path, or the sum that it begins, can be detected, (k,)."""
+    least = math.exp(-_FAR * noise.level * _PER_DB)
+    needed = np.empty(strengths.shape[0])
+    for k in range(strengths.shape[0]):
+        whole = strengths[k]
+        for j in range(k + 1, until[k]):
+            whole += strengths[j]
+        amplitude = least * _FAINT if whole > strengths[k] else least
+        needed[k] = amplitude / strengths[k] if whole > least else np.inf
+    return needed
+
+
+@compiled_part
+def _chance_of_sum(first: float, others: float, spread: float) -> float:
+    """Return the probability that the sum of two amplitudes of unknown phases exceeds 1; `spread` (dB) is its error."""
+    far = math.exp(_FAR * spread * _PER_DB)
+    if abs(first - others) > far:
+        return 1.0
+    if (first + others) * far < 1.0:
+        return 0.0
+    chance = 0.0
+    for cosine in _PHASES:
+        power = first * first + others * others + 2.0 * first * others * cosine
+        chance += _normal(10.0 * math.log10(power) / spread)
+    return chance / len(_PHASES)
 
 
 @compiled_part

@@ -40,6 +40,7 @@ class EchoPaths(NamedTuple):
     rise: FloatArray  # (k, 2) m, vertical extent of both
     turn: FloatArray  # (k, 2), complex factor from a move of the listener to that of its image
     kind: NDArray[np.int8]  # (k,): EVEN, ODD or BENT
+    until: NDArray[np.int64]  # (k,), the row after the last path that a receiver adds to each
     gain_db: FloatArray  # (k,)
     touches: FloatArray  # (k, materials), number of reflections off each material
     out_by_wall: FloatArray  # (k, 2, walls), derivative of `out` by the shift of each wall to its left
@@ -72,8 +73,11 @@ def _are_alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
     return np.asarray((np.abs(one - other) < _SAME_DIRECTION).all(axis=1))
 
 
-def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str]) -> EchoPaths:
-    """Return the paths of a room in this form; `materials` and `walls` are those that a fit can change."""
+def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str], together: float = 0.0) -> EchoPaths:
+    """Return the paths of a room in this form; `materials` and `walls` are those that a fit can change.
+
+    A receiver adds paths to one that is up to `together` (m) shorter.
+    """
     kind = np.where(paths.edges >= 0, BENT, paths.bounces % 2).astype(np.int8)
     bent = kind == BENT
     to_edge = np.where(bent, _length_to_edge(paths), paths.lengths)
@@ -87,6 +91,7 @@ def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str])
         np.ascontiguousarray(rise),
         np.column_stack((turn.real, turn.imag)),
         kind,
+        _until(paths, together),
         20 * np.log10(np.maximum(paths.gains, 1e-12)),
         _touches(paths, room, materials),
         *_image_moves(paths, room, walls),
@@ -95,6 +100,13 @@ def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str])
 
 def _complex(angles: FloatArray) -> NDArray[np.complex128]:
     return np.asarray(np.exp(1j * angles))
+
+
+def _until(paths: Paths, together: float) -> NDArray[np.int64]:
+    # patches of rough surfaces already have the power of their neighbours (`rough_paths`)
+    if not together or paths.scattered.any():
+        return np.arange(1, len(paths) + 1, dtype=np.int64)
+    return np.searchsorted(paths.lengths, paths.lengths + together, side="right").astype(np.int64)
 
 
 def _length_to_edge(paths: Paths) -> FloatArray:

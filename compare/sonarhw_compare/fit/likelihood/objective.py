@@ -50,7 +50,7 @@ from sonarhw_compare.fit.values.quantities import (
 
 MOST_ECHOES = 5  # maximum number of echoes that a scanner reports for one ping
 _ROUNDED = 1 / math.sqrt(12)  # standard deviation of the error of rounding to 1
-_KEPT_BELOW_THRESHOLD = 14.0  # dB; each path is weighed alone, and the threshold may change by some decibels
+_KEPT_BELOW_THRESHOLD = 14.0  # dB; the threshold may change by some decibels
 _SMOOTH = math.log(2.0)  # of dB, least error of levels in the smooth objective
 _DIFFRACTED_FURTHER = 6.0  # dB below the threshold: how much fainter diffracted paths are searched
 _TOGETHER = 8  # vectors, whose paths are moved at once; those of more do not fit into the cache of a processor
@@ -191,12 +191,19 @@ class Problem:
         found = self.memory.paths(self.room, key, lambda: self._searched(room, board, places, prediction))
         return Objective(self, values.copy(), room, places, found)
 
+    @cached_property
+    def _together(self) -> float:
+        """The largest difference in length, m, of paths that the receiver adds as one arrival."""
+        if not self.board.sum_arrivals or self.receiver is Receiver.BOARD:
+            return 0.0
+        return self.board.wavelength(self.room.air)
+
     def _searched(
         self, room: Room, board: Board, places: Sequence[Place], prediction: PredictionOptions
     ) -> tuple[EchoPaths, ...]:
         """Return the paths from each place in a room, as a board needs them."""
-        # the likelihood weighs each path alone, so it needs no faint paths that are loud together
-        # but those that become audible while the values change, from the threshold of `board` on
+        # faint paths change the level of a louder one little, so the search is that of paths that are detected alone
+        # but for those that become audible while the values change, from the threshold of `board` on
         fainter = replace(self.board, sum_arrivals=False, threshold_db=board.threshold_db - _DIFFRACTED_FURTHER)
         search = search_for(room, fainter, prediction)
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
@@ -205,7 +212,7 @@ class Problem:
             found = paths_from(room, _axis(board, place), search, None, board.aperture_radius)
             paths = with_reverses(with_summed_patches(found, room, board), board)
             kept = loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD)
-            return echo_paths(paths.select(kept), room, materials, walls)
+            return echo_paths(paths.select(kept), room, materials, walls, self._together)
 
         return tuple(map(of_place, places))
 
@@ -258,7 +265,7 @@ class Objective:
             place, board = self._place(vector, scan), self._board(vector)
             x, y = _axis(board, place).position
             by = x - self._axes[scan][0], y - self._axes[scan][1]
-            paths = PathArrays(out, back, found.rise, found.turn, found.kind, levels)
+            paths = PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
             chosen = self._board_values(vector, board, place.heading, noise.stretch)
             likelihoods[row] = log_likelihoods(readings, paths, by, chosen, noise, self._table, self._lateness)
         return likelihoods

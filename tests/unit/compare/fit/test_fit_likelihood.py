@@ -6,10 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise, _late, _legs
+from sonarhw_compare.fit.likelihood.echo_likelihood import (
+    BoardValues,
+    PathArrays,
+    ReadingNoise,
+    ScanArrays,
+    _late,
+    _legs,
+    log_likelihoods,
+)
 from sonarhw_compare.fit.likelihood.echo_paths import (
     BENT,
     EVEN,
+    ODD,
     _touched_normals,
     displaced,
     echo_paths,
@@ -21,6 +30,7 @@ from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.weighing import beam_table
 from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
@@ -288,6 +298,46 @@ def test_probabilities_of_all_ranges_and_of_silence_sum_to_one(heading: float) -
     # strays within blanking are impossible, so only ranges after it count
     opens = BOARD.blanked_range(ARENA.air)
     assert chances[0] + chances[1:][ranges > opens].sum() * step == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("first", "second"), [(-2.0, -3.0), (-1.0, -9.0), (-8.0, -1.0), (1.0, 1.0)])
+def test_silence_of_two_paths_together_has_the_probability_that_random_phases_give(first: float, second: float) -> None:
+    random, spread = np.random.default_rng(3), 0.5
+    phases = np.exp(1j * random.uniform(0, math.tau, 400_000))
+    amplitudes = 10 ** (first / 20) + 10 ** (second / 20) * phases
+    together = 20 * np.log10(np.abs(amplitudes)) + random.normal(0, spread, len(phases)) < 0
+    # the second path begins an arrival too, which is detected by itself
+    alone = second + random.normal(0, spread, len(phases)) < 0
+
+    ahead = np.array([[2.0, 0.0], [2.003, 0.0]])
+    paths = PathArrays(
+        ahead,
+        np.zeros((2, 2)),
+        np.zeros((2, 2)),
+        np.tile((-1.0, 0.0), (2, 1)),
+        np.array([ODD, ODD], np.int8),
+        np.array([2, 2]),
+        np.array([first, second]),
+    )
+    silent = ScanArrays(np.zeros(1), np.full((1, 1), np.nan), np.zeros(1, np.int64), np.zeros(1, np.bool_))
+    board = BoardValues(0.0, 1.0, 17.0, 0.0, 0.1, 10.0, 0.0, 1.0, 0.0, (0.0, 0.0), (0.0, 0.0))
+    noise = ReadingNoise(0.001, spread, 0.0, 1e-9, 1e-9)
+    found = log_likelihoods(silent, paths, (0.0, 0.0), board, noise, beam_table(17.0), np.empty(0))
+    assert math.exp(found[0]) == pytest.approx(together.mean() * alone.mean(), abs=0.06)
+
+
+def test_only_a_receiver_that_adds_arrivals_adds_those_within_a_wavelength() -> None:
+    headings, options = np.zeros(1), PredictionOptions(receiver=Receiver.FIRST_ECHO)
+    objective = objective_of(ARENA, [None], headings, options=options)
+    lengths, rows = objective._lengths[0], np.arange(len(objective.paths[0].until))
+    assert objective.paths[0].until.tolist() == [
+        int((lengths <= length + BOARD.wavelength(ARENA.air)).sum()) for length in lengths
+    ]
+    assert (objective.paths[0].until > rows + 1).any()
+    single = replace(BOARD, sum_arrivals=False)
+    for board, receiver in ((single, Receiver.FIRST_ECHO), (BOARD, Receiver.BOARD)):
+        alone = objective_of(ARENA, [None], headings, board, replace(options, receiver=receiver)).paths[0].until
+        assert alone.tolist() == list(range(1, len(alone) + 1))
 
 
 def test_silence_is_likely_exactly_where_the_model_predicts_it() -> None:
