@@ -141,16 +141,20 @@ def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
 
     With `both_ways`, paths between one place and itself are listed in the reverse direction, too.
     """
-    count = (paths.surfaces >= 0).sum(axis=1)
-    table = np.column_stack((paths.edges, paths.bends, paths.surfaces))
+    paths = paths.select(first_of_equal(np.column_stack((paths.edges, paths.bends, paths.surfaces))))
     if both_ways:
-        turned = _turned(paths.surfaces, count)
-        table = np.vstack((table, np.column_stack((paths.edges, _bends_back(paths, count), turned))))
-    kept = first_of_equal(table)
-    own, back = kept[kept < len(paths)], kept[kept >= len(paths)] - len(paths)
-    # most reverses are known
-    paths = PartialPaths.join([paths.select(own), _reversed(paths.select(back))])
+        paths = PartialPaths.join([paths, missing_reverses(paths)])
     return paths.select(_in_order(paths))
+
+
+def missing_reverses(paths: PartialPaths) -> PartialPaths:
+    """Return the reverses of paths between one place and itself that have the surfaces of none of these paths."""
+    count = (paths.surfaces >= 0).sum(axis=1)
+    there = np.column_stack((paths.edges, paths.bends, paths.surfaces))
+    back = np.column_stack((paths.edges, _bends_back(paths, count), _turned(paths.surfaces, count)))
+    # most reverses are known
+    missing = np.flatnonzero(~np.isin(hashes_of(back), hashes_of(there)))
+    return _reversed(paths.select(missing))
 
 
 def first_of_equal(table: IntArray) -> NDArray[np.intp]:

@@ -33,7 +33,10 @@ class PathTable:
     @classmethod
     def join(cls, tables: Sequence[Self]) -> Self:
         """Return the rows of all tables, in order; expects at least one table."""
-        return cls(*[_joined([getattr(table, name) for table in tables]) for name in cls.__dataclass_fields__])
+        filled = [table for table in tables if len(table)] or tables[:1]
+        if len(filled) == 1:
+            return filled[0]
+        return cls(*[_joined([getattr(table, name) for table in filled]) for name in cls.__dataclass_fields__])
 
 
 def check_size(paths: int, points: int) -> None:

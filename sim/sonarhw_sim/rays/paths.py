@@ -21,6 +21,7 @@ from sonarhw_sim.rays.partial_paths import (
     find_partial_paths,
     first_of_equal,
     last_points,
+    missing_reverses,
     sequences_once,
     shortest_first,
 )
@@ -172,10 +173,12 @@ def find_paths(
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
     touching = post_paths(room, source, end, chains, back_ways, longest, bounces, faintest, passing)
-    found = [straight, diffracted, with_thin_posts(room, touching, search.wavelength)]
-    paths = PartialPaths.join(found)
-    # rays with slopes leave gaps, which are seldom the same for a path and its reverse
-    return _paths_of(shortest_first(paths) if passing is None else sequences_once(paths, both_ways=receiver is None))
+    reflected = PartialPaths.join([straight, with_thin_posts(room, touching, search.wavelength)])
+    if passing is not None:
+        return _paths_of(sequences_once(PartialPaths.join([reflected, diffracted]), both_ways=receiver is None))
+    # rays leave gaps, which are seldom the same for a path and its reverse
+    reverses = missing_reverses(reflected) if receiver is None else PartialPaths.none()
+    return _paths_of(shortest_first(PartialPaths.join([reflected, reverses, diffracted])))
 
 
 def _fan(search: PathSearch, back: bool) -> FloatArray:
