@@ -5,8 +5,8 @@ Counts wrong readings, 180 in each of 24 random boxes and 24 L-shaped rooms with
 
 Compares mirror paths up to 21.4 m with those of a search with eight times as many slopes. This one can miss paths too,
 so the numbers are a lower bound. *loud* are those that `polaroid-6500` can detect at some heading, *changed* the
-readings at 360 headings, of each receiver, that differ by more than 1 cm with the paths of the thorough search. The
-time is that of processors, relative to a search in the plan of the same room.
+readings at 360 headings, of each receiver, that differ by more than 1 cm with the paths of the thorough search. Number
+of paths and processor time, with edges and beam, are relative to those of a search in the plan of the same room.
 """
 
 import time
@@ -107,12 +107,13 @@ def _changed(room: Room, place: Place, usual: Paths, thorough: Paths) -> int:
     return changed
 
 
-def relative_time(room: Room, place: Place) -> float:
-    """Return the processor time of a search in space with edges and beam, over that in the plan."""
+def beside_plan(room: Room, place: Place) -> str:
+    """Return paths and processor time of a search in space with edges and beam, over those in the plan."""
     search = replace(SEARCH, diffraction=True, ka=16.0)
-    return _seconds(lambda: paths_from(room, place, search)) / _seconds(
-        lambda: paths_from(room, replace(place, height=None), search)
-    )
+    flat = replace(place, height=None)
+    paths = len(paths_from(room, place, search)) / len(paths_from(room, flat, search))
+    in_space, in_plan = (_seconds(lambda at=at: paths_from(room, at, search)) for at in (place, flat))  # type: ignore[misc]
+    return f"{paths:10.2f} {in_space / in_plan:10.1f}"
 
 
 def _seconds(job: Callable[[], object]) -> float:
@@ -129,11 +130,11 @@ def main() -> None:
     print(f"boxes: {wrong_readings(compare_in_box)}", flush=True)
     print(f"L-shaped rooms with a table: {wrong_readings(compare_in_l_shape)}", flush=True)
     heads = ("found", "missed", "to 8 m", "missed", "loud", "missed", "changed")
-    print(f"{'':22} {' '.join(f'{head:>8}' for head in heads)}  time/plan")
+    print(f"{'':22} {' '.join(f'{head:>8}' for head in heads)} paths/plan  time/plan")
     doorstep, furnished = load_room("doorstep"), parse_room(FURNISHED, "furnished")
     for room, name in ((furnished, "here"), (doorstep, "robot"), (doorstep, "tripod")):
         place = room.places[name]
-        print(f"{room.name + ', ' + name:22} {missed(room, place)} {relative_time(room, place):10.1f}", flush=True)
+        print(f"{room.name + ', ' + name:22} {missed(room, place)} {beside_plan(room, place)}", flush=True)
 
 
 if __name__ == "__main__":
