@@ -71,6 +71,17 @@ def first_place(room: Room) -> Place:
     return next(iter(room.places.values()))
 
 
+def place_warning(metadata: LogMetadata, scene: Scene) -> str:
+    """Return a warning if a log without a place is shown at the first of several places of the room; else empty."""
+    room = scene.room
+    if metadata.place or room is None or len(room.places) < 2 or scene.place != first_place(room):
+        return ""
+    return (
+        f"the log contains no place; its readings are shown at {first_place(room).name}, the first place of the room: "
+        "choose another place, or find the pose (F9)"
+    )
+
+
 def scene_of_log(metadata: LogMetadata) -> Scene:
     """Return the scene stored in a log. Raises InputError if its room or place is invalid."""
     board = board_of_log(metadata)

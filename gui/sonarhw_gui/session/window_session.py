@@ -23,7 +23,7 @@ from sonarhw_gui.live.scanner_place import MoveFake, ScannerPlace, ScanRoom
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scans.scan_list import ScanList
-from sonarhw_gui.scene.scene import Scene, room_name
+from sonarhw_gui.scene.scene import Scene, place_warning, room_name
 from sonarhw_gui.scene.scene_edit import with_board
 from sonarhw_gui.session.file_saver import FileSaver
 from sonarhw_gui.session.reading_source import ReadingSource
@@ -193,7 +193,8 @@ class WindowSession(QObject):
             wait = TORN_AFTER if path is not None and is_being_written(path) else 0.0
             self._torn = time.monotonic() + wait, message
             self._report_torn(time.monotonic())
-        for doubt in filter(None, (scan.angle_warning for scan in log.scans)):
+        doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
+        for doubt in filter(None, doubts):
             self.warned.emit(f"{name}: {doubt}")
 
     @Slot()

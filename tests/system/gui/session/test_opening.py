@@ -12,7 +12,9 @@ from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.open_requests import OpenRoomRequest
 
-from sonarhw.log import read_log
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import LogMetadata, read_log
+from sonarhw.readings import Reading
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import ORDER, OpenWith
 from tests.system.gui.driving import until
@@ -37,6 +39,20 @@ def test_a_dropped_log_is_shown(qtbot: QtBot, open_with: OpenWith, recorded: Pat
     assert drop(window, recorded)
     until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
     assert window.session.status.source is Source.REPLAY
+
+
+@pytest.mark.parametrize(("place", "warning"), [("", "its readings are shown at figure7, the first"), ("figure9", "")])
+def test_a_log_without_a_place_is_shown_at_the_first_place_with_a_warning(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, place: str, warning: str
+) -> None:
+    metadata = LogMetadata("import", 0.0, ROOM.name, ROOM.read_text(), place)
+    write_scan(tmp_path / "scan.mcap", metadata, [Reading(0, 0, 0, 0.0, 0.0, (0.005,), 343.2)])
+    window = open_with()
+    assert drop(window, tmp_path / "scan.mcap")
+    until(qtbot, lambda: window.session.replay.loaded)
+    assert window.session.shown.scene.place.name == (place or "figure7")
+    assert warning in window.banner.message
+    assert bool(window.banner.message) == bool(warning)
 
 
 def test_a_log_dropped_with_a_room_is_shown_in_this_room(
