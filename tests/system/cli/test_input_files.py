@@ -88,4 +88,6 @@ def test_a_table_must_be_a_regular_file(tmp_path: Path, capsys: pytest.CaptureFi
     given = tmp_path / "given.csv"
     KINDS[kind](given)
     arguments = ["import", "{}", "--heading", "deg", "--range", "m", "--out", "{out}"]
-    assert f"{given}: is not a file; give the name of a CSV file" in refusal(arguments, given, capsys)
+    folder = "is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2"
+    expected = folder if kind == "folder" else "is not a file; give the name of a CSV file"
+    assert f"{given}: {expected}" in refusal(arguments, given, capsys)
