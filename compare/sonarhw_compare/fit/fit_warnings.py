@@ -93,5 +93,5 @@ def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
     if not parameter.quantity.is_angle:
         for bound in (lower, upper):
             if abs(estimate.value - bound) < _AT_BOUND * (upper - lower):
-                return [f"{parameter.name} is at its bound, {bound:g}"]
+                return [f"{parameter.name} is at its bound, {bound:g} {parameter.quantity.unit}".rstrip()]
     return []

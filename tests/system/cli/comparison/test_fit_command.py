@@ -56,7 +56,7 @@ def test_a_prior_bounds_its_parameter(log: str, capsys: pytest.CaptureFixture[st
     assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
     figures = json.loads(capsys.readouterr().out)
     assert 1.30 <= figures["estimates"]["x"]["value"] <= 1.37
-    assert any("is at its bound" in warning for warning in figures["warnings"])
+    assert "x is at its bound, 1.37 m" in figures["warnings"]
 
 
 def test_two_logs_share_an_offset_and_have_separate_places(
