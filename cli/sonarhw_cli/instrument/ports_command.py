@@ -22,7 +22,7 @@ Guess = Annotated[
 
 
 def ports(
-    port: Annotated[list[str] | None, typer.Argument(help="Only these ports; default: all.", metavar="PORT...")] = None,
+    port: Annotated[list[str] | None, typer.Argument(help="Only these ports; default: all.", metavar="PORT")] = None,
     ask: AskAll = False,
     guess: Guess = False,
     as_json: AsJson = False,
