@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -67,7 +67,9 @@ class PlanDrawing(Canvas):
         self.notes = NoteMarks(self.plot)
         self.arrows = EdgeArrows(self._box)
         self.ruler = RulerLayer(self.plot)
+        self.sound = SoundLayer(self.plot)
         self.proposal, self.overlays = ProposalLayer(self.plot), OverlayMarks(self.plot)
+        self.found = FoundLayer(self.plot)
         self.gestures = gestures
         self.controller = PlanController(self, gestures)
         self._box.offer_drag = self.controller.drag
@@ -78,27 +80,6 @@ class PlanDrawing(Canvas):
         self._fitted = True  # whether the user has not chosen another part since `fit`
         self._box.sigRangeChangedManually.connect(self._note_choice)
         self._box.sigResized.connect(self._show_frame)
-
-    # Layers that few users need are created when they first draw: each empty item takes time at the start of the
-    # window and at each move of the mouse.
-
-    @cached_property
-    def sound(self) -> SoundLayer:
-        """The sound on its way."""
-        layer = SoundLayer(self.plot)
-        layer.set_look(self._look)
-        return layer
-
-    @cached_property
-    def found(self) -> FoundLayer:
-        """The state of a search for the room."""
-        layer = FoundLayer(self.plot)
-        layer.set_look(self._look)
-        return layer
-
-    @property
-    def _look(self) -> Look:
-        return Look() if self.shown is None else self.shown.look
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
@@ -118,7 +99,14 @@ class PlanDrawing(Canvas):
             self.pointer.draw(shown)
         if _differ(before, shown, "proposal", "compared", "readings", "scene", "hidden", "look"):
             self.proposal.draw(shown.proposal, self._marks)
-        self._draw_rare(before, shown)
+        if _differ(before, shown, "found"):
+            self.found.draw(shown.found)
+        if self._measured and _differ(before, shown, "overlays"):
+            self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
+        if _differ(before, shown, "sound", "look"):
+            self.sound.draw(shown)
+            if shown.sound is not None and (before is None or before.sound is None):
+                self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
         if before is None or _is_another_room(before, shown) or self._grows(before, shown):
             self.fit()
         if before is None or _differ(before, shown, "readings", "compared", "scene", "chosen", "hidden", "look"):
@@ -283,11 +271,10 @@ class PlanDrawing(Canvas):
         metrics = QFontMetrics(text_font(look, 0.9))
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.proposal):
+        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound):
             layer.set_look(look)
-        for rare in ("sound", "found"):
-            if rare in vars(self):
-                getattr(self, rare).set_look(look)
+        for proposed in (self.proposal, self.found):
+            proposed.set_look(look)
         self.overlays.set_look()
         self._outline.set_look(look.palette)
         self._marks.set_look(look.palette)
@@ -300,18 +287,6 @@ class PlanDrawing(Canvas):
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
         if _differ(before, shown, *_PATH_PARTS):
             self.path.draw(shown)
-
-    def _draw_rare(self, before: Shown | None, shown: Shown) -> None:
-        """Draw the layers that may not exist yet, unless they have been empty until now."""
-        made = vars(self)
-        if (shown.found is not None or "found" in made) and _differ(before, shown, "found"):
-            self.found.draw(shown.found)
-        if self._measured and _differ(before, shown, "overlays"):
-            self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
-        if (shown.sound is not None or "sound" in made) and _differ(before, shown, "sound", "look"):
-            self.sound.draw(shown)
-            if shown.sound is not None and (before is None or before.sound is None):
-                self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
 
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
         fresh = before is None or not shown.same_readings(before)
