@@ -12,6 +12,7 @@ of paths and processor time, with edges and beam, are relative to those of a sea
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from sonarhw_sim.board.profile import load_board
@@ -112,7 +113,7 @@ def beside_plan(room: Room, place: Place) -> str:
     search = replace(SEARCH, diffraction=True, ka=16.0)
     flat = replace(place, height=None)
     paths = len(paths_from(room, place, search)) / len(paths_from(room, flat, search))
-    in_space, in_plan = (_seconds(lambda at=at: paths_from(room, at, search)) for at in (place, flat))  # type: ignore[misc]
+    in_space, in_plan = (_seconds(partial(paths_from, room, at, search)) for at in (place, flat))
     return f"{paths:10.2f} {in_space / in_plan:10.1f}"
 
 

@@ -141,7 +141,7 @@ def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
 
     With `both_ways`, paths between one place and itself are listed in the reverse direction, too.
     """
-    paths = paths.select(first_of_equal(np.column_stack((paths.edges, paths.bends, paths.surfaces))))
+    paths = paths.select(first_of_equal(_sequences(paths)))
     if both_ways:
         paths = PartialPaths.join([paths, missing_reverses(paths)])
     return paths.select(_in_order(paths))
@@ -150,11 +150,15 @@ def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
 def missing_reverses(paths: PartialPaths) -> PartialPaths:
     """Return the reverses of paths between one place and itself that have the surfaces of none of these paths."""
     count = (paths.surfaces >= 0).sum(axis=1)
-    there = np.column_stack((paths.edges, paths.bends, paths.surfaces))
     back = np.column_stack((paths.edges, _bends_back(paths, count), _turned(paths.surfaces, count)))
     # most reverses are known
-    missing = np.flatnonzero(~np.isin(hashes_of(back), hashes_of(there)))
+    missing = np.flatnonzero(~np.isin(hashes_of(back), hashes_of(_sequences(paths))))
     return _reversed(paths.select(missing))
+
+
+def _sequences(paths: PartialPaths) -> IntArray:
+    """Return what distinguishes each path from the others: its edges, bends and surfaces, (p, k)."""
+    return np.column_stack((paths.edges, paths.bends, paths.surfaces))
 
 
 def first_of_equal(table: IntArray) -> NDArray[np.intp]:
