@@ -25,6 +25,7 @@ from sonarhw_cli.comparison import report_command as report
 from sonarhw_cli.comparison import study_command as study
 from sonarhw_cli.console.lines import choose_verbosity, print_detail, print_error, print_help, print_line
 from sonarhw_cli.console.output import ClosedOutput
+from sonarhw_cli.console.plain_help import CommandList
 from sonarhw_cli.console.progress import CompilationProgress
 from sonarhw_cli.instrument import bench_commands as bench
 from sonarhw_cli.instrument import board_command as board
@@ -64,7 +65,7 @@ _OPTIONS = (
     (r": give a place, or X,Y in metres;", ": give --place NAME or --place X,Y in metres;"),
 )
 
-app = typer.Typer(
+app = CommandList(
     name="sonarhw",
     help="Scan a room with an ultrasonic ranging board, and compare the scan with its prediction.",
     no_args_is_help=True,

@@ -51,10 +51,7 @@ def _rows(name: str, command: Any) -> Iterator[tuple[str, str]]:
         yield from _rows(f"{name} {part}", inner)
     if not hasattr(command, "commands"):
         _, *arguments = command.collect_usage_pieces(typer.Context(command))
-        yield (
-            " ".join((name, *arguments)).translate({ord("{"): "", ord("}"): ""}),
-            command.get_short_help_str(limit=200),
-        )
+        yield " ".join((name, *arguments)), command.get_short_help_str(limit=200)
 
 
 def _roff(text: str) -> str:

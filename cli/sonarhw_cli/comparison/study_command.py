@@ -13,7 +13,9 @@ from sonarhw_cli.console.progress import progress
 StudyFile = Annotated[Path, typer.Argument(help="Study file (*.toml).", metavar="SPEC")]
 StudyFolder = Annotated[
     Path | None,
-    typer.Option(help="Folder to create; default: the study file's name, in this folder.", show_default=False),
+    typer.Option(
+        help="Folder to create; default: the study file's name, in this folder.", metavar="DIR", show_default=False
+    ),
 ]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=1024, help="Number of processes; default: one for each core.", metavar="N")

@@ -60,7 +60,7 @@ MeanOf = Annotated[
     ),
 ]
 TimeColumn = Annotated[
-    str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.")
+    str | None, typer.Option("--time", help="CSV: column of the time, s; default: readings 0.1 s apart.", metavar="COL")
 ]
 DecimalComma = Annotated[
     bool,
@@ -76,7 +76,9 @@ AngleStep = Annotated[
     float | None,
     typer.Option(help="Raw traces, ROS: angle from one trace or sensor to the next, degrees. Default: 0."),
 ]
-Topic = Annotated[str | None, typer.Option(help="ROS: the only topic to read; default: all with ranges.")]
+Topic = Annotated[
+    str | None, typer.Option(help="ROS: the only topic to read; default: all with ranges.", metavar="NAME")
+]
 SpeedOfSound = Annotated[
     float | None,
     typer.Option(help="Traces: speed of sound, m/s; default: that of air at 20 °C. In water about 1500."),

@@ -13,11 +13,12 @@ from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, load_log, notes_beside, open_log
 from sonarhw_cli.console.options import LOG, STDOUT, AsJson, Force
 from sonarhw_cli.console.output import binary_output, checked_out, print_written
+from sonarhw_cli.console.plain_help import CommandList
 
 if TYPE_CHECKING:
     from sonarhw.log import Log, RecordedScan
 
-app = typer.Typer(help="Describe, export or recover a log.", no_args_is_help=True)
+app = CommandList(help="Describe, export or recover a log.", no_args_is_help=True)
 
 
 @app.command("info")
@@ -40,7 +41,10 @@ _FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
 )
 def log_export(
     log: LogFile,
-    out: Annotated[str, typer.Option("--out", help=f"File to write; - writes {FORMATS[0].suffix} to standard output.")],
+    out: Annotated[
+        str,
+        typer.Option("--out", help=f"File to write; - writes {FORMATS[0].suffix} to standard output.", metavar="FILE"),
+    ],
     force: Force = False,
 ) -> None:
     """Write a log to a file in the format of its suffix, with the notes beside it."""

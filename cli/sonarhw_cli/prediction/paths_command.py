@@ -35,7 +35,7 @@ def paths(
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Omit paths around edges.")] = False,
     edge_strength: EdgeStrengthChoice = None,
     faintest: FaintestEdge = -60.0,
-    out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
+    out: Annotated[str, typer.Option(help="File to write; - is standard output.", metavar="FILE.csv")] = "-",
     force: Force = False,
 ) -> None:
     """List every path of sound from a place back to it. The shortest is first."""

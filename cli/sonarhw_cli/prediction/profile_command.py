@@ -1,12 +1,11 @@
 """`sonarhw profile`: list the shipped board profiles, write a template, check a profile, print its JSON Schema."""
 
-import typer
-
 from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.options import Profile
+from sonarhw_cli.console.plain_help import CommandList
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
-app = typer.Typer(help="List, write and check board profiles.", no_args_is_help=True)
+app = CommandList(help="List, write and check board profiles.", no_args_is_help=True)
 
 
 @app.command("list")

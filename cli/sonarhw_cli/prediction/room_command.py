@@ -12,6 +12,7 @@ from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.options import BoardName, Force, RoomName
 from sonarhw_cli.console.output import checked_out, write_figure
+from sonarhw_cli.console.plain_help import CommandList
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 REFUSED = 2  # exit status
 
-app = typer.Typer(help="List, write and check room files.", no_args_is_help=True)
+app = CommandList(help="List, write and check room files.", no_args_is_help=True)
 
 
 @app.command("list")

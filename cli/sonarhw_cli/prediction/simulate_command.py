@@ -98,8 +98,9 @@ WithOwnBody = Annotated[
 PredictionFile = Annotated[
     str,
     typer.Option(
-        help="FILE.csv, .npz, .png, .pdf, .svg, .mcap; .gif, .mp4, .webm: a film of the sound at one heading; "
-        "- for CSV on standard output."
+        help=".csv, .npz, .png, .pdf, .svg, .mcap; .gif, .mp4, .webm: a film of the sound at one heading; "
+        "- for CSV on standard output.",
+        metavar="FILE",
     ),
 ]
 

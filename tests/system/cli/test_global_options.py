@@ -1,5 +1,6 @@
 """Exit statuses, -h, --quiet and --verbose."""
 
+import re
 import signal
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from sonarhw_cli.app import app, run
 
 from sonarhw.errors import ExitStatus
 from tests.checkout import CHECKOUT
+from tests.structure import help_texts
 from tests.system.cli.instrument.test_scan_command import ENDLESS, end, lines, sonarhw, started
 
 ROOM = CHECKOUT / "rooms" / "simple.toml"
@@ -48,6 +50,16 @@ def test_h_is_the_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> N
         assert run([*command, "--help"]) == 0
         assert short == capsys.readouterr().out
         assert short.startswith("Usage: ")
+
+
+def test_the_help_shows_arguments_and_values_as_typed_and_no_python_types() -> None:
+    texts = help_texts()
+    assert "Usage: sonarhw fit [OPTIONS] LOG...\n" in texts["sonarhw fit"]
+    assert "\n  LOG...  Logs (*.mcap), whole or torn.  [required]\n" in texts["sonarhw fit"]
+    assert "Usage: sonarhw ports [OPTIONS] [PORT]...\n" in texts["sonarhw ports"]
+    assert "\n  --step NUMBER " in texts["sonarhw scan"]
+    assert "\n  --invert mark|cam|motor " in texts["sonarhw wiring"]
+    assert [name for name, text in texts.items() if re.search(r"<[a-z]|\{|\} ", text)] == []
 
 
 def test_quiet_leaves_only_results_and_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
