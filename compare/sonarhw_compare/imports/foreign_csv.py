@@ -128,7 +128,6 @@ def _words(column: str) -> list[str]:
 @contextmanager
 def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
     """Open a text file. Raises InputError for what is not text in UTF-8, or not `expected`."""
-    kind = expected.removeprefix("a ").removesuffix(" file")
     try:
         if file.exists() and not file.is_file():
             raise InputError(f"{file}: is not a file; give the name of {expected}")
@@ -140,7 +139,7 @@ def opened(file: Path, expected: str = "a CSV file") -> Iterator[TextIO]:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected {expected}") from error
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{file}: is not UTF-8 text: byte {error.object[error.start]:#04x}; save it as {kind} in UTF-8"
+            f"{file}: is not UTF-8 text: byte {error.object[error.start]:#04x}; expected {expected} in UTF-8"
         ) from error
     except (ValueError, csv.Error) as error:  # ValueError: a NUL in the name
         raise InputError(f"{file}: is not {expected}: {error}") from error

@@ -2,16 +2,17 @@
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
+from sonarhw_compare.imports.foreign_csv import opened, short_lines
 from sonarhw_compare.room_finding.evidence import PoseSpread
 
 HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
-_MOST_BYTES = 1_000_000
+_WHAT = "a table of poses (CSV)"
 
 
 def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread | None]]:
@@ -21,26 +22,8 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
 
     Raises InputError with file and line if the file is unreadable or not of this form, or lacks a log.
     """
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise InputError(f"{path}: {path.stat().st_size} bytes; expected a table of poses with the header {HEADER}")
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; give the name of a table of poses (CSV)") from error
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not a text file"
-        raise InputError(f"{path}: cannot be read: {reason}") from error
-    if not lines:
-        raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
-    if lines[0].strip() != HEADER:
-        raise InputError(f"{path}: line 1: expected the header {HEADER}, got {lines[0]!r}")
-    poses: dict[str, tuple[Place, PoseSpread | None]] = {}
-    for number, row in enumerate(csv.reader(lines[1:]), start=2):
-        if row:
-            name, pose = _pose(row, f"{path}: line {number}")
-            if name in poses:
-                raise InputError(f"{path}: line {number}: {name} was given before")
-            poses[name] = pose
+    with opened(path, _WHAT) as text:
+        poses = _poses(path, short_lines(path, text, _WHAT))
     missing = [log for log in logs if log.name not in poses]
     if missing:
         raise InputError(f"{path}: no row for {missing[0].name}; the first column names each log")
@@ -48,6 +31,23 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
     if chosen and chosen[0][1] is None:
         raise InputError(f"{path}: {logs[0].name}: expected the pose of the first log; the others may be unknown")
     return chosen
+
+
+def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSpread | None]]:
+    """Return place and spread of each line below the header, by the name of its log."""
+    header = next(lines, None)
+    if header is None:
+        raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
+    if header.strip() != HEADER:
+        raise InputError(f"{path}: line 1: expected the header {HEADER}, got {header.rstrip()!r}")
+    poses: dict[str, tuple[Place, PoseSpread | None]] = {}
+    for number, row in enumerate(csv.reader(lines), start=2):
+        if row:
+            name, pose = _pose(row, f"{path}: line {number}")
+            if name in poses:
+                raise InputError(f"{path}: line {number}: {name} was given before")
+            poses[name] = pose
+    return poses
 
 
 def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread | None]]:

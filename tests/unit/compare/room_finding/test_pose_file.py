@@ -47,6 +47,7 @@ def test_a_row_without_numbers_is_an_unknown_pose_but_not_for_the_first_log(tmp_
         ([HEADER, "a.mcap,1,two,0,,"], "line 2: expected a number, got 'two'"),
         ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
         ([HEADER, "a.mcap,1,2,0,-1,"], "line 2: expected standard deviations of 0 or more"),
+        ([HEADER, "a.mcap," + 200_000 * "1"], "line 2: has more than 65536 characters; expected a table of poses"),
     ],
 )
 def test_a_wrong_table_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
@@ -57,3 +58,10 @@ def test_a_wrong_table_is_refused(tmp_path: Path, lines: list[str], message: str
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"poses\.csv: no such file; give the name of a table of poses"):
         read_poses(tmp_path / "poses.csv", LOGS)
+
+
+def test_a_table_in_another_encoding_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(HEADER, encoding="utf-16")
+    with pytest.raises(InputError, match=r"not UTF-8 text: byte 0xff; expected a table of poses \(CSV\) in UTF-8"):
+        read_poses(file, LOGS)
