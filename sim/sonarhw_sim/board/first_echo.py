@@ -22,7 +22,9 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import BoolArray, disc
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
+from sonarhw_sim.cores import rows_in_parts
 
+_LEAST_PART = 60  # headings: for fewer, a thread costs more than it saves
 _AS_LOUD = 1.0 + 1e-9  # of arrivals that are equally loud, the first is reported
 
 
@@ -73,9 +75,16 @@ def first_echoes(
     straight = Arrivals(sound.times, sound.amplitudes, np.empty(0), np.empty(0))
     before = before_gain(straight, board, speed_of_sound, Receiver.BOARD).amplitudes.astype(np.complex128)
     headings = np.ascontiguousarray(headings, dtype=np.float64)
-    at, winners = np.full(len(headings), np.nan), np.full(len(headings), -1, dtype=np.intp)
-    work = _work(len(detector.gain), len(sound.times), *table.real.shape)
-    _first_echoes(headings, sound, np.abs(sound.amplitudes), before, table, detector, work, at, winners)
+    loudness = np.abs(sound.amplitudes)
+
+    def heard(begin: int, end: int) -> tuple[FloatArray, NDArray[np.intp]]:
+        at, winners = np.full(end - begin, np.nan), np.full(end - begin, -1, dtype=np.intp)
+        work = _work(len(detector.gain), len(sound.times), *table.real.shape)
+        here = sound._replace(blocked=sound.blocked[begin:end])
+        _first_echoes(headings[begin:end], here, loudness, before, table, detector, work, at, winners)
+        return at, winners
+
+    at, winners = rows_in_parts(heard, len(headings), _LEAST_PART)
     return at / RATE, winners
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sonarhw_sim.compiled import array_part, compiled_part, inlined
+from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 from sonarhw_sim.room.grid import IntArray
 
 _ROOM = 1024  # rows at first
@@ -50,6 +50,32 @@ def with_room(table: CandidateTable, found: int, known: int) -> CandidateTable:
     if known == sequences.shape[0]:
         sequences, sequence_slots = _grown(sequences, sequence_slots)
     return CandidateTable(candidates, keys, slots, sequences, sequence_slots)
+
+
+@compiled
+def with_other(
+    table: CandidateTable, found: int, known: int, other: CandidateTable, other_found: int, other_known: int
+) -> tuple[CandidateTable, int, int]:
+    """Return a table with those of another one behind its own, each once, and its numbers of candidates and sequences.
+
+    The tables have so many `found` candidates and `known` sequences.
+    """
+    numbers = np.empty(other_known + 1, np.int32)  # in this table, of the sequences of the other
+    numbers[0] = 0
+    for k in range(other_known):
+        if known == table.sequences.shape[0]:
+            table = with_room(table, found, known)
+        before, last = numbers[other.sequences[k, 0]], other.sequences[k, 1]
+        numbers[k + 1] = number_of(before, last, table.sequences, known, table.sequence_slots) + 1
+        known = max(known, numbers[k + 1])
+    for k in range(other_found):
+        if found == table.candidates.shape[0]:
+            table = with_room(table, found, known)
+        if number_of(numbers[other.keys[k, 0]], other.keys[k, 1], table.keys, found, table.slots) == found:
+            for column in range(3):
+                table.candidates[found, column] = other.candidates[k, column]
+            found += 1
+    return table, found, known
 
 
 @compiled_part

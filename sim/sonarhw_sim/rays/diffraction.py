@@ -15,6 +15,7 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import loudest_by_separation
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.cores import rows_in_parts
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.partial_paths import PartialPaths
 from sonarhw_sim.room.edges import Edges, inside_wedge
@@ -24,6 +25,7 @@ from sonarhw_sim.wedges.narrow_walls import Arriving, along_narrow_walls
 from sonarhw_sim.wedges.wedge import by_wedge, most_by_wedge
 
 _AT_EDGE = 1e-7  # m
+_LEAST_PART = 2000  # rows to pair: fewer take about as long as a thread needs to begin
 _FEWEST_POINTS = 3  # of a diffracted path
 
 
@@ -186,14 +188,19 @@ def join_at_edges(
     most, beams = path_table.MOST_POINTS // _FEWEST_POINTS, edge_diffraction.beams
     if back is out:
         starts = np.arange(len(starts))
-    count = path_table.ROOM_FOR_PAIRS
-    while True:
-        pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
-        count = _join(out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
-        path_table.check_size(count, _FEWEST_POINTS)
-        if count <= len(pairs):
-            break
-    found = _loud_enough(out, back, pairs[:count], bounds[:count], edges, faces, edge_diffraction)
+
+    def paired(begin: int, end: int) -> tuple[NDArray[np.intp], FloatArray]:
+        count = path_table.ROOM_FOR_PAIRS
+        while True:
+            pairs, bounds = np.empty((count, 2), np.intp), np.empty((count, 2))
+            count = _join(begin, end, out, back, starts, wedges, limits, beams, strength, most, pairs, bounds)
+            path_table.check_size(count, _FEWEST_POINTS)
+            if count <= len(pairs):
+                return pairs[:count], bounds[:count]
+
+    pairs, bounds = rows_in_parts(paired, len(out.edges), _LEAST_PART)
+    path_table.check_size(len(pairs), _FEWEST_POINTS)
+    found = _loud_enough(out, back, pairs, bounds, edges, faces, edge_diffraction)
     return _with_reversed(*found) if back is out else found
 
 
@@ -301,6 +308,8 @@ _UNIFORM, _KELLER, _PAPER = range(3)  # in the order of EdgeStrength
 
 @compiled
 def _join(
+    begin: int,
+    end: int,
     out: EdgePaths,
     back: EdgePaths,
     starts: NDArray[np.intp],
@@ -314,13 +323,14 @@ def _join(
 ) -> int:
     """Return how many pairs of rows may form a path, and fill in the first of these pairs (m, 2) and of `bounds`.
 
-    More than `most` pairs are not all counted. `starts` (o,) is the first row of `back` to try with each row of
-    `out`, `wedges` (e,) the opening of each edge over π, `limits` wavelength, longest path and faintest amplitude. The
-    `bounds` (m, 2) are the amplitude of a pair with a perfect edge at its best heading, and the most of its edge.
+    Only rows of `out` from `begin` up to `end` are paired. More than `most` pairs are not all counted. `starts` (o,) is
+    the first row of `back` to try with each row of `out`, `wedges` (e,) the opening of each edge over π, `limits`
+    wavelength, longest path and faintest amplitude. The `bounds` (m, 2) are the amplitude of a pair with a perfect edge
+    at its best heading, and the most of its edge.
     """
     wavelength, max_length, faintest = limits
     found = 0
-    for i in range(out.edges.shape[0]):
+    for i in range(begin, end):
         edge, to_edge = out.edges[i], out.lengths[i]
         for j in range(starts[i], back.edges.shape[0]):
             if back.edges[j] != edge or to_edge + back.lengths[j] > max_length:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
+from sonarhw_sim.cores import in_parts
 from sonarhw_sim.rays import path_table
-from sonarhw_sim.rays.candidate_table import CandidateTable, is_full, no_candidates, number_of, with_room
+from sonarhw_sim.rays.candidate_table import CandidateTable, is_full, no_candidates, number_of, with_other, with_room
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.first_surface import first_among, reflect
 from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, no_heights, surface_at
@@ -25,6 +26,7 @@ from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, l
 # both; the rest finds paths through gaps narrower than the spacing.
 ALLOWANCE = 1.5
 WIDER = 16.0  # times this distance, if rays have slopes
+_LEAST_PART = 720  # directions: fewer take about as long as a thread needs to begin
 _MOST_TOUCHES = 100_000_000  # 400 MB
 _Numbers = NDArray[np.int64]  # as kernels compute with, so that none is compiled twice
 
@@ -152,10 +154,18 @@ def follow_fan(
         float(detectable.least.min()),
         steepest,
     )
-    space = _workspace(len(targets), slopes.shape[1], np.empty((slopes.size, max_bounces), np.int32))
-    candidates = _follow(search, space, no_candidates(), path_table.MOST_POINTS)
-    path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
-    return Fan(space.touched, candidates)
+    touched = np.empty((slopes.size, max_bounces), np.int32)
+
+    def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
+        space = _workspace(len(targets), slopes.shape[1], touched)
+        return _follow(begin, end, search, space, no_candidates(), path_table.MOST_POINTS)
+
+    (table, found, known), *others = in_parts(followed, len(directions), _LEAST_PART)
+    for other in others:
+        table, found, known = with_other(table, found, known, *other)
+    candidates = table.candidates[:found]
+    path_table.check_size(found, int(candidates[:, 1].max(initial=0)) + 2)
+    return Fan(touched, candidates)
 
 
 def _workspace(targets: int, slopes: int, touched: IntArray) -> _Workspace:
@@ -165,30 +175,35 @@ def _workspace(targets: int, slopes: int, touched: IntArray) -> _Workspace:
 
 
 @compiled
-def _follow(search: _Search, space: _Workspace, table: CandidateTable, most_points: int) -> IntArray:
-    """Return the candidates of `follow_fan`; not all of them, if they have more than `most_points` points in all."""
-    direction, found, known = 0, 0, 0
+def _follow(
+    direction: int, end: int, search: _Search, space: _Workspace, table: CandidateTable, most_points: int
+) -> tuple[CandidateTable, int, int]:
+    """Return the candidates of the rays from one direction up to another; and the numbers of candidates and sequences.
+
+    They are not all, if they have more than `most_points` points in all.
+    """
+    found, known = 0, 0
     while True:
-        direction, found, known = _follow_directions(direction, found, known, search, space, table)
+        direction, found, known = _follow_directions(direction, end, found, known, search, space, table)
         deepest = 0
         for k in range(found):
             deepest = max(deepest, table.candidates[k, 1])
-        if direction == search.directions.shape[0] or found * (deepest + 2) > most_points:
-            return table.candidates[:found]
+        if direction == end or found * (deepest + 2) > most_points:
+            return table, found, known
         table = with_room(table, found, known)
 
 
 @compiled_part
 def _follow_directions(
-    first: int, found: int, known: int, search: _Search, space: _Workspace, table: CandidateTable
+    first: int, end: int, found: int, known: int, search: _Search, space: _Workspace, table: CandidateTable
 ) -> tuple[int, int, int]:
-    """Follow the rays from direction `first` on; return the direction reached, and `found` and `known` there.
+    """Follow the rays from direction `first` up to `end`; return the direction reached, and `found` and `known` there.
 
     These are the numbers of candidates and of sequences in the table. Where it is full, the rays of the direction
     reached have to be followed again, which changes no candidate.
     """
     # this part makes no arrays: growing them here would cost 10 to 25 % of the time
-    for direction in range(first, search.directions.shape[0]):
+    for direction in range(first, end):
         leaving = search.detectable.leaving[direction]
         if leaving > search.faintest:
             dx, dy = math.cos(search.directions[direction]), math.sin(search.directions[direction])
@@ -196,7 +211,7 @@ def _follow_directions(
             found, known = _follow_direction(direction, leg, found, known, search, space, table)
             if is_full(table, found, known):
                 return direction, found, known
-    return search.directions.shape[0], found, known
+    return end, found, known
 
 
 @inlined

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
+from sonarhw_sim.cores import rows_in_parts
 from sonarhw_sim.rays.contacts import mirrors_of, room_for_posts, touch_posts
 from sonarhw_sim.rays.passing import Climbs, fits_a_climb, no_climbs, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
@@ -19,6 +20,7 @@ from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 BoolArray = NDArray[np.bool_]
 
 ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
+_LEAST_PART = 2000  # candidates: fewer take about as long as a thread needs to begin
 _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
 
 
@@ -40,25 +42,32 @@ def solve_candidates(
     r valid ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
     its length (r,) m; its divergence (r,), the width of its ray tube over its length, 1 without posts.
     """
-    count, most = len(candidates), int(candidates[:, 1].max(initial=0))
-    # most candidates are no paths, and the system gives memory only to rows that are filled
-    real, points = np.zeros(count, dtype=np.bool_), np.empty((count, most + 3, 2))
-    lengths, divergences = np.empty(count), np.empty(count)
-    found = _solve(
-        source,
-        touched,
-        candidates,
-        targets,
-        longest,
-        surfaces,
-        to_receiver or no_climbs(surfaces),
-        beyond_ends,
-        real,
-        points,
-        lengths,
-        divergences,
-    )
-    return real, points[:found], lengths[:found], divergences[:found]
+    most = int(candidates[:, 1].max(initial=0))
+    climbs = to_receiver or no_climbs(surfaces)
+
+    def solved(begin: int, end: int) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+        # most candidates are no paths, and the system gives memory only to rows that are filled
+        count = end - begin
+        real, points = np.zeros(count, dtype=np.bool_), np.empty((count, most + 3, 2))
+        lengths, divergences = np.empty(count), np.empty(count)
+        found = _solve(
+            source,
+            touched,
+            candidates[begin:end],
+            targets,
+            longest,
+            surfaces,
+            climbs,
+            beyond_ends,
+            real,
+            points,
+            lengths,
+            divergences,
+        )
+        return real, points[:found], lengths[:found], divergences[:found]
+
+    real, points, lengths, divergences = rows_in_parts(solved, len(candidates), _LEAST_PART)
+    return real, points, lengths, divergences
 
 
 @compiled

@@ -11,9 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.random import RandomState
+from sonarhw_sim.cores import core_count
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.cores import core_count
 from sonarhw_compare.fit.likelihood.objective import Objective
 from sonarhw_compare.fit.search.averaging import Mixture
 
