@@ -19,7 +19,7 @@ _MANY_STRAYS = 0.3  # per metre
 
 def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> tuple[str, ...]:
     """Return one line for each limit of a fit; `underestimated` are parameters whose deviations are too small."""
-    lines = [*_several_solutions(result)]
+    lines = [*several_solutions(result)]
     if underestimated:
         several = ", ".join(parameter.name for parameter in underestimated)
         lines.append(
@@ -49,7 +49,8 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
     )
 
 
-def _several_solutions(result: FitResult) -> list[str]:
+def several_solutions(result: FitResult) -> list[str]:
+    """Return one line with the pose of each solution; none if only one solution is printed."""
     if len(result.modes) < 2:
         return []
     # solutions that differ only in digits that are not printed are one

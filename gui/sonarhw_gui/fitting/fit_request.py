@@ -14,7 +14,7 @@ from sonarhw_gui.scene.scene_edit import room_and_place
 from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit import FitResult, Parameter
+    from sonarhw_compare.fit import FitResult, Parameter, PlacedScan
 
 NEAR = 0.25  # m; maximum error of a place that was set by hand
 _SAMPLES = 8000  # samples of the posterior; about 300 of them are independent
@@ -55,18 +55,21 @@ class FitRequest:
     settings: FitSettings
     progress: RunProgress = field(compare=False)
 
+    @property
+    def scan(self) -> "PlacedScan":
+        """The scan at its place in the room. Raises InputError without a room."""
+        from sonarhw_compare.fit import PlacedScan  # takes half a second; only the first fit needs it
+
+        return PlacedScan(self.readings, room_and_place(self.scene)[1], "this scan")
+
     def answer(self) -> FitFound:
         """Run the fit, which takes about ten seconds. Raises InputError, Cancelled."""
-        from sonarhw_compare.fit import (  # takes half a second; only the first fit needs it
-            FitOptions,
-            PlacedScan,
-            fit_scans,
-        )
+        from sonarhw_compare.fit import FitOptions, fit_scans
 
         scene, progress = self.scene, self.progress
-        room, place = room_and_place(scene)
+        room, _ = room_and_place(scene)
         result = fit_scans(
-            [PlacedScan(self.readings, place, "this scan")],
+            [self.scan],
             room,
             scene.board,
             self._free(room),

@@ -40,8 +40,21 @@ def solution_line(found: FitFound, solution: int, unit: LengthUnit) -> str:
 
 
 def warnings(found: FitFound) -> list[str]:
-    """Return what the scan cannot determine, and whether the fit matches worse than before."""
-    texts = [*found.result.warnings]
+    """Return what the scan cannot determine, and whether the fit matches worse than before.
+
+    Two warnings of the library are replaced: one repeats the list of solutions, the other names a command.
+    """
+    from sonarhw_compare.fit.fit_warnings import several_solutions, unexplained
+
+    result, settings = found.result, found.request.settings
+    several, few = several_solutions(result), unexplained([found.request.scan], result.agreement)
+    texts = [line for line in result.warnings if line not in (*several, *few)]
+    if several:
+        texts.append("several poses explain the scan about equally well, the room may be symmetric; try each above")
+    if few:
+        share = _percent(result.agreement[0].within_5cm)
+        elsewhere = "" if settings.everywhere else ", or search in the whole room"
+        texts.append(f"only {share} of the echoes are within 5 cm; check the room and the board{elsewhere}")
     before, after = found.within_5cm, found.solutions[0].within_5cm
     if before is not None and after is not None and after < before:
         texts.append("fewer echoes match than before: the room differs from its file in something else")

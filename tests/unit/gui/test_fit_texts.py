@@ -1,0 +1,37 @@
+"""The warnings of a fit in the window: what to do is named as it is done there."""
+
+from dataclasses import replace
+
+import pytest
+from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
+from sonarhw_compare.matching.match import Summary
+from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings, FitSolution
+from sonarhw_gui.fitting.fit_texts import warnings
+from sonarhw_gui.scene.scene import scene_with
+from sonarhw_gui.work.run_progress import RunProgress
+
+from tests.unit.compare.matching.test_headings import PAPER, PLACE, ROOM, heading_fit
+
+SUMMARY = Summary(10, 10, 9, 0.3, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def found(everywhere: bool) -> FitFound:
+    """Return a fit of two headings, with which 3 of 10 echoes match."""
+    request = FitRequest(scene_with(PAPER, ROOM, PLACE), (), FitSettings(everywhere=everywhere), RunProgress())
+    fit = heading_fit(-105.9, 74.1)
+    several = warnings_of(fit)
+    few = unexplained([request.scan], [SUMMARY])
+    assert len(several) == len(few) == 1
+    result = replace(fit, warnings=(*few, *several, "offset is at its bound, 0.06 m"), agreement=(SUMMARY,))
+    return FitFound(request, result, 0.3, (FitSolution({}, 0.3), FitSolution({}, 0.3)))
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_a_warning_names_no_command_and_repeats_no_pose_of_the_list(everywhere: bool) -> None:
+    texts = warnings(found(everywhere))
+    assert len(texts) == 3
+    assert texts[0] == "offset is at its bound, 0.06 m"
+    assert "the room may be symmetric" in texts[1]
+    assert "only 30% of the echoes" in texts[2]
+    assert ("search in the whole room" in texts[2]) is not everywhere
+    assert not any("`" in text or "105.9" in text for text in texts)
