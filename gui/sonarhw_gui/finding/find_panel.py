@@ -72,6 +72,8 @@ class FindPanel(QWidget):
         self.list = QListWidget()
         self.list.setAccessibleName("Walls and posts found")
         self.list.setSpacing(2)
+        self.list.setWordWrap(True)  # the line of a post is wider than the narrow panel
+        self.list.setResizeMode(QListWidget.ResizeMode.Adjust)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.accept, self.reject = QPushButton("Accept"), QPushButton("Reject")
         self.accept.setToolTip("Make this the room of the window; Undo takes it back")

@@ -91,6 +91,21 @@ def _at_edge(pixels: FloatArray, size: FloatArray, origin: FloatArray) -> tuple[
     return origin + share[:, None] * along, along / np.hypot(*along.T)[:, None]
 
 
+def _beside(at: Pixels, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
+    """Return the areas on both sides of an arrow for a text of this size.
+
+    They lie along the edge, in the margin around the room: farther inwards the text would cover walls and readings.
+    """
+    (x, y), width, height = at, size.width(), size.height()
+    right, below = whole.width() - width - 1, whole.height() - height - 1
+    apart = _ARROW + _GAP
+    if min(x, whole.width() - x) < min(y, whole.height() - y):
+        left = 1.0 if x < whole.width() / 2 else right
+        return QRectF(QPointF(left, y + apart), size), QRectF(QPointF(left, y - apart - height), size)
+    top = 1.0 if y < whole.height() / 2 else below
+    return QRectF(QPointF(x + apart, top), size), QRectF(QPointF(x - apart - width, top), size)
+
+
 class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
     """Draws the arrows in front of a view box, in pixels."""
 
@@ -136,14 +151,30 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         """Return the area of the plot."""
         return QRectF(0, 0, self._box.width(), self._box.height())
 
+    def text_areas(self) -> list[tuple[EdgeArrow, QRectF]]:
+        """Return the arrows with a text, and its area. Texts overlap neither texts nor arrows; the first arrow wins."""
+        metrics, whole = QFontMetricsF(self._font), self.boundingRect()
+        taken = [QRectF(x - _ARROW, y - _ARROW, 2 * _ARROW, 2 * _ARROW) for x, y in (one.at for one in self.arrows)]
+        found = []
+        for arrow in self.arrows:
+            size = metrics.boundingRect(self.text(arrow)).size() + QSizeF(4, 0)
+            for area in _beside(arrow.at, size, whole):
+                if whole.contains(area) and not any(map(area.intersects, taken)):
+                    taken.append(area)
+                    found.append((arrow, area))
+                    break
+        return found
+
     def paint(self, painter: QPainter, *_: object) -> None:
         """Draw the arrows, and the texts that do not overlap; the selected reading comes first."""
-        taken: list[QRectF] = []
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setFont(self._font)
         for arrow in self.arrows:
             self._paint_arrow(painter, arrow)
-            self._paint_text(painter, arrow, taken)
+        for arrow, area in self.text_areas():
+            painter.fillRect(area, QColor(self._look.palette.paper))
+            painter.setPen(QColor(self._look.palette.ink))
+            painter.drawText(area, Qt.AlignmentFlag.AlignCenter, self.text(arrow))
 
     def _paint_arrow(self, painter: QPainter, arrow: EdgeArrow) -> None:
         colours, along = self._look.palette, QPointF(*arrow.towards)
@@ -153,23 +184,6 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         painter.setPen(QPen(QColor(colours.chosen if chosen else colours.paper), 2.0 if chosen else 1.0))
         painter.setBrush(QColor(colours.of(arrow.kind)))
         painter.drawPolygon(QPolygonF([tip, back + across, back - across]))
-
-    def _paint_text(self, painter: QPainter, arrow: EdgeArrow, taken: list[QRectF]) -> None:
-        text = self.text(arrow)
-        size = QFontMetricsF(self._font).boundingRect(text).size() + QSizeF(4, 0)
-        x, y = arrow.towards
-        inward = QPointF(x * (_ARROW + _GAP + size.width() / 2), y * (_ARROW + _GAP + size.height() / 2))
-        area = QRectF(QPointF(0, 0), size)
-        area.moveCenter(QPointF(*arrow.at) - inward)
-        whole = self.boundingRect()
-        area.moveLeft(min(max(area.left(), 1.0), whole.width() - area.width() - 1))
-        area.moveTop(min(max(area.top(), 1.0), whole.height() - area.height() - 1))
-        if any(map(area.intersects, taken)):
-            return
-        taken.append(area)
-        painter.fillRect(area, QColor(self._look.palette.paper))
-        painter.setPen(QColor(self._look.palette.ink))
-        painter.drawText(area, Qt.AlignmentFlag.AlignCenter, text)
 
     def _lay_out(self) -> None:
         (left, right), (low, high) = self._box.viewRange()

@@ -13,6 +13,7 @@ from sonarhw_gui.shown.found_drawing import NO_POINTS, FoundDrawing, NextScan
 
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 49)
 _GAP = np.full((1, 2), np.nan)
+_WIDTH, _CLEARED = 3, 9  # pixels: dashes, and a strip below them without the outline, which has their colour
 _REACH = 0.18  # of the diagonal of the found walls: radius of the sectors of the next scan
 
 
@@ -28,9 +29,9 @@ class FoundLayer:
         self._label = pg.TextItem("scan next", anchor=(0.5, -0.5))
         self._posts = Spots(size=16, symbol="+", brush=None)  # a post may be smaller than a pixel
         for z, item in (
-            (35, self.surfaces),
-            (35, self._posts),
-            (36, self.chosen),
+            (4, self.surfaces),  # over walls and outline, below readings of all scans
+            (4, self._posts),
+            (4.5, self.chosen),
             (34, self.speaking_for),
             (34, self.against),
             (33, self.sectors),
@@ -44,7 +45,8 @@ class FoundLayer:
     def set_look(self, look: Look) -> None:
         """Use the colours and sizes of `look`."""
         colours = look.palette
-        self.surfaces.setPen(cosmetic_pen(colours.predicted, width=2, style=Qt.PenStyle.DashLine))
+        self.surfaces.setPen(cosmetic_pen(colours.predicted, width=_WIDTH, style=Qt.PenStyle.DashLine))
+        self.surfaces.setShadowPen(cosmetic_pen(colours.paper, width=_CLEARED))
         self.chosen.setPen(cosmetic_pen(colours.predicted, width=5))
         self._posts.setPen(cosmetic_pen(colours.predicted, width=2))
         self.speaking_for.setPen(cosmetic_pen(colours.predicted, width=2))

@@ -214,11 +214,10 @@ def _symbol_picture(symbol: str, filled: bool, colours: Palette, ratio: float) -
     return picture
 
 
-def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: float) -> QPixmap:
+def _line_picture(colour: str, style: Qt.PenStyle, width: float, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_LINE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        width = ratio * (1 if style == Qt.PenStyle.DashLine else 2)
-        painter.setPen(pg.mkPen(getattr(colours, colour), width=width, style=style))
+        painter.setPen(pg.mkPen(getattr(colours, colour), width=ratio * width, style=style))
         painter.drawLine(QPointF(0, _SIZE / 2), QPointF(_LINE, _SIZE / 2))
     return picture
 
@@ -292,18 +291,20 @@ _ENTRIES: dict[Class | ViewLayer, _Entry] = {
         partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
     ),
     ViewLayer.TRACE: _Entry(
-        partial(_line_picture, "measured", _SOLID), f"{ORIGIN} trace", "the received signal that the board recorded"
+        partial(_line_picture, "measured", _SOLID, 2), f"{ORIGIN} trace", "the received signal that the board recorded"
     ),
     ViewLayer.PREDICTED: _Entry(
-        partial(_line_picture, "predicted", _SOLID),
+        partial(_line_picture, "predicted", _SOLID, 2),
         "predicted",
         "the range or trace that the model predicts; dashed in the trace view",
     ),
     ViewLayer.THRESHOLD: _Entry(
-        partial(_line_picture, "threshold", _DASHED), "threshold", "detection threshold; weaker echoes are not detected"
+        partial(_line_picture, "threshold", _DASHED, 1),
+        "threshold",
+        "detection threshold; weaker echoes are not detected",
     ),
     ViewLayer.RAYS: _Entry(
-        partial(_line_picture, "chosen", _SOLID),
+        partial(_line_picture, "chosen", _SOLID, 2),
         "rays",
         "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
     ),
@@ -315,10 +316,10 @@ _ENTRIES: dict[Class | ViewLayer, _Entry] = {
     ),
 }
 _EXPLAINED = (
-    _Entry(partial(_line_picture, "wall", _SOLID), _WALL, "a wall or post of the room"),
+    _Entry(partial(_line_picture, "wall", _SOLID, 2), _WALL, "a wall or post of the room"),
     _Entry(partial(_symbol_picture, "d", True), "sensor", "the position of the sensor; drag it to move it"),
     _Entry(
-        partial(_line_picture, "faint", Qt.PenStyle.DotLine),
+        partial(_line_picture, "faint", Qt.PenStyle.DotLine, 2),
         "newest",
         "where the turntable points now",
     ),
@@ -328,9 +329,9 @@ _EXPLAINED = (
         "the heading of step 0 of the turntable: the short line at the sensor",
     ),
     _Entry(_note_picture, _NOTE, "a note on a reading; N edits that of the selected reading"),
-    _Entry(partial(_line_picture, "predicted", _SOLID), SOUND[0], "the burst on its path, with its wavefront"),
+    _Entry(partial(_line_picture, "predicted", _SOLID, 2), SOUND[0], "the burst on its path, with its wavefront"),
     _Entry(
-        partial(_line_picture, "faint", _DASHED),
+        partial(_line_picture, "faint", _DASHED, 1),
         SOUND[1],
         "echoes of walls within this disc arrive while the board is deaf (blanking); pale once the board listens",
     ),
@@ -340,7 +341,7 @@ _EXPLAINED = (
         "the range that the board would report for an echo at this moment; filled once it detects one",
     ),
     _Entry(
-        partial(_line_picture, "predicted", _DASHED),
+        partial(_line_picture, "predicted", _DASHED, 3),
         FOUND,
         "a wall or post that the search for the room has found; the selected one is thick",
     ),

@@ -136,6 +136,12 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
         assert window.legend.explained["for it"].isVisible()
         assert np.median(away(rings(window), wall)) < 0.05  # the others are in the margins of the beam, and ghosts
     keep_pictures(qtbot, window, "found")
+    item = panel.list.item(1)
+    lines, size = item.text(), panel.list.visualItemRect(item)
+    item.setText(f"post 1 · radius 0.150 m · ± 13.4 mm, ± 13.4 mm\n{lines}")  # too wide for the panel: wrapped, not cut
+    taller = panel.list.visualItemRect(item)
+    assert (taller.height() - size.height()) / panel.list.fontMetrics().height() > 1.9
+    assert taller.width() <= panel.list.viewport().width()
 
     panel.list.setFocus()
     qtbot.keyClick(panel.list, Qt.Key.Key_Up)

@@ -1,6 +1,7 @@
 """The frame of the plan: room and sensor stay in view, and arrows at the edge point to readings outside."""
 
 import gc
+import itertools
 import math
 from pathlib import Path
 
@@ -166,3 +167,21 @@ def test_arrows_stay_inside_a_resized_plan(qtbot: QtBot, window: MainWindow) -> 
     area = plan_of(window).arrows.boundingRect()
     assert plan_of(window).arrows.arrows
     assert all(area.contains(QPoint(*map(round, arrow.at)).toPointF()) for arrow in plan_of(window).arrows.arrows)
+
+
+def test_texts_of_arrows_cover_neither_the_room_nor_each_other(qtbot: QtBot, window: MainWindow) -> None:
+    plan = plan_of(window)
+    window.session.showing.choose(None)
+    walls = wall_lines(window.session.shown.scene.room)
+    for size in ((1024, 552), (1280, 752)):
+        window.resize(*size)
+        qtbot.wait(50)
+        box, texts = plan.plot.vb, plan.arrows.text_areas()
+        corners = [
+            plan.arrows.mapFromItem(box.childGroup, QPointF(*at)) for at in (walls.min(axis=0), walls.max(axis=0))
+        ]
+        room = QRectF(*corners).normalized()
+        assert len(texts) > len(plan.arrows.arrows) / 2
+        assert [plan.arrows.text(arrow) for arrow, area in texts if area.intersects(room)] == []
+        areas = [area for _, area in texts]
+        assert not any(one.intersects(other) for one, other in itertools.combinations(areas, 2))
