@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sonarhw.readings import ScanOrder
+from sonarhw.wire.units import MOST_DEGREES
 
-MOST_ANGLE = math.radians(2147)  # rad
+MOST_ANGLE = math.radians(MOST_DEGREES)
 
 
 @dataclass(frozen=True)

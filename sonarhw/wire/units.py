@@ -3,6 +3,7 @@
 import math
 
 NO_TEMPERATURE = -32768  # 0.01 °C; means no thermometer
+MOST_DEGREES = 2147  # the largest angle of a message, an i32 of µdeg
 FULL_SCALE = 255  # of an 8-bit trace sample; that of a 16-bit sample is 257 times as large
 
 

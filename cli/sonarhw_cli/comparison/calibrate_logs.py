@@ -10,6 +10,7 @@ from sonarhw.errors import InputError, NoPlate
 from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
+from sonarhw_cli.console.options import check_degrees
 from sonarhw_cli.console.output import write_figure, write_text
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_of_pose, print_place
@@ -110,8 +111,7 @@ def _check_plates(
         if not 0 < distance <= board.max_range:
             raise InputError(f"--distance {distance:g}: expected more than 0 and at most {board.max_range:g} m")
     for direction in directions:
-        if not math.isfinite(direction):
-            raise InputError(f"--direction {direction:g}: expected degrees")
+        check_degrees("--direction", direction)
     twice = {log for log in logs if sum(log.resolve() == other.resolve() for other in logs) > 1}
     if twice:
         raise InputError(f"{min(twice)}: is given twice; give each log once")

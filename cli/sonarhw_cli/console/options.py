@@ -9,6 +9,7 @@ import typer
 from sonarhw_sim.choices import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 
 from sonarhw.errors import InputError
+from sonarhw.wire.units import MOST_DEGREES
 from sonarhw_cli.console.completions import complete_board, complete_place, complete_room
 
 if TYPE_CHECKING:
@@ -160,7 +161,6 @@ ForceFiles = Annotated[bool, typer.Option("--force", help="Overwrite files of th
 PICTURE_FILE = "FILE.png|pdf|svg"
 STDOUT = "-"
 LOG = ".mcap"
-MOST_DEGREES = 2147.0  # largest angle that fits into a frame
 MOST_HEADINGS = 65535  # largest number that fits into the scan command
 
 
@@ -169,8 +169,7 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
     from sonarhw.readings import ScanOrder, headings_between
 
     for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
-        if not abs(degrees) <= MOST_DEGREES:
-            raise InputError(f"{option} {degrees:g}: expected degrees between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
+        check_degrees(option, degrees)
     try:
         headings = headings_between(start, stop, step)
     except ValueError as error:
@@ -183,6 +182,12 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
             "give a larger step"
         )
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
+
+
+def check_degrees(option: str, degrees: float, most: float = MOST_DEGREES) -> None:
+    """Raise InputError if the angle of an option is not a number, or larger than `most` degrees to either side."""
+    if not abs(degrees) <= most:
+        raise InputError(f"{option} {degrees:g}: expected degrees between -{most:g} and {most:g}")
 
 
 def refuse_given(context: typer.Context, options: Mapping[str, str], reason: str) -> None:

@@ -9,9 +9,10 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw.harmless_text import counted
+from sonarhw.wire.units import MOST_DEGREES
 from sonarhw_cli.console.connect import ScannerUrl, connect_turntable, resolve
 from sonarhw_cli.console.lines import print_line, print_note
-from sonarhw_cli.console.options import MOST_DEGREES, ZeroHere
+from sonarhw_cli.console.options import ZeroHere, check_degrees
 
 if TYPE_CHECKING:
     from sonarhw.link.serial_link import Link
@@ -44,10 +45,7 @@ def turn(
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
     if jog and zero_here:
         raise InputError("--jog, --zero-here: give only one of them")
-    if jog and not abs(degrees) <= _MOST_JOG:
-        raise InputError(f"{degrees:g} degrees: expected a jog between -{_MOST_JOG:g} and {_MOST_JOG:g}")
-    if not abs(degrees) <= MOST_DEGREES:
-        raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
+    check_degrees("--jog" if jog else "DEG", degrees, _MOST_JOG if jog else MOST_DEGREES)
     with connect_turntable(url) as scanner:
         if zero_here:
             scanner.home(here=True)

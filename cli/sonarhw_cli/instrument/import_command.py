@@ -16,7 +16,7 @@ from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, i
 from sonarhw.errors import InputError
 from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_note, warn
-from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore
+from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore, check_degrees
 from sonarhw_cli.console.output import checked_out
 from sonarhw_cli.console.room_input import chosen_place, open_room
 
@@ -282,5 +282,4 @@ def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
 def _check_options(scale: float, heading_zero: float) -> None:
     if not (math.isfinite(scale) and scale > 0):
         raise InputError(f"--scale {scale:g}: expected a number above 0, such as 0.01 for centimetres")
-    if not math.isfinite(heading_zero):
-        raise InputError(f"--heading-zero {heading_zero:g}: expected degrees")
+    check_degrees("--heading-zero", heading_zero)

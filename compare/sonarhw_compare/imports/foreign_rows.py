@@ -9,10 +9,10 @@ import numpy as np
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading, Trace
 from sonarhw.sound_speed import speed_of_sound
+from sonarhw.wire.units import MOST_DEGREES
 
 SPACING = 0.1  # s between readings of a file without times
 # limits of the frames of a log
-MOST_DEGREES = 2147.0
 MOST_RANGE = 700.0  # m
 LONGEST = 86_400.0  # s, between readings
 LONGEST_SCAN = 1e8  # s

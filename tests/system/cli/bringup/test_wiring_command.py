@@ -81,7 +81,7 @@ def test_a_jog_shows_the_direction_of_the_motor(fault: WiringFault, sign: int) -
     ("arguments", "message"),
     [
         (("wiring", "--invert", "cam", "--normal", "cam"), "--invert, --normal: the same part is in both"),
-        (("turn", "--jog", "11"), "11 degrees: expected a jog between -10 and 10"),
+        (("turn", "--jog", "11"), "--jog 11: expected degrees between -10 and 10"),
         (("turn", "--jog", "--zero-here", "5"), "--jog, --zero-here: give only one of them"),
     ],
 )

@@ -66,6 +66,7 @@ def test_the_profile_contains_the_constants_of_the_scanner(folder: Path, capsys:
         (("--direction", "0", "--direction", "1"), "--direction: expected one for all logs, or 3, got 2"),
         (("--step", "2"), "--step: is for a scan by a scanner; remove it"),
         (("--direction", "nan"), "--direction nan: expected degrees"),
+        (("--direction", "1e300"), "--direction 1e+300: expected degrees between -2147 and 2147"),
     ],
 )
 def test_bad_usage_is_one_line(

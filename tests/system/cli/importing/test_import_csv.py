@@ -229,6 +229,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm\n0,1\n", ["--scale", "0"], "--scale 0"),
         ("deg,cm\n0,1\n", ["--scale", "nan"], "--scale nan"),
         ("deg,cm\n0,1\n", ["--heading-zero", "inf"], "--heading-zero inf"),
+        ("deg,cm\n0,1\n", ["--heading-zero", "3e3"], "--heading-zero 3000: expected degrees between -2147 and 2147"),
         ("deg,cm\n0,1\n", ["--mean-of", "1"], "--mean-of 1: expected 2 to 8 pings"),
         ("deg,cm\n0,1\n", ["--turn", "left"], "left"),
     ],
