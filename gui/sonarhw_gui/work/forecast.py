@@ -4,6 +4,7 @@ Paths are computed twice: first a quick draft, then all paths. During a drag the
 or scan that is no longer shown are dropped.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 
@@ -18,7 +19,8 @@ from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
 LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
-REST = 0.1  # s without a movement, after which a drag is considered to pause
+# s without a movement, after which a drag is considered to pause: at least the first, at most the second
+SHORT_REST, REST = 0.05, 0.1
 
 
 class Forecast:
@@ -35,6 +37,7 @@ class Forecast:
         self._found: PathsFound | None = None
         self._generation = 0  # number of the scene; every change increments it
         self._changed_at: dict[int, float] = {}  # generation: time of its change; only those after the compared scene
+        self._moved_at = -math.inf  # of the last change of the scene
         self._oldest = 0  # older generations belong to another room
         self._search_at: float | None = None  # time of the next search for all paths
         # four threads: drafts and comparisons never wait for the search for all paths, nor for probabilities
@@ -78,13 +81,15 @@ class Forecast:
         """
         self._scene = scene
         self._generation += 1
-        self._changed_at[self._generation] = self._clock()
-        self._search_at = None
+        now = self._clock()
+        # on a slow computer, twice the time between two movements is longer, and a search would slow a drag down
+        rest = min(max(2 * (now - self._moved_at), SHORT_REST), REST) if moving else 0.0
+        self._changed_at[self._generation], self._moved_at, self._search_at = now, now, None
         if scene.room is None:
             return
         effort = self._effort.effort
         self._drafter.submit(PathsRequest(self._generation, scene, effort.limit(scene.options), effort.headings))
-        self._search_at = self._clock() + (REST if moving else 0.0)
+        self._search_at = now + rest
         self._search_when_due()
 
     def begin_scan(self) -> None:

@@ -14,7 +14,7 @@ from sonarhw_compare.matching.match import compare_readings
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.comparing import ComparedScan, CompareRequest, StretchesCompared
 from sonarhw_gui.work.effort import Effort, EffortChoice
-from sonarhw_gui.work.forecast import LATE, REST, Forecast
+from sonarhw_gui.work.forecast import LATE, REST, SHORT_REST, Forecast
 from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 from sonarhw_sim.board.profile import load_board
@@ -238,6 +238,22 @@ def test_a_moving_sensor_gets_drafts_and_a_resting_one_the_full_prediction(qtbot
     clock.now += 0.6 * REST
     finished(qtbot, forecast)
     assert len(forecast.outline.paths) > len(draft.paths)
+    forecast.close()
+
+
+@pytest.mark.parametrize(("between", "rest"), [(0.01, SHORT_REST), (0.04, 0.08), (0.2, REST)])
+def test_a_drag_rests_after_twice_the_time_between_its_movements(scene: Scene, between: float, rest: float) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    for step in range(3):
+        clock.now = between * step
+        forecast.change_scene(moved(scene, 0.01 * step), moving=True)
+    clock.now += 0.9 * rest
+    forecast.take()
+    assert forecast.dragging
+    clock.now += 0.2 * rest
+    forecast.take()
+    assert not forecast.dragging
     forecast.close()
 
 
