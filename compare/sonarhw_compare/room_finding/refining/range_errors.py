@@ -88,7 +88,7 @@ def range_errors(
     ]
     rows = [*ranges, *bearings, *headings]
     errors = np.array([error for error, _ in rows])
-    slopes = np.array([slope for _, slope in rows]).reshape(-1, len(moves))
+    slopes = np.array([slope for _, slope in rows]).reshape(len(rows), len(moves))
     return RangeErrors(errors, slopes, len(ranges), len(headings))
 
 

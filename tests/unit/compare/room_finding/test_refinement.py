@@ -122,6 +122,13 @@ def test_a_room_that_is_off_returns_to_the_true_one() -> None:
         assert abs(turn) < math.radians(1), key
 
 
+def test_a_draft_without_walls_stays_as_it_is() -> None:
+    evidence, true = case()
+    empty = RoomDraft(true.places)
+    assert moves_of(evidence, empty) == []
+    assert refined(evidence, empty, ROUGH, 1).draft == empty
+
+
 def test_stated_deviations_hold_the_truth() -> None:
     held, widest = [], 0.0
     for seed in range(8):
