@@ -10,7 +10,7 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.comparison.locate_command import _figures_of
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.locate.poses import Pose, locate_scan
+from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -65,8 +65,17 @@ def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
     assert located.scores.positions[located.lattice.argmax()] == pytest.approx((0.47, 1.13), abs=0.08)
 
 
-def test_a_rectangle_has_two_equally_probable_poses() -> None:
-    located = locate_scan(scan_from(RECTANGLE, (0.5, 0.4), 0.3), RECTANGLE, BOARD)
+@pytest.fixture(scope="module")
+def in_rectangle() -> list[Reading]:
+    return scan_from(RECTANGLE, (0.5, 0.4), 0.3)
+
+
+@pytest.fixture(scope="module")
+def located(in_rectangle: list[Reading]) -> Located:
+    return locate_scan(in_rectangle, RECTANGLE, BOARD)
+
+
+def test_a_rectangle_has_two_equally_probable_poses(located: Located) -> None:
     one, other = located.poses[:2]
     assert one.probability + other.probability > 0.99
     assert one.probability == pytest.approx(0.5, abs=0.1)
@@ -89,13 +98,11 @@ def test_locate_and_fit_find_the_same_pose(arena: Room) -> None:
         assert abs(value - found[name].value) < 0.7 * found[name].deviation
 
 
-def test_repeated_readings_add_no_evidence() -> None:
-    scan = scan_from(RECTANGLE, (0.5, 0.4), 0.3)
-    repeated = [one for one in scan for _ in range(3)]
-    once, thrice = (locate_scan(readings, RECTANGLE, BOARD) for readings in (scan, repeated))
-    assert once.poses[1].probability > 0.1
-    assert thrice.redundancy == pytest.approx(3 * once.redundancy)
-    assert thrice.poses[0].probability == pytest.approx(once.poses[0].probability, abs=0.1)
+def test_repeated_readings_add_no_evidence(in_rectangle: list[Reading], located: Located) -> None:
+    thrice = locate_scan([one for one in in_rectangle for _ in range(3)], RECTANGLE, BOARD)
+    assert located.poses[1].probability > 0.1
+    assert thrice.redundancy == pytest.approx(3 * located.redundancy)
+    assert thrice.poses[0].probability == pytest.approx(located.poses[0].probability, abs=0.1)
 
 
 @pytest.mark.skipif(not Path(DEFAULT_FOLDER).is_dir(), reason="the real scans are not here")

@@ -29,8 +29,7 @@ def choose_one_switch(scanner: Scanner) -> None:
     assert scanner.configure_wiring(Wiring.ONE_SWITCH, Wiring.ONE_SWITCH) == Wiring.ONE_SWITCH
 
 
-@pytest.mark.parametrize("combination", [MEGA, UNO])
-@pytest.mark.parametrize("start", [-45, -1, 0, 30])
+@pytest.mark.parametrize(("combination", "start"), [(MEGA, -45), (UNO, -1), (MEGA, 0), (UNO, 30)])
 def test_a_table_near_zero_homes_without_a_cam(combination: str, start: float) -> None:
     echoes = Echoes(0.020)
     options = {"combination": combination, "start_deg": start, "miswire": WiringFault.CAM_OPEN}
@@ -64,14 +63,13 @@ def test_all_around_is_scanned_and_a_power_failure_anywhere_winds_the_cable_no_f
         assert np.degrees([ping.angle for ping in echoes.pings]) == pytest.approx([30], abs=0.06)
 
 
-@pytest.mark.parametrize("combination", [MEGA, UNO])
 @pytest.mark.parametrize(
-    ("fault", "text"),
+    ("combination", "fault", "text"),
     [
-        (WiringFault.MARK_OPEN, NO_MARK),
-        (WiringFault.MOTOR_OPEN, NO_MARK),
-        (WiringFault.MARK_INVERTED, WRONG_WAY),
-        (WiringFault.MOTOR_REVERSED, WRONG_WAY),
+        (MEGA, WiringFault.MARK_OPEN, NO_MARK),
+        (UNO, WiringFault.MOTOR_OPEN, NO_MARK),
+        (UNO, WiringFault.MARK_INVERTED, WRONG_WAY),
+        (MEGA, WiringFault.MOTOR_REVERSED, WRONG_WAY),
     ],
 )
 def test_a_wrong_wire_is_named_and_repeated_homes_return_to_where_they_began(

@@ -17,13 +17,25 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_sensor_at
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.model import Place, Room, load_room
 
 from sonarhw.log import Log, read_log
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import drag, ended, predicted, until
 
-FAKE = "fake:simple?place=figure7&board=polaroid-6500&seed=3&pace=max"
+
+@pytest.fixture(scope="module")
+def room_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the room `simple` with walls that absorb: few paths are loud, so the fake scanner needs little time."""
+    file = tmp_path_factory.mktemp("room") / "simple.toml"
+    file.write_text(load_room("simple").text.replace("reflectance = 0.95", "reflectance = 0.5"))
+    return file
+
+
+@pytest.fixture(scope="module")
+def fake(room_file: Path) -> str:
+    """Return the URL of the fake scanner."""
+    return f"fake:{room_file}?place=figure7&board=polaroid-6500&seed=3&pace=max"
 
 
 @pytest.fixture
@@ -33,11 +45,11 @@ def scanners() -> Iterator[_Scanners]:
 
 
 @pytest.fixture
-def window(open_with: OpenWith, scanners: _Scanners) -> MainWindow:
-    """Open a window on a fake scanner in the room `simple`, as `sonarhw gui FAKE` does."""
-    room = load_room("simple")
+def window(open_with: OpenWith, scanners: _Scanners, fake: str) -> MainWindow:
+    """Open a window on the fake scanner in its room, as `sonarhw gui FAKE` does."""
+    room = load_room(read_fake_url(fake).room)
     scene = Scene(room, room.place("figure7"), load_board("polaroid-6500"), "simple.toml")
-    return open_with(scene=scene, source=scanners.opener(FAKE), url=FAKE, find_scanner=scanners.find)
+    return open_with(scene=scene, source=scanners.opener(fake), url=fake, find_scanner=scanners.find)
 
 
 def scan(qtbot: QtBot, window: MainWindow) -> Log:
@@ -63,16 +75,18 @@ def choose(window: MainWindow, place: str, board: str) -> None:
 
 def is_of(log: Log, url: str) -> bool:
     """Return whether a log names the room, place and board of a fake scanner; the fake itself reports its board."""
-    fake, named = read_fake_url(url), log.metadata
-    settings = load_room(fake.room).text, fake.place, fake.board, fake.board
+    scanner, named = read_fake_url(url), log.metadata
+    settings = load_room(scanner.room).text, scanner.place, scanner.board, scanner.board
     return settings == (named.room_text, named.place, named.board, log.info.board)
 
 
-def test_the_next_scan_moves_the_fake_to_the_place_and_board_that_are_chosen(qtbot: QtBot, window: MainWindow) -> None:
+def test_the_next_scan_moves_the_fake_to_the_place_and_board_that_are_chosen(
+    qtbot: QtBot, window: MainWindow, fake: str
+) -> None:
     session = window.session
     first = scan(qtbot, window)
-    assert session.scanners.url == FAKE
-    assert is_of(first, FAKE)
+    assert session.scanners.url == fake
+    assert is_of(first, fake)
     choose(window, "figure9", "paper")
     second = scan(qtbot, window)
     assert (second.metadata.place, second.metadata.board) == ("figure9", "paper")
@@ -81,12 +95,12 @@ def test_the_next_scan_moves_the_fake_to_the_place_and_board_that_are_chosen(qtb
     assert [one.range for one in first.readings] != [one.range for one in second.readings]
 
 
-def test_a_board_that_no_fake_has_is_named_in_the_banner(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_board_that_no_fake_has_is_named_in_the_banner(qtbot: QtBot, window: MainWindow, fake: str) -> None:
     scene = window.session.shown.scene
     window.session.showing.edit(replace(scene, board=replace(scene.board, name="mine")), "choosing a board")
     scan(qtbot, window)
     assert "the fake scanner has board 'polaroid-6500'" in window.banner.message
-    assert window.session.scanners.url == FAKE
+    assert window.session.scanners.url == fake
 
 
 def test_scan_this_room_scans_from_the_place_and_with_the_board_that_are_shown(
@@ -110,13 +124,13 @@ def test_scan_this_room_scans_from_the_place_and_with_the_board_that_are_shown(
 
 
 def test_a_dragged_sensor_leaves_the_fake_where_it_is_and_is_named_in_the_banner(
-    qtbot: QtBot, window: MainWindow
+    qtbot: QtBot, window: MainWindow, fake: str
 ) -> None:
     session = window.session
     session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
     scan(qtbot, window)
     assert "the fake scanner is still at figure7" in window.banner.message
-    assert session.scanners.url == FAKE
+    assert session.scanners.url == fake
     before = session.status.recording
     qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
     scanned(qtbot, window, before)
@@ -141,18 +155,19 @@ def test_the_status_bar_names_what_the_fake_keeps_and_a_command_moves_it_to_the_
     place = session.shown.scene.pose
     assert math.dist(place.position, (0.5, 0.35)) < 0.02
     assert second.metadata.place == place.name
-    fake = read_fake_url(session.scanners.url)
-    assert math.dist(fake.place_in(load_room("simple")).position, place.position) < 1e-4
+    room = session.shown.scene.room
+    moved = read_fake_url(session.scanners.url)
+    assert math.dist(moved.place_in(room).position, place.position) < 1e-4
     until(qtbot, lambda: predicted(window) and label.text() == FAKE_LABEL)
-    assert shares(first, place) < 0.7 < shares(second, place)
+    assert shares(first, room, place) < 0.7 < shares(second, room, place)
     session.showing.undo()
     until(qtbot, lambda: label.text() == f"fake scanner, still at {place.name}")
 
 
-def shares(log: Log, place: Place) -> float:
+def shares(log: Log, room: Room, place: Place) -> float:
     """Return the share of readings within 5 cm of their prediction at a place."""
     board = load_board("polaroid-6500")
-    return compare_readings(log.readings, load_room("simple"), place, board).summary().within_5cm
+    return compare_readings(log.readings, room, place, board).summary().within_5cm
 
 
 def test_a_turned_sensor_and_another_board_are_followed_too(qtbot: QtBot, window: MainWindow) -> None:
@@ -165,8 +180,8 @@ def test_a_turned_sensor_and_another_board_are_followed_too(qtbot: QtBot, window
     before = session.status.recording
     window.commands.move_fake.trigger()
     scanned(qtbot, window, before)
-    fake = read_fake_url(session.scanners.url)
-    assert (fake.place, fake.heading, fake.board) == ("0.5,0.35", pytest.approx(math.radians(40)), "paper")
+    moved = read_fake_url(session.scanners.url)
+    assert (moved.place, moved.heading, moved.board) == ("0.5,0.35", pytest.approx(math.radians(40)), "paper")
     until(qtbot, lambda: window.status_bar.fake.text() == FAKE_LABEL)
     window.room.model.board.textActivated.emit("hc-sr04")
     until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still with board paper")

@@ -146,14 +146,13 @@ def test_a_click_on_the_legend_hides_a_class_in_plan_ranges_and_table(
     assert entry.accessibleName().endswith("shown")
 
 
-@pytest.mark.parametrize("layer", list(ViewLayer))
 def test_every_entry_of_the_legend_switches_its_layer_with_a_key(
-    qtbot: QtBot, open_with: OpenWith, scene: Scene, recorded: Path, layer: ViewLayer
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window) and window.session.shown.trace is not None)
     views = window.views
-    items = {
+    items_of = {
         ViewLayer.TRACE: [views.trace._measured],
         ViewLayer.PREDICTED: [
             views.trace._predicted,
@@ -164,15 +163,17 @@ def test_every_entry_of_the_legend_switches_its_layer_with_a_key(
         ViewLayer.BEAM: [views.plan.drawing.sensor._beam],
         ViewLayer.BLANKING: [views.trace.marks._blanking],
         ViewLayer.RAYS: [],
-    }[layer]
-    assert all(item.isVisible() for item in items)
-    entry = window.legend.entries[layer]
-    entry.setFocus()
-    qtbot.keyClick(entry, Qt.Key.Key_Space)
-    until(qtbot, lambda: layer in window.session.shown.hidden)
-    assert not any(item.isVisible() for item in items)
-    if layer is ViewLayer.RAYS:
-        assert window.views.plan.drawing.path._rays.xData is None or not len(window.views.plan.drawing.path._rays.xData)
+    }
+    assert set(items_of) == set(ViewLayer)
+    for layer, items in items_of.items():
+        assert all(item.isVisible() for item in items), layer
+        entry = window.legend.entries[layer]
+        entry.setFocus()
+        qtbot.keyClick(entry, Qt.Key.Key_Space)
+        until(qtbot, lambda layer=layer: layer in window.session.shown.hidden)
+        assert not any(item.isVisible() for item in items), layer
+    rays = window.views.plan.drawing.path._rays.xData
+    assert rays is None or not len(rays)
     qtbot.keyClick(entry, Qt.Key.Key_Space)
     until(qtbot, lambda: layer not in window.session.shown.hidden)
     assert all(item.isVisible() for item in items)

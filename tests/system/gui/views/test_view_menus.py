@@ -47,19 +47,19 @@ def ask_for_menu(window: MainWindow, below: QWidget) -> QMenu:
     return window.view_menus.opened
 
 
-@pytest.mark.parametrize("name", VIEWS)
-def test_a_right_click_opens_the_menu_of_the_window_and_no_other(qtbot: QtBot, window: MainWindow, name: str) -> None:
-    view = shown_view(qtbot, window, name)
-    below = surface(view)
-    qtbot.mouseClick(below, Qt.MouseButton.RightButton, pos=below.rect().center() - QPoint(20, 20))
-    assert not [menu for menu in QApplication.topLevelWidgets() if isinstance(menu, QMenu) and menu.isVisible()]
-    menu = ask_for_menu(window, below)
-    texts = [action.text() for action in menu.actions()]
-    assert "Fit this view" in texts
-    assert {action.text() for action in view.actions()} <= set(texts)
-    assert any("Picture" in text for text in texts) is (name != "Readings")
-    assert "Export..." not in texts
-    menu.close()
+def test_a_right_click_opens_the_menu_of_the_window_and_no_other(qtbot: QtBot, window: MainWindow) -> None:
+    for name in VIEWS:
+        view = shown_view(qtbot, window, name)
+        below = surface(view)
+        qtbot.mouseClick(below, Qt.MouseButton.RightButton, pos=below.rect().center() - QPoint(20, 20))
+        assert not [menu for menu in QApplication.topLevelWidgets() if isinstance(menu, QMenu) and menu.isVisible()]
+        menu = ask_for_menu(window, below)
+        texts = [action.text() for action in menu.actions()]
+        assert "Fit this view" in texts, name
+        assert {action.text() for action in view.actions()} <= set(texts), name
+        assert any("Picture" in text for text in texts) is (name != "Readings")
+        assert "Export..." not in texts, name
+        menu.close()
 
 
 def test_no_plot_has_a_menu_of_pyqtgraph(qtbot: QtBot, window: MainWindow) -> None:
