@@ -86,7 +86,7 @@ def assert_harmless(text: str) -> None:
     ids=lambda arguments: repr(arguments)[:50],
 )
 def test_arguments(capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]) -> None:
-    printed(capsys, *arguments, status=2)
+    assert "sonarhw: " in printed(capsys, *arguments, status=2)
 
 
 def test_a_room(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

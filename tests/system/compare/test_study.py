@@ -205,6 +205,7 @@ def test_an_installation_during_a_study_does_not_stop_it(tmp_path: Path, monkeyp
     part = make_part(study, 0)
     monkeypatch.setattr(parts, "version", lambda _: None)
     folder.write(part)
+    assert len([*folder.unfinished.glob("scans/part-*.parquet")]) == 1
 
 
 def test_shared_paths_do_not_change_results(tmp_path: Path) -> None:

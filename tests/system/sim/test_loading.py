@@ -28,7 +28,7 @@ before = compiled()
 source.receive(Ping(1.0, 0, 0, 0.06, trace=True))
 assert before and compiled() == before, (before, compiled())
 """
-    subprocess.run([sys.executable, "-c", program], check=True)
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
 def test_no_command_uses_a_kernel_that_make_setup_does_not_compile(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ for command in (
     assert before and compiled() == before, (command, compiled() - before)
 """
     files = [str(tmp_path / "scan.mcap"), str(tmp_path / "traces.npz")]
-    subprocess.run([sys.executable, "-c", program, *files], cwd=CHECKOUT, check=True)
+    assert subprocess.run([sys.executable, "-c", program, *files], cwd=CHECKOUT, check=False).returncode == 0
 
 
 def test_choices_load_neither_numpy_nor_pydantic() -> None:

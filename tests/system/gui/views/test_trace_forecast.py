@@ -55,6 +55,7 @@ def test_the_trace_belongs_to_the_last_chosen_reading(qtbot: QtBot, forecast: Tr
     for chosen in range(30):
         forecast.follow(Shown(scene, readings=readings(30), chosen=chosen))
     taken(qtbot, forecast, lambda: degrees(forecast) == 290.0)
+    assert not forecast.failures
 
 
 def test_an_unreadable_trace_is_reported_and_the_next_is_shown(

@@ -55,8 +55,9 @@ def test_sensor_in_a_corner_has_echoes_of_the_opposite_walls() -> None:
     assert round(4 * math.sqrt(2), 6) in found
 
 
-def test_sensor_on_the_end_of_a_wall_has_sane_paths() -> None:
-    paths_at(polygon_room([(0.0, 0.0), (2.0, 0.0), (3.0, 2.0)], closed=False), 0.0, 0.0)
+def test_sensor_on_the_end_of_a_wall_has_only_the_echo_of_the_far_edge() -> None:
+    paths = paths_at(polygon_room([(0.0, 0.0), (2.0, 0.0), (3.0, 2.0)], closed=False), 0.0, 0.0)
+    assert lengths_of(paths) == [round(2 * math.hypot(3.0, 2.0), 6)]  # no normal of the other wall leads to the sensor
 
 
 def test_sensor_inside_a_post_has_no_paths() -> None:

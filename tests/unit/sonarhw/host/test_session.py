@@ -42,7 +42,9 @@ def test_random_unplugs_lose_no_reading_and_each_is_detected_within_a_second(cou
     chance = random.Random(1)
     unplugs = 0
     while unplugs < count(50, 200):
-        unplugs += scan_with_unplugs(Bench(seed=unplugs).connect(), chance)
+        seen = scan_with_unplugs(Bench(seed=unplugs).connect(), chance)  # checks the scan and each unplug
+        assert seen > 0
+        unplugs += seen
 
 
 def scan_with_unplugs(bench: Bench, chance: random.Random) -> int:

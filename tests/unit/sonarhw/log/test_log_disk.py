@@ -96,11 +96,12 @@ class Drive:
         if self.removed:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    def wait(self) -> None:
-        """Wait until everything written is synchronised, or until one attempt has failed."""
-        size = self._path.stat().st_size
-        while self._synchronised.get(timeout=HANG) < size and not self.removed:
-            pass
+    def wait(self) -> int:
+        """Wait until everything written is synchronised, or until one attempt has failed; return its size in bytes."""
+        size, done = self._path.stat().st_size, self._synchronised.get(timeout=HANG)
+        while done < size and not self.removed:
+            done = self._synchronised.get(timeout=HANG)
+        return done
 
 
 def test_each_reading_of_a_live_log_is_synchronised_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +110,7 @@ def test_each_reading_of_a_live_log_is_synchronised_to_disk(tmp_path: Path, monk
         drive.wait()
         for number in range(3):
             log.reading(example_reading(number))
-            drive.wait()
+            assert drive.wait() == (tmp_path / "scan.mcap").stat().st_size
 
 
 def record_one(log: LogWriter, number: int) -> None:
