@@ -27,16 +27,15 @@ def path_amplitudes(
     board: Board,
     heading: float,
     paths: Paths,
+    without_beam: FloatArray,
     sender_headings: FloatArray | None = None,
-    without_beam: FloatArray | None = None,
 ) -> FloatArray:
     """Return the signed amplitude of every path at a heading (rad), (p,) float; 1 is a perfect wall straight ahead.
 
     It includes reflectances, edges and curvature, the beam at departure and arrival, and absorption beyond the ideal
-    gain, but no other path. `sender_headings` (p,) rad are the headings of the senders; None: that of the receiver.
-    `without_beam` (p,) are the `strengths` of the paths, if they are known.
+    gain, but no other path. `without_beam` (p,) are the `strengths` of the paths, which are the same at every heading.
+    `sender_headings` (p,) rad are the headings of the senders; None: that of the receiver.
     """
-    without_beam = strengths(room, board, paths) if without_beam is None else without_beam
     ka = board.wavenumber(room.air) * board.aperture_radius
     # as if the sender had pointed along `heading`
     leaving = paths.leaving if sender_headings is None else turned(paths.leaving, heading - sender_headings)

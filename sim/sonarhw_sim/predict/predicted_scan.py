@@ -121,7 +121,7 @@ class PredictedScan:
         """Return the signed amplitudes of `paths`, which are `rows` of all, at heading `index`, (k,)."""
         senders = None if self.sender_headings is None else self.sender_headings[rows]
         heading = float(self.headings[index])
-        amplitudes = path_amplitudes(self.room, self.board, heading, paths, senders, self._strengths[rows])
+        amplitudes = path_amplitudes(self.room, self.board, heading, paths, self._strengths[rows], senders)
         amplitudes[self.blocked_at(index, paths)] = 0.0
         return amplitudes
 

@@ -16,7 +16,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.board_readings import with_own_body, with_readings
 from sonarhw_sim.predict.by_heading import SensorPair, find_by_heading
-from sonarhw_sim.predict.levels import KEPT_BELOW_THRESHOLD, faintest_kept, loud_enough, path_amplitudes
+from sonarhw_sim.predict.levels import KEPT_BELOW_THRESHOLD, faintest_kept, loud_enough, path_amplitudes, strengths
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan
 from sonarhw_sim.rays.detectable import TransducerAxes
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, Paths, PathSearch
@@ -157,7 +157,8 @@ def _scan_by_heading(
         # with one point for both, a search uses every partial path twice
         paths = _paths(room_with_faces, start, board, search_pair, options, None if start.position == end else end)
         sender_headings = np.full(len(paths), pair.sender.heading)
-        amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
+        without_beam = strengths(room, board, paths)
+        amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, without_beam, sender_headings)
         return paths.select(np.flatnonzero(np.abs(amplitudes) >= np.where(paths.scattered, _PATCH, 1.0) * faintest))
 
     found = find_by_heading(room, board.at_axis(place), board, headings, find, FACE_REFLECTANCES[options.unit])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from sonarhw_sim.board.profile import board_names, load_board
-from sonarhw_sim.predict.levels import path_amplitudes
+from sonarhw_sim.predict.levels import path_amplitudes, strengths
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
@@ -121,7 +121,7 @@ def test_rough_wall_returns_no_more_power_than_a_mirror(name: str, scatter: floa
         powers = []
         for room in (wall_room(0.0), wall_room(scatter)):
             scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.array([math.radians(degrees)]))
-            loud = path_amplitudes(room, board, math.radians(degrees), scan.paths)
+            loud = path_amplitudes(room, board, math.radians(degrees), scan.paths, strengths(room, board, scan.paths))
             powers.append(float((loud**2).sum()))
         mirrored = powers[0] if degrees == 90.0 else 0.8**2
         assert powers[1] <= mirrored
