@@ -193,6 +193,8 @@ class WindowSession(QObject):
             wait = TORN_AFTER if path is not None and is_being_written(path) else 0.0
             self._torn = time.monotonic() + wait, message
             self._report_torn(time.monotonic())
+        elif not log.readings:
+            self.warned.emit(f"{name}: contains no readings")
         doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
         for doubt in filter(None, doubts):
             self.warned.emit(f"{name}: {doubt}")

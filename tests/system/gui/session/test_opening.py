@@ -55,6 +55,15 @@ def test_a_log_without_a_place_is_shown_at_the_first_place_with_a_warning(
     assert bool(window.banner.message) == bool(warning)
 
 
+def test_a_log_without_readings_says_so(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    metadata = LogMetadata("import", 0.0, ROOM.name, ROOM.read_text(), "figure9")
+    write_scan(tmp_path / "scan.mcap", metadata, [])
+    window = open_with()
+    assert drop(window, tmp_path / "scan.mcap")
+    until(qtbot, lambda: window.session.replay.loaded)
+    assert "scan.mcap: contains no readings" in window.banner.message
+
+
 def test_a_log_dropped_with_a_room_is_shown_in_this_room(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
