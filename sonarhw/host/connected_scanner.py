@@ -67,13 +67,13 @@ class ConnectedScanner(Protocol):
         """Pass everything received to `recorder`."""
 
     def configure(self, listen: float, blanking: float, trace: bool, speed_of_sound: float | None) -> PingSettings:
-        """Set the parameters of the next pings."""
+        """Set the parameters of the next pings; return those in use."""
 
     def home(self, here: bool = False) -> Outcome:
-        """Home the turntable, set its zero by hand, or wait for the start of a sweep."""
+        """Home the turntable, set its zero by hand, or wait for the start of a sweep; return how that ended."""
 
     def turn(self, angle: float) -> Outcome:
-        """Turn to `angle`, rad."""
+        """Turn to `angle`, rad; return how that ended."""
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
         """Scan, and yield each reading."""

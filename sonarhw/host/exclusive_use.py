@@ -47,7 +47,7 @@ class ExclusiveUse:
                 self._acting = False
 
     def claim(self) -> bool:
-        """Prevent sequences until `release`. False if one runs."""
+        """Prevent sequences until `release`, and return True; return False if one runs."""
         return self._lock.acquire(blocking=False)
 
     def release(self) -> None:

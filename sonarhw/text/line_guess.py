@@ -47,7 +47,10 @@ class LineGuess:
 
 
 def guess_lines(port: str, stopped: Callable[[], bool] = lambda: False) -> LineGuess:
-    """Listen at a port at one baud rate after the other, until `stopped`. Raises LinkError if it cannot be opened."""
+    """Return what a device prints. Listens at one baud rate after the other, until `stopped`.
+
+    Raises LinkError if the port cannot be opened.
+    """
     best = LineGuess(port)
     with Link(port) as link:
         for baud in BAUDS if link.bauds else BAUDS[:1]:

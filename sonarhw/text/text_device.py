@@ -52,7 +52,10 @@ class TextDevice(DevicePlugin):
             link.close()
 
     def begin(self, order: ScanOrder) -> bool:
-        """Count the steps of a device that prints no angle from here."""
+        """Count the steps of a device that prints no angle from here.
+
+        Returns whether earlier measurements may belong to the scan; their angle is known only if it is printed.
+        """
         self._steps = 0
         return self._settings.step is None
 

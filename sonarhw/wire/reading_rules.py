@@ -19,7 +19,7 @@ def readings_requested(order: StartScan) -> int:
 
 
 def broken_start_rule(order: StartScan, answer: Started) -> str | None:
-    """Check the answer to a StartScan."""
+    """Return how the answer to a StartScan breaks the protocol; None if it does not."""
     expected = readings_requested(order)
     if (answer.readings, answer.first) == (expected, order.first):
         return None
@@ -30,7 +30,7 @@ def broken_start_rule(order: StartScan, answer: Started) -> str | None:
 
 
 def broken_settings_rule(request: Configure, answer: Settings) -> str | None:
-    """Check the answer to a Configure."""
+    """Return how the answer to a Configure breaks the protocol; None if it does not."""
     if answer.speed_of_sound == 0:
         return "Settings contains a speed_of_sound of 0; expected the requested one"
     if answer.speed_of_sound != request.speed_of_sound:
@@ -43,7 +43,10 @@ def broken_settings_rule(request: Configure, answer: Settings) -> str | None:
 def broken_reading_rule(
     reading: ReadingMessage, order: StartScan, settings: Settings | None, microsteps: int
 ) -> str | None:
-    """Check a reading of the scan `order`. `microsteps` per turn round its angle; 0: unknown."""
+    """Return how a reading of the scan `order` breaks the protocol; None if it does not.
+
+    `microsteps` per turn round its angle; 0: unknown.
+    """
     broken = _broken_place(reading, order, microsteps) or _broken_order(reading.echoes)
     if broken is None and settings is not None:
         broken = _broken_window(reading.echoes, settings)
