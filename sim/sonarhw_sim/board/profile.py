@@ -279,10 +279,7 @@ class Board:
         """Return the place with the position of the turning axis; its heading is the actual one of step 0."""
         if not (self.axis_x or self.axis_y):
             return place
-        cosine, sine = math.cos(place.heading), math.sin(place.heading)
-        x, y = place.position
-        axis = x + self.axis_x * cosine - self.axis_y * sine, y + self.axis_x * sine + self.axis_y * cosine
-        return replace(place, position=axis)
+        return replace(place, position=axis_beside(place.position, place.heading, self.axis_x, self.axis_y))
 
     def wavenumber(self, air: Air) -> float:
         """Return 2π over the wavelength, rad/m."""
@@ -315,6 +312,15 @@ class Board:
         """Return the ranges that the board reports for true ones, m, same shape; NaN stays NaN. None is negative."""
         ranges = np.maximum(self.unrounded(distances), 0.0)
         return np.round(ranges / self.rounding) * self.rounding if self.rounding else ranges
+
+
+def axis_beside(mark: tuple[float, float], heading: float, ahead: float, left: float) -> tuple[float, float]:
+    """Return the position, m, of a turning axis that stands beside a mark; the turntable's zero points along `heading`.
+
+    `ahead` (m) is along the zero, and `left` (m) to the left of it.
+    """
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return mark[0] + ahead * cosine - left * sine, mark[1] + ahead * sine + left * cosine
 
 
 def load_board(name: Path | str) -> Board:

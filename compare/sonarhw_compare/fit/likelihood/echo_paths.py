@@ -42,7 +42,7 @@ class EchoPaths(NamedTuple):
     kind: NDArray[np.int8]  # (k,): EVEN, ODD or BENT
     until: NDArray[np.int64]  # (k,), the row after the last path that a receiver adds to each
     gain_db: FloatArray  # (k,)
-    touches: FloatArray  # (k, materials), number of reflections off each material
+    powers: FloatArray  # (k, materials), of the reflectance of each material in the amplitude: number of reflections
     out_by_wall: FloatArray  # (k, 2, walls), derivative of `out` by the shift of each wall to its left
     back_by_wall: FloatArray  # (k, 2, walls), derivative of `back`
 

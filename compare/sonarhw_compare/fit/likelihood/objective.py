@@ -5,7 +5,7 @@ call takes a fraction of a millisecond. The vector holds the parameters, then th
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import repeat
@@ -14,7 +14,7 @@ import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import uncompensated_db
 from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, axis_beside
 from sonarhw_sim.board.weighing import beam_table
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.levels import loud_enough
@@ -31,6 +31,7 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import (
     log_likelihoods,
 )
 from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, PathMemory, echo_paths, with_reverses
+from sonarhw_compare.fit.likelihood.edge_powers import edge_powers
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
 from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 from sonarhw_compare.fit.likelihood.tolerance_prior import TolerancePrior, tolerance_prior
@@ -38,13 +39,24 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.fit.values.parameters import Parameter, applied, start_of
 from sonarhw_compare.fit.values.quantities import (
+    AHEAD,
+    APERTURE,
+    ASIDE,
+    AXIS_X,
+    AXIS_Y,
+    HEADING,
+    OFFSET,
+    QUANTITIES,
     REFLECTANCE,
+    SCALE,
+    THRESHOLD,
     WALL,
     AirQuantity,
     BoardQuantity,
     PlaceQuantity,
     Quantity,
-    put_in_board,
+    X,
+    Y,
     reflectance_of,
 )
 
@@ -209,10 +221,11 @@ class Problem:
         materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
 
         def of_place(place: Place) -> EchoPaths:
-            found = paths_from(room, _axis(board, place), search, None, board.aperture_radius)
+            found = paths_from(room, board.at_axis(board.faced(place)), search, None, board.aperture_radius)
             paths = with_reverses(with_summed_patches(found, room, board), board)
-            kept = loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD)
-            return echo_paths(paths.select(kept), room, materials, walls, self._together)
+            paths = paths.select(loud_enough(room, board, paths, _KEPT_BELOW_THRESHOLD))
+            kept = echo_paths(paths, room, materials, walls, self._together)
+            return kept._replace(powers=kept.powers + edge_powers(paths, room, materials, search))
 
         return tuple(map(of_place, places))
 
@@ -262,11 +275,11 @@ class Objective:
         rows = zip(values, noises.tolist(), self._images(values, scan), self._levels(values, scan), strict=True)
         for row, (vector, of_noise, (out, back), levels) in enumerate(rows):
             noise = ReadingNoise(*of_noise)
-            place, board = self._place(vector, scan), self._board(vector)
-            x, y = _axis(board, place).position
+            numbers = self._board_numbers(vector)
+            x, y, heading = self._axis_pose(vector, scan, numbers)
             by = x - self._axes[scan][0], y - self._axes[scan][1]
             paths = PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
-            chosen = self._board_values(vector, board, place.heading, noise.stretch)
+            chosen = self._board_values(vector, numbers, heading, noise.stretch)
             likelihoods[row] = log_likelihoods(readings, paths, by, chosen, noise, self._table, self._lateness)
         return likelihoods
 
@@ -293,8 +306,8 @@ class Objective:
     @cached_property
     def _axes(self) -> tuple[tuple[float, float], ...]:
         """Position of the turning axis of each scan at the values where paths were searched."""
-        board = self._board(self.values)
-        return tuple(_axis(board, place).position for place in self.places)
+        numbers = self._board_numbers(self.values)
+        return tuple(self._axis_pose(self.values, scan, numbers)[:2] for scan in range(len(self.places)))
 
     @cached_property
     def _table(self) -> FloatArray:
@@ -315,15 +328,36 @@ class Objective:
         quantities = ((row, one.quantity) for row, one in enumerate(self.problem.parameters))
         return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
 
-    def _board(self, values: FloatArray) -> Board:
-        return put_in_board(self.problem.board, [(one, float(values[row])) for row, one in self._board_rows])
+    @cached_property
+    def _present(self) -> dict[str, float]:
+        """The numbers of the board that a fit can change, by key. A copy of the board for each vector is slow."""
+        board = self.problem.board
+        return {one.key: one.read(board) for one in QUANTITIES if isinstance(one, BoardQuantity)}
 
-    def _place(self, values: FloatArray, scan: int) -> Place:
-        place = self.places[scan]
-        for row, parameter in enumerate(self.problem.parameters):
-            if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None):
-                place = parameter.quantity.put(place, float(values[row]))
-        return place
+    def _board_numbers(self, values: FloatArray) -> dict[str, float]:
+        present = self._present
+        changed = {one.key: one.number(present[one.key], float(values[row])) for row, one in self._board_rows}
+        return present | changed
+
+    @cached_property
+    def _poses(self) -> list[tuple[dict[str, float], list[tuple[int, str]]]]:
+        """For each scan, the present pose by name of its quantities, and the rows that change it."""
+        problem = self.problem
+        return [
+            (
+                {one.name: one.value(place) for one in (X, Y, HEADING)},
+                [(row, problem.parameters[row].quantity.name) for row in problem.pose_rows(scan)],
+            )
+            for scan, place in enumerate(self.places)
+        ]
+
+    def _axis_pose(self, values: FloatArray, scan: int, numbers: Mapping[str, float]) -> tuple[float, float, float]:
+        """Return the position of the turning axis, m, and the actual heading of step 0, rad."""
+        present, rows = self._poses[scan]
+        pose = present | {name: float(values[row]) for row, name in rows}
+        heading = pose[HEADING.name] + math.radians(self.problem.board.home_angle_deg)
+        x, y = axis_beside((pose[X.name], pose[Y.name]), heading, numbers[AXIS_X.key], numbers[AXIS_Y.key])
+        return x, y, heading
 
     def _air(self, values: FloatArray) -> Air:
         air = self.room.air
@@ -332,23 +366,26 @@ class Objective:
                 air = parameter.quantity.put(air, float(values[row]))
         return air
 
-    def _board_values(self, values: FloatArray, board: Board, heading: float, stretch: float) -> BoardValues:
-        speed = self.room.air.speed_of_sound
+    def _board_values(
+        self, values: FloatArray, numbers: Mapping[str, float], heading: float, stretch: float
+    ) -> BoardValues:
+        board, speed = self.problem.board, self.room.air.speed_of_sound
         if self.problem.reported_speed is not None:
             speed = self._air(values).speed_of_sound
             stretch = self.problem.reported_speed / speed
         stretch *= 1 + board.clock_error
-        ahead, aside, half = board.mount.ahead, board.mount.aside, board.mount.separation / 2
+        ahead, aside, half = numbers[AHEAD.key], numbers[ASIDE.key], board.mount.separation / 2
+        offset = numbers[OFFSET.key]
         return BoardValues(
-            heading=board.heading_at(0.0, heading),
-            scale=board.turntable_scale,
-            ka=math.tau * board.frequency / speed * board.aperture_radius,
-            threshold_db=board.threshold_db,
-            opens=board.blanking_end * speed / 2 * stretch + board.range_offset,
-            closes=board.max_range * stretch + board.range_offset,
+            heading=heading,
+            scale=numbers[SCALE.key],
+            ka=math.tau * board.frequency / speed * numbers[APERTURE.key],
+            threshold_db=numbers[THRESHOLD.key],
+            opens=board.blanking_end * speed / 2 * stretch + offset,
+            closes=board.max_range * stretch + offset,
             dead=board.rearm * speed / 2 * stretch,
             stretch=stretch,
-            offset=board.range_offset,
+            offset=offset,
             sender=(ahead, aside + half),
             listener=(ahead, aside - half),
         )
@@ -376,7 +413,7 @@ class Objective:
             airs = (self._air(vector) for vector in values)
             lost = np.array([uncompensated_db(self._lengths[scan], self.problem.board, air) for air in airs])
         ratios = values[:, self._reflectance_rows] / self._reflectances
-        gained = 20 * np.log10(np.maximum(ratios, 1e-9)) @ paths.touches.T
+        gained = 20 * np.log10(np.maximum(ratios, 1e-9)) @ paths.powers.T
         return np.asarray(paths.gain_db + self._gained[scan] - lost + gained)
 
     @cached_property
@@ -409,11 +446,6 @@ class Objective:
     @cached_property
     def _wall_rows(self) -> list[int]:
         return self.problem.rows_of(WALL)
-
-
-def _axis(board: Board, place: Place) -> Place:
-    """Return a place of a room file, at the turning axis."""
-    return board.at_axis(board.faced(place))
 
 
 def _length(vectors: FloatArray, rise: FloatArray) -> FloatArray:

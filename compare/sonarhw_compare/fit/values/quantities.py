@@ -103,35 +103,21 @@ class BoardQuantity(Quantity):
         """Return the present value of the board."""
         return 0.0 if self.is_correction else self.read(board)
 
+    def number(self, present: float, value: float) -> float:
+        """Return the number under its key for a value, if the profile has a present number."""
+        return present - value if self.is_correction else value
+
     def put(self, board: "Board", value: float) -> "Board":
         """Return the board with this value."""
-        return put_in_board(board, [(self, value)])
+        return self.write(board, self.number(self.read(board), value))
 
     def write(self, board: "Board", new: float) -> "Board":
         """Return the board with another number under its key."""
-        return replace(board, **_changed(board, {self.key: new}))
-
-
-def put_in_board(board: "Board", values: Sequence[tuple[BoardQuantity, float]]) -> "Board":
-    """Return the board with the values of quantities, each of another key.
-
-    A board has many fields, so one copy with all values is faster than `BoardQuantity.put` for each.
-    """
-    new = {one.key: one.read(board) - value if one.is_correction else value for one, value in values}
-    return replace(board, **_changed(board, new)) if new else board
-
-
-def _changed(board: "Board", numbers: Mapping[str, float]) -> dict[str, Any]:
-    """Return the fields of a board with these numbers by key."""
-    fields: dict[str, Any] = {}
-    for path, number in numbers.items():
-        section, _, key = path.rpartition(".")
+        section, _, key = self.key.rpartition(".")
+        changed: dict[str, Any] = {key: new}
         if section:
-            before = fields.get(section, getattr(board, section))
-            fields[section] = before.model_copy(update={key: number})
-        else:
-            fields[key] = number
-    return fields
+            changed = {section: getattr(board, section).model_copy(update=changed)}
+        return replace(board, **changed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
