@@ -9,9 +9,9 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import PlotLine, Spots
+from sonarhw_gui.scene.plan_geometry import surface_outlines
 from sonarhw_gui.shown.found_drawing import NO_POINTS, FoundDrawing, NextScan
 
-_CIRCLE = np.linspace(0.0, 2 * np.pi, 49)
 _GAP = np.full((1, 2), np.nan)
 _WIDTH, _CLEARED = 3, 9  # pixels: dashes, and a strip below them without the outline, which has their colour
 _REACH = 0.18  # of the diagonal of the found walls: radius of the sectors of the next scan
@@ -61,8 +61,8 @@ class FoundLayer:
     def draw(self, found: FoundDrawing | None) -> None:
         """Draw the state of a search; None: nothing."""
         walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if found is None else (found.walls, found.posts)
-        _set(self.surfaces, _outlines(walls, posts))
-        _set(self.chosen, NO_POINTS if found is None else _outlines(found.chosen_walls, found.chosen_posts))
+        _set(self.surfaces, surface_outlines(walls, posts))
+        _set(self.chosen, NO_POINTS if found is None else surface_outlines(found.chosen_walls, found.chosen_posts))
         _set(self._posts, posts[:, :2])
         _set(self.speaking_for, NO_POINTS if found is None else found.speaking_for)
         _set(self.against, NO_POINTS if found is None else found.against)
@@ -84,13 +84,6 @@ class FoundLayer:
 def _set(item: PlotLine | Spots, points: FloatArray) -> None:
     item.setData(*points.T)
     item.setVisible(len(points) > 0)
-
-
-def _outlines(walls: FloatArray, posts: FloatArray) -> FloatArray:
-    """Return walls and circles as one line, (n, 2) m, with NaN between them."""
-    circle = np.column_stack((np.cos(_CIRCLE), np.sin(_CIRCLE)))
-    lines = [*(wall.reshape(2, 2) for wall in walls), *(post[:2] + post[2] * circle for post in posts)]
-    return np.vstack([part for line in lines for part in (line, _GAP)]) if lines else NO_POINTS
 
 
 def _sectors(place: NextScan, reach: float) -> FloatArray:

@@ -8,9 +8,9 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.marks import ReadingMarks
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.plots.spots import PlotLine, Spots
+from sonarhw_gui.scene.plan_geometry import surface_outlines
 from sonarhw_gui.shown.proposal import Proposal
 
-_CIRCLE = np.linspace(0.0, 2 * np.pi, 49)
 _WIDTH = 4  # pixels
 _SMALLEST = 18  # pixels, of the cross at a post, which may be smaller than a pixel
 
@@ -35,10 +35,9 @@ class ProposalLayer:
 
     def draw(self, proposal: Proposal | None, marks: ReadingMarks) -> None:
         """Draw a proposal, and rings around its readings at their marks; None: nothing."""
-        lines = [] if proposal is None else [*_walls(proposal), *_circles(proposal)]
-        outline = np.vstack(lines) if lines else np.empty((0, 2))
-        self.surfaces.setData(*outline.T)
-        self._posts.setData(*(np.empty((0, 2)) if proposal is None else proposal.posts[:, :2]).T)
+        walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if proposal is None else (proposal.walls, proposal.posts)
+        self.surfaces.setData(*surface_outlines(walls, posts).T)
+        self._posts.setData(*posts[:, :2].T)
         draw_rings(self.rings, proposal, marks)
 
 
@@ -47,13 +46,3 @@ def draw_rings(rings: Spots, proposal: Proposal | None, marks: ReadingMarks) -> 
     found = [] if proposal is None else [marks.position_of(reading) for reading in proposal.readings]
     positions = [position for position in found if position is not None]
     rings.setData(*np.array(positions).reshape(-1, 2).T)
-
-
-def _walls(proposal: Proposal) -> list[np.ndarray]:
-    gap = np.full((1, 2), np.nan)
-    return [np.vstack((wall.reshape(2, 2), gap)) for wall in proposal.walls]
-
-
-def _circles(proposal: Proposal) -> list[np.ndarray]:
-    circle, gap = np.column_stack((np.cos(_CIRCLE), np.sin(_CIRCLE))), np.full((1, 2), np.nan)
-    return [np.vstack((post[:2] + post[2] * circle, gap)) for post in proposal.posts]

@@ -17,11 +17,20 @@ _JUMP = 0.1  # m between neighbouring headings; beyond it another path is receiv
 _BEAM_POINTS = 17
 _SAME_BOUNCE = 0.005  # m
 _NEAR = 2.0  # times the size of the room
+_CIRCLE = np.linspace(0.0, 2 * np.pi, 49)
 
 
 def wall_lines(room: Room) -> FloatArray:
     """Return both ends of every wall, (2n, 2) float, m; each pair of rows is one line."""
     return room.walls.reshape(-1, 2)
+
+
+def surface_outlines(walls: FloatArray, posts: FloatArray) -> FloatArray:
+    """Return walls (n, 4) and posts (m, 3), m, as one line, (k, 2) float; NaN separates the surfaces."""
+    circle = np.column_stack((np.cos(_CIRCLE), np.sin(_CIRCLE)))
+    lines = [*(wall.reshape(2, 2) for wall in walls), *(post[:2] + post[2] * circle for post in posts)]
+    gap = np.full((1, 2), np.nan)
+    return np.vstack([part for line in lines for part in (line, gap)]) if lines else np.empty((0, 2))
 
 
 def plan_bounds(room: Room, others: FloatArray) -> FloatArray:
