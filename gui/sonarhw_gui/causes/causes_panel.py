@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import Cause  # importing it takes a third of the start of the window
 
 TRYING = "trying a cause"  # label of Undo
-_LEAST_WIDTH = 290  # pixels
 _HINT = "Find causes searches for changes of the room that explain misfits: missing objects, moved walls, weaker edges."
 
 
@@ -38,7 +37,6 @@ class CausesPanel(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setMinimumWidth(_LEAST_WIDTH)
         self._shown: Shown | None = None
         self._state = CausesState()
         self._tried: list[tuple[Room, frozenset[int]]] = []  # rooms of this search, with the causes tried in each

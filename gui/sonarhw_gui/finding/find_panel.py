@@ -34,7 +34,6 @@ from sonarhw_gui.scene.scene_edit import with_room
 from sonarhw_gui.shown.shown import Shown
 
 ACCEPTING, REJECTING = "accepting the found room", "rejecting"  # labels of Undo
-_LEAST_WIDTH = 290  # pixels
 _HINT = (
     "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
     "(F12). This takes up to minutes."
@@ -57,7 +56,6 @@ class FindPanel(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setMinimumWidth(_LEAST_WIDTH)
         self._shown: Shown | None = None
         self._state = FindState()
         self._room: Room | None = None  # the accepted one, while it is the room of the window

@@ -27,8 +27,6 @@ from sonarhw_gui.parts.short_list import short_list
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.shown.shown import Shown
 
-_LEAST_WIDTH = 290  # pixels
-
 
 class FitPanel(QWidget):
     """Starts a fit and shows its result."""
@@ -39,7 +37,6 @@ class FitPanel(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setMinimumWidth(_LEAST_WIDTH)
         self._shown: Shown | None = None
         self._state = FitState()
         self.free = {one.word: _box(one.offer) for one in QUANTITIES if one.offer is not None}

@@ -17,8 +17,6 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit
 from sonarhw_gui.shown.shown import Shown
 
-_LEAST_WIDTH = 290  # pixels
-
 
 class RoomPanel(QWidget):
     """Shows and edits the values of the room that cannot be edited in the plan."""
@@ -28,7 +26,6 @@ class RoomPanel(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setMinimumWidth(_LEAST_WIDTH)
         self._shown: Shown | None = None
         self._refused = PlainLabel(wordWrap=True)
         self._refused.hide()

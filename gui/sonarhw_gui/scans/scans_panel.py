@@ -20,7 +20,6 @@ from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.shown.overlaid_scan import SHOWN, OverlaidScan, ScanPair
 from sonarhw_gui.shown.shown import Shown
 
-_LEAST_WIDTH = 290  # pixels
 _ICON = 16  # pixels
 _HINT = "Add a log, or keep this scan and make another: both are drawn in the plan and in the ranges."
 
@@ -37,7 +36,6 @@ class ScansPanel(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setMinimumWidth(_LEAST_WIDTH)
         self._filling = False
         self.add, self.keep = QPushButton("Add log…"), QPushButton("Keep this scan")
         self.sweeps, self.remove = QPushButton("Keep sweeps"), QPushButton("Remove")

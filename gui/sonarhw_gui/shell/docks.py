@@ -8,6 +8,8 @@ from PySide6.QtWidgets import QDockWidget, QLayout, QMainWindow, QScrollArea, QW
 
 from sonarhw_gui.shown.shown import Shown
 
+_LEAST_WIDTH = 290  # pixels
+
 
 class Panel(Protocol):
     """A widget that shows a part of a `Shown`."""
@@ -27,6 +29,7 @@ class _VerticalScrollArea(QScrollArea):
         self.setWidgetResizable(True)
         self.setFrameShape(QScrollArea.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        panel.setMinimumWidth(_LEAST_WIDTH)
         self.setWidget(panel)
         self._panel = panel
 
