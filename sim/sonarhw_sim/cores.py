@@ -25,20 +25,36 @@ def in_parts(work: Callable[[int, int], _Result], count: int, least: int) -> lis
     another call computes in threads, and in a process of a pool.
     """
     parts = min(core_count(), count // least)
-    if parts < 2 or not _threads_run.acquire(blocking=False):
+    if parts < 2 or _is_of_a_pool() or not _threads_run.acquire(blocking=False):
         return [work(0, count)]
-    try:
-        # these imports take 20 ms, and most searches of tests and single headings are small
-        from concurrent.futures import ThreadPoolExecutor
-        from multiprocessing import parent_process
+    bounds, results, errors = [count * k // parts for k in range(parts + 1)], {}, {}
 
-        if parent_process() is not None:
-            return [work(0, count)]
-        bounds = [count * k // parts for k in range(parts + 1)]
-        with ThreadPoolExecutor(parts) as pool:
-            return list(pool.map(work, bounds[:-1], bounds[1:]))
+    def run(part: int) -> None:
+        try:
+            results[part] = work(bounds[part], bounds[part + 1])
+        except Exception as error:  # noqa: BLE001 - raised again below
+            errors[part] = error
+
+    try:
+        # daemon threads, not those of a pool, so that a process can end while they compile a kernel
+        threads = [threading.Thread(target=run, args=(part,), daemon=True) for part in range(1, parts)]
+        for thread in threads:
+            thread.start()
+        run(0)
+        for thread in threads:
+            thread.join()
     finally:
         _threads_run.release()
+    if errors:
+        raise errors[min(errors)]
+    return [results[part] for part in range(parts)]
+
+
+def _is_of_a_pool() -> bool:
+    """Return whether another process started this one to compute."""
+    from multiprocessing import parent_process  # takes 10 ms, and the start of a command does without it
+
+    return parent_process() is not None
 
 
 def rows_in_parts(work: Callable[[int, int], tuple[NDArray[Any], ...]], count: int, least: int) -> list[NDArray[Any]]:
