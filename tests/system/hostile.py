@@ -73,10 +73,10 @@ def fill(folder: Path) -> None:
     (folder / "room.toml").write_text((CHECKOUT / "rooms" / "simple.toml").read_text(encoding="utf-8"))
 
 
-def use_api(python: Sequence[str], folder: Path, search: str = "") -> None:
+def use_api(python: Sequence[str], folder: Path) -> None:
     """Use the Python API in `folder`, which is also the first place where Python searches modules."""
     (folder / "script.py").write_text(USE_THE_API)
-    _run([*python, "script.py"], folder, search)
+    _run([*python, "script.py"], folder, "")
 
 
 def use_commands(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -419,8 +418,7 @@ def test_the_reset_cause_after_power_on_is_power() -> None:
 
 
 def test_a_plate_in_front_of_the_emulated_board_gives_its_constants() -> None:
-    """At several distances, the calibration finds the hidden constants; intervals without traces contain them."""
-    start, scans, without_traces = start_board(), [], []
+    start, scans = start_board(), []
     for seed, distance in enumerate((0.5, 1.0, 2.0)):
         place = Place("here", (-distance, 0.0), math.radians(1.0))
         echoes = RoomEchoes(wall_room(), place, hidden_board(), seed, ALONE)
@@ -429,14 +427,9 @@ def test_a_plate_in_front_of_the_emulated_board_gives_its_constants() -> None:
             scanner.configure(0.020, start.blanking, True)
             scanned = list(scanner.scan(sector(-28, 28, 1)))
         assert all(reading.trace is not None for reading in scanned)
-        for traced, kept in ((scanned, scans), ([replace(one, trace=None) for one in scanned], without_traces)):
-            kept.append(plate_readings(f"{distance:g} m", traced, distance, 0.0, start, start.blanking))
+        scans.append(plate_readings(f"{distance:g} m", scanned, distance, 0.0, start, start.blanking))
     found = {one.key: one.value for one in calibrate_with_plates(start, scans).findings}
     assert found["aperture_radius"] == pytest.approx(CONSTANTS["aperture_radius"], rel=0.02)
     assert found["gain_step_db"] == pytest.approx(CONSTANTS["gain_step_db"], abs=0.5)
     assert found["threshold_db"] == pytest.approx(CONSTANTS["threshold_db"], abs=0.5)
     assert found["rise_cycles"] == pytest.approx(CONSTANTS["rise_cycles"], rel=0.10)
-    # the swelling is assumed
-    of_hearing = calibrate_with_plates(replace(start, rise_cycles=CONSTANTS["rise_cycles"]), without_traces)
-    for one in of_hearing.findings:
-        assert one.low <= CONSTANTS[one.key] <= one.high, one.key
