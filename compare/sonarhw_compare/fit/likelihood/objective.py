@@ -107,7 +107,7 @@ class Problem:
     reported_speed: float | None  # m/s, for ranges from echo times; None if the air is not free
     rounding: float  # m, of the board
     redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
-    averages: bool = False  # whether tolerated values have the prior of `tolerance_prior`, not the widest normal one
+    averages: bool = False  # whether values of `tolerance_prior` have that prior, not the widest normal one
     memory: PathMemory = field(default_factory=PathMemory, compare=False, repr=False)
 
     @property
@@ -294,11 +294,12 @@ class Objective:
 
     @cached_property
     def _normal_priors(self) -> tuple[FloatArray, FloatArray]:
+        averaged = set(self.problem.tolerance_prior.rows.tolist()) if self.problem.averages else set()
         own = [
             (0.0, math.inf)
-            if parameter.expected is None or (parameter.is_tolerated and self.problem.averages)
+            if parameter.expected is None or row in averaged
             else (parameter.expected, parameter.deviation or math.inf)
-            for parameter in self.problem.parameters
+            for row, parameter in enumerate(self.problem.parameters)
         ]
         middle, spread = np.array([*own, *((math.log(noise.median), noise.spread) for noise in self.problem.noises)]).T
         return middle, spread

@@ -1,7 +1,8 @@
 """Prior of tolerated values. How far they are off is unknown, so several standard deviations are possible.
 
-All walls have one standard deviation, all reflectances another, and so on. It is the stated one or a fraction of it.
-Where the scan shows no mismatch, the small ones are more probable, and the intervals of a fit stay narrow.
+All walls have one standard deviation, the aperture another, and so on. It is the stated one or a fraction of it. Where
+the scan shows no mismatch, the small ones are more probable, and the intervals of a fit stay narrow. Reflectances are
+not among these values: a room file states measured walls and assumed reflectances, so theirs is the stated one.
 """
 
 from collections.abc import Sequence
@@ -17,9 +18,6 @@ from sonarhw_compare.fit.values.quantities import REFLECTANCE
 
 LEVELS = np.array([1.0, 0.3, 0.1, 0.02])  # of the stated standard deviation
 PROBABILITIES = np.array([0.1, 0.1, 0.2, 0.6])  # of the levels
-# Of the levels of reflectances. A room file states measured walls and assumed reflectances, and first echoes often
-# cannot distinguish reflectances from the threshold.
-REFLECTANCE_PROBABILITIES = np.full(4, 0.25)
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,6 @@ class TolerancePrior:
     groups: FloatArray  # (g, t), 1 where a value belongs to a group
     middle: FloatArray  # (t,)
     widest: FloatArray  # (t,), standard deviations as stated
-    probabilities: FloatArray  # (g, levels), of the levels of each group
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return the logarithm of the density of vectors (m, size) relative to the widest normal one's middle, (m,)."""
@@ -43,19 +40,17 @@ class TolerancePrior:
     @cached_property
     def _weights(self) -> FloatArray:
         """The logarithm of the weight of each level of each group, (g, levels)."""
-        return np.asarray(np.log(self.probabilities) - self.groups.sum(axis=1)[:, None] * np.log(LEVELS))
+        return np.asarray(np.log(PROBABILITIES) - self.groups.sum(axis=1)[:, None] * np.log(LEVELS))
 
 
 def tolerance_prior(parameters: Sequence[Parameter]) -> TolerancePrior:
-    """Return the prior of those parameters that are tolerated; a group for each quantity."""
-    rows = [row for row, parameter in enumerate(parameters) if parameter.is_tolerated]
+    """Return the prior of those parameters that are tolerated, without reflectances; a group for each quantity."""
+    rows = [row for row, one in enumerate(parameters) if one.is_tolerated and one.quantity is not REFLECTANCE]
     quantities = list(dict.fromkeys(parameters[row].quantity for row in rows))
-    probabilities = [REFLECTANCE_PROBABILITIES if one is REFLECTANCE else PROBABILITIES for one in quantities]
     groups = [[float(parameters[row].quantity is quantity) for row in rows] for quantity in quantities]
     return TolerancePrior(
         np.array(rows, dtype=np.intp),
         np.array(groups, dtype=np.float64).reshape(len(quantities), len(rows)),
         np.array([parameters[row].expected or 0.0 for row in rows]),
         np.array([parameters[row].deviation or 1.0 for row in rows]),
-        np.array(probabilities, dtype=np.float64).reshape(len(quantities), len(LEVELS)),
     )

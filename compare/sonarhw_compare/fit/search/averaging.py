@@ -12,7 +12,7 @@ from numpy.random import RandomState
 from scipy.special import logsumexp
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, TolerancePrior
+from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, PROBABILITIES, TolerancePrior
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def averaged(top: FloatArray, covariance: FloatArray, prior: TolerancePrior) -> 
     `top` (size,) and `covariance` (size, size) are those of the posterior with the widest priors.
     """
     levels = np.array(list(product(LEVELS, repeat=len(prior.groups))))
-    expected = np.log(np.array(list(product(*prior.probabilities)))).reshape(len(levels), -1).sum(axis=1)
+    expected = np.log(np.array(list(product(PROBABILITIES, repeat=len(prior.groups))))).sum(axis=1)
     by_value = levels @ prior.groups  # (m, t)
     rows, scale = prior.rows, np.sqrt(np.diag(covariance))
     unit = covariance / np.outer(scale, scale)  # well conditioned
