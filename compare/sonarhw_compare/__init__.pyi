@@ -2,7 +2,7 @@
 from .explain.details import details
 from .explain.sentences import describe_path, explain_reading
 from .fit import Estimate, FitOptions, FitResult, Parameter, PlacedScan, fit_scan, fit_scans, free_parameters
-from .fit.findings import found_board, found_room
+from .fit.findings import fitted_board, fitted_room
 from .fit.values.quantities import QUANTITIES, Quantity
 from .imports.foreign_csv import CsvColumns, guess_columns, read_foreign_scan
 from .imports.foreign_rows import Meaning
@@ -46,8 +46,8 @@ __all__ = [
     "explain_reading",
     "fit_scan",
     "fit_scans",
-    "found_board",
-    "found_room",
+    "fitted_board",
+    "fitted_room",
     "free_parameters",
     "guess_columns",
     "locate_scan",

@@ -234,7 +234,7 @@ def _fitted_room(fitted: FittedLogs) -> "Room":
     A place of the room keeps its name. A place that is not in the room, or that several logs have, gets the name of its
     log.
     """
-    from sonarhw_compare.fit.findings import finding, found_room, kept, with_listed_findings
+    from sonarhw_compare.fit.findings import finding, fitted_room, kept, with_listed_findings
 
     setting, values = fitted.setting, fitted.constrained()
     names = [scan.place.name for scan in setting.scans]
@@ -251,19 +251,19 @@ def _fitted_room(fitted: FittedLogs) -> "Room":
         lines.append(
             finding(one, estimate.value, estimate.deviation, before) if one in values else kept(one, before or 0.0)
         )
-    found = found_room(setting.room, values, places)
+    found = fitted_room(setting.room, values, places)
     return with_listed_findings(found, setting.room.name, lines, _log_names(fitted))
 
 
 def _fitted_board(fitted: FittedLogs, name: str) -> "Board":
-    from sonarhw_compare.fit.findings import found_board
+    from sonarhw_compare.fit.findings import fitted_board
 
     values, estimates = fitted.constrained(), fitted.result.estimates
     deviations = {one: estimates[one.name].deviation for one in values}
     unconstrained = [
         one.name for one in fitted.result.parameters if one not in values and isinstance(one.quantity, BoardQuantity)
     ]
-    return found_board(fitted.setting.board, values, name, deviations, _log_names(fitted), unconstrained)
+    return fitted_board(fitted.setting.board, values, name, deviations, _log_names(fitted), unconstrained)
 
 
 def _log_names(fitted: FittedLogs) -> list[str]:

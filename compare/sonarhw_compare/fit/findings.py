@@ -22,7 +22,7 @@ from sonarhw_compare.profile_edit import below_header, set_marked
 Values = Mapping[Parameter, float]
 
 
-def found_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
+def fitted_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
     """Return the room with these values; `places` are the fitted places of the scans, with the names for the room file.
 
     Raises InputError if the result is not a valid room, such as a place inside a post or a wall without length.
@@ -81,7 +81,7 @@ def _on(logs: Sequence[str]) -> str:
     return f" on {', '.join(logs)}" if logs else ""
 
 
-def found_board(
+def fitted_board(
     board: Board,
     values: Values,
     name: str,

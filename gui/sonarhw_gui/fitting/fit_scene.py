@@ -29,10 +29,10 @@ def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> E
 
     Raises InputError if the room cannot have these values.
     """
-    from sonarhw_compare.fit.findings import found_room
+    from sonarhw_compare.fit.findings import fitted_room
 
     room, _ = room_and_place(scene)
-    changed = replace(scene, room=found_room(room, values, ()), board=_board(scene.board, board, values))
+    changed = replace(scene, room=fitted_room(room, values, ()), board=_board(scene.board, board, values))
     return _at_fitted_place(changed, {parameter.quantity.name: value for parameter, value in values.items()}), FITTED
 
 

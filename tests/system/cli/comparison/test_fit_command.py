@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare.fit.findings import found_board
+from sonarhw_compare.fit.findings import fitted_board
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import OFFSET, THRESHOLD
 from sonarhw_sim.board.profile import load_board
@@ -188,7 +188,7 @@ def test_values_that_a_scan_hardly_constrains_stay_as_they_were_in_the_files(tmp
 
 
 def test_a_profile_names_the_values_that_it_keeps() -> None:
-    text = found_board(load_board("lego-nxt"), {Parameter(OFFSET): 0.01}, "mine", unconstrained=["threshold"]).text
+    text = fitted_board(load_board("lego-nxt"), {Parameter(OFFSET): 0.01}, "mine", unconstrained=["threshold"]).text
     assert "# Kept, the scans hardly constrain it: threshold.\n" in text
     assert "threshold_db = -17.5  # tuned" in text
 
@@ -232,7 +232,7 @@ def test_a_fitted_profile_does_not_call_fitted_values_tuned() -> None:
     threshold, offset = Parameter(THRESHOLD), Parameter(OFFSET)
     deviations = {threshold: 0.31, offset: 0.002}
     nxt = load_board("lego-nxt")
-    text = found_board(nxt, {threshold: -15.554, offset: -0.01}, "mine", deviations, ["north", "south"]).text
+    text = fitted_board(nxt, {threshold: -15.554, offset: -0.01}, "mine", deviations, ["north", "south"]).text
     quoted = [line for line in text.splitlines() if line.startswith("#   ")]
     own = [line for line in text.splitlines() if line not in quoted]
     assert own[0] == "# Fitted by `sonarhw fit` on north, south, beginning with profile 'lego-nxt': threshold, offset."

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sonarhw_compare.fit.findings import found_room, with_listed_findings
+from sonarhw_compare.fit.findings import fitted_room, with_listed_findings
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, load_room, parse_room
@@ -22,7 +22,7 @@ def test_a_room_gets_the_fitted_place_temperature_and_reflectance() -> None:
     x, y, heading, warm, share = free("position", "heading", "temperature", f"reflectance:{material}")
     values = {x: 0.7, y: 0.1, heading: 0.0, warm: 23.456, share: 0.81}
     place = Place("found", (0.7123456, 0.1), math.radians(-90.0))
-    found = found_room(ROOM, values, [place])
+    found = fitted_room(ROOM, values, [place])
     again = parse_room(found.text, "again")
     for room in (found, again):
         assert room.air.temperature_c == pytest.approx(23.456, abs=0.06)
@@ -40,4 +40,4 @@ def test_listed_findings_stay_in_comments() -> None:
 
 def test_without_a_fitted_position_the_room_keeps_its_places() -> None:
     (warm,) = free("temperature")
-    assert set(found_room(ROOM, {warm: 20.0}, [Place("found", (0.7, 0.1))]).places) == set(ROOM.places)
+    assert set(fitted_room(ROOM, {warm: 20.0}, [Place("found", (0.7, 0.1))]).places) == set(ROOM.places)
