@@ -57,7 +57,10 @@ def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread 
     if not any(cells):
         return Path(name).name, (Place(Path(name).stem, (0.0, 0.0)), None)
     if not all(cells[:3]):
-        raise InputError(f"{where}: expected x, y and heading, or a row without numbers for an unknown pose")
+        raise InputError(
+            f"{where}: expected x, y and heading, or a row without numbers for an unknown pose; a heading without a "
+            "position, or a position without a heading, cannot be used"
+        )
     x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
     if min(xy, turn) < 0:
         raise InputError(f"{where}: expected standard deviations of 0 or more, got {min(xy, turn):g}")

@@ -43,6 +43,7 @@ def test_a_row_without_numbers_is_an_unknown_pose_but_not_for_the_first_log(tmp_
         ([HEADER, "a.mcap,1,2,0,,"], "no row for b.mcap"),
         ([HEADER, "a.mcap,1,2,0,,", "a.mcap,1,2,0,,"], "line 3: a.mcap was given before"),
         ([HEADER, "a.mcap,1,,,,"], "line 2: expected x, y and heading, or a row without numbers"),
+        ([HEADER, "a.mcap,,,90,,2"], "line 2: .*; a heading without a position, or a position without a heading"),
         ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
         ([HEADER, "a.mcap,1,two,0,,"], "line 2: expected a number, got 'two'"),
         ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
