@@ -27,7 +27,7 @@ from sonarhw_compare.room_finding.evidence import (
 from sonarhw_compare.room_finding.growth import grown, pruned, worth
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
-from sonarhw_compare.room_finding.refining.squaring import squared
+from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
@@ -109,7 +109,7 @@ def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -
     tick(0.0)
     kept = pruned(evidence, best).draft
     tick(1 / 4)
-    draft = refined(evidence, kept, ROUGH, _STEPS).draft
+    draft = squared_together(evidence, refined(evidence, kept, ROUGH, _STEPS)).draft
     tick(2 / 4)
     draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
     tick(3 / 4)

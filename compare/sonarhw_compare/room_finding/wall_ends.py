@@ -1,7 +1,7 @@
 """Ends of the walls of a draft: where they meet other walls, and where the scans say nothing of them."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from itertools import pairwise, product
 
 import numpy as np
@@ -16,10 +16,15 @@ _WIDEST_CLOSED = 0.4  # m without a touch; wider, a wall may have a gap
 _BESIDE, _AT_END = 0.1, 0.3  # m: from a corner to the line of its wall, and from the end of this wall inwards
 _BEGUN = 0.3  # m, length of a wall of which only the corner shows
 _AT_TOUCH = 0.02  # m, between an end and a touch of this end
+_MOVES = (0.4, 0.2, 0.1, 0.05, 0.025)  # m, in turn, of a free end that is searched
 _CLOSED = 1.0  # log-likelihood by which an end at another wall may be worse than one beyond or before it
 
 
-def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[RoomDraft]:
+# what is added, which stays the same while other walls are added and all move a little, and the draft with it
+Addition = tuple[Hashable, RoomDraft]
+
+
+def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[Addition]:
     """Yield the draft with a new wall whose ends meet its neighbours, in all combinations but that without any."""
     longer, key = draft.with_new_wall(wall)
     choices = [[None, *_neighbours(longer, key, which)] for which in (0, 1)]
@@ -28,10 +33,10 @@ def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[RoomDraft]:
         for which, other in ((0, first), (1, second)):
             made = made if other is None else met(made, key, which, other)
         if made is not longer:
-            yield made
+            yield (wall, first, second), made
 
 
-def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterator[RoomDraft]:
+def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterator[Addition]:
     """Yield the draft with a wall that reaches one of `points`, m, and there alone or makes a corner with a new wall.
 
     The new wall is at right angles, on either side. A corner returns sound to every place, but a wall beside it may
@@ -45,29 +50,36 @@ def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterato
             if beside > _BESIDE or inside or not first - _FARTHEST < at < last + _FARTHEST:
                 continue
             nearer = 0 if abs(at - first) < abs(at - last) else 1
-            yield draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
+            yield (point, key), draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
             x, y = (np.array(wall.middle) + at * wall.along).tolist()
             for side in (1, -1):
-                yield from _corner(draft, key, (x, y), side)
+                for to, corner in _corner(draft, key, (x, y), side):
+                    yield (point, key, side, to), corner
 
 
-def continued(draft: RoomDraft) -> Iterator[RoomDraft]:
+def continued(draft: RoomDraft) -> Iterator[Addition]:
     """Yield the draft with a new wall at right angles to another one, at each of its free ends and on either side."""
     for key in draft.walls:
         for which in (0, 1):
             if draft.is_free(key, which):
                 x, y = draft.segment(key)[2 * which : 2 * which + 2].tolist()
                 for side in (1, -1):
-                    yield from _corner(draft, key, (x, y), side)
+                    for to, corner in _corner(draft, key, (x, y), side):
+                        yield (key, which, side, to), corner
 
 
-def _corner(draft: RoomDraft, key: int, point: tuple[float, float], side: int) -> Iterator[RoomDraft]:
-    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right, and with all of it."""
+def _corner(
+    draft: RoomDraft, key: int, point: tuple[float, float], side: int
+) -> Iterator[tuple[int | None, RoomDraft]]:
+    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right, and with all of it.
+
+    Before each draft is the wall at which the new one ends.
+    """
     corner = DraftWall(point, draft.walls[key].angle + side * math.pi / 2, (DraftEnd(0.0), DraftEnd(_BEGUN)))
     longer, new = draft.with_new_wall(corner)
     longer = met(longer, new, 0, key)
-    yield longer
-    yield from (met(longer, new, 1, other) for other in _neighbours(longer, new, 1)[:1])
+    yield None, longer
+    yield from ((other, met(longer, new, 1, other)) for other in _neighbours(longer, new, 1)[:1])
 
 
 def with_better_ends(evidence: Evidence, best: Scored) -> Scored:
@@ -79,6 +91,19 @@ def with_better_ends(evidence: Evidence, best: Scored) -> Scored:
                 if moved.score > best.score - _CLOSED:
                     best = moved
                     break
+    return best
+
+
+def with_end_moved(evidence: Evidence, best: Scored, key: int, which: int) -> Scored:
+    """Return the draft with an end of a wall where it explains most, free, up to 0.8 m from where it is.
+
+    Echoes of a free end determine it, but they have no part in the refinement before it is almost there.
+    """
+    for move in _MOVES:
+        wall, at = best.draft.walls[key], best.draft.extent(key)[which]
+        tried = [best.draft.with_wall(key, wall.with_end(which, DraftEnd(at + by))) for by in (move, -move)]
+        moved = _better_of(evidence, tried)
+        best = moved if moved.score > best.score else best
     return best
 
 
@@ -133,11 +158,20 @@ def with_gaps(evidence: Evidence, best: Scored, touched: dict[int, FloatArray]) 
         best = _without_lone_ends(evidence, best, key, np.sort(at))
         for before, behind in pairwise(np.sort(at).tolist() if key in best.draft.walls else []):
             if behind - before > _WIDEST_CLOSED:
-                opened = scored(evidence, _opened(best.draft, key, before, behind))
+                opened = _best_gap(evidence, best, key, (before, behind))
                 best = opened if opened.score > best.score + PRICE else best
                 if key not in best.draft.walls or opened is best:
                     break
     return best
+
+
+def _best_gap(evidence: Evidence, closed: Scored, key: int, between: tuple[float, float]) -> Scored:
+    """Return the draft with a gap in a wall between these points, m along it, or less if that explains more."""
+    opened = scored(evidence, _opened(closed.draft, key, *between))
+    if opened.score > closed.score - PRICE:  # else no gap is there
+        for wall, which in ((key, 1), (max(opened.draft.walls), 0)):
+            opened = with_end_moved(evidence, opened, wall, which)
+    return opened
 
 
 def _without_lone_ends(evidence: Evidence, best: Scored, key: int, at: FloatArray) -> Scored:

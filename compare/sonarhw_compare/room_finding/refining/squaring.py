@@ -1,4 +1,4 @@
-"""Walls whose direction the scans hardly determine are tried at right angles to the others."""
+"""Walls whose direction the scans hardly determine are tried at right angles to the others, one by one and together."""
 
 import math
 
@@ -10,6 +10,7 @@ from sonarhw_compare.room_finding.refining.refinement import centred, refined
 from sonarhw_compare.room_finding.right_angles import SPREAD, pulls
 
 _LEAST, _MOST = 2 * SPREAD, math.radians(30)  # rad away from right angles
+_TOGETHER = 3 * SPREAD  # rad away from right angles
 _STEPS = 4  # of a refinement
 
 
@@ -32,6 +33,33 @@ def squared(evidence: Evidence, best: Scored) -> Scored:
             found = refined(evidence, tried.draft, ROUGH, _STEPS)
             best = found if found.score > best.score else best
     return best
+
+
+def squared_together(evidence: Evidence, best: Scored) -> Scored:
+    """Return the draft with all walls that are almost at right angles exactly so, where this is more likely.
+
+    Several short walls can be wrong by the same angle, of which none is more likely at another one alone.
+    """
+    draft = centred(best.draft)
+    angle = _long_direction(draft)
+    for key, wall in draft.walls.items():
+        away = math.remainder(wall.angle - angle, math.pi / 2)
+        if abs(away) < _TOGETHER:
+            draft = draft.with_wall(key, wall.moved(0.0, -away))
+    if not draft.is_sound:
+        return best
+    found = refined(evidence, draft, ROUGH, _STEPS)
+    return found if found.score > best.score else best
+
+
+def _long_direction(draft: RoomDraft) -> float:
+    """Return the mean direction of all walls, rad, where those at right angles have the same.
+
+    Each counts by the cube of its length, to which the information of touches along it is proportional.
+    """
+    angles = np.array([wall.angle for wall in draft.walls.values()])
+    lengths = np.array([last - first for first, last in map(draft.extent, draft.walls)])
+    return float(np.angle((lengths**3 * np.exp(4j * angles)).sum())) / 4
 
 
 def _away(draft: RoomDraft) -> dict[int, float]:

@@ -10,7 +10,7 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, PoseSpread, evidence_of, scored
-from sonarhw_compare.room_finding.refining.squaring import squared
+from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
 from sonarhw_compare.room_finding.wall_ends import with_gaps
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -86,6 +86,30 @@ def test_an_oblique_wall_that_several_places_face_stays_oblique() -> None:
     assert math.degrees(right_angles.SPREAD) * 10 < math.degrees(math.atan2(0.6, 3.0)) < 30  # it is tried
     found = squared(evidence, scored(evidence, true)).draft
     assert found.walls[1].angle == pytest.approx(true.walls[1].angle, abs=math.radians(0.3))
+
+
+ALCOVE = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.1), (3.4, 1.1), (3.4, 1.5), (3.0, 1.5), (3.0, 2.2), (0.0, 2.2)]
+
+
+def directions(draft: RoomDraft) -> np.ndarray:
+    """Return the angle of each wall from right angles, degrees."""
+    return np.array([math.degrees(math.remainder(wall.angle, math.pi / 2)) for wall in draft.walls.values()])
+
+
+def test_short_walls_that_are_all_turned_are_turned_back_together() -> None:
+    evidence, true = case(ALCOVE, (1.0, 1.2), (2.3, 0.8))
+    draft = true
+    for key in (2, 3, 4):  # the alcove, as a whole
+        draft = draft.with_wall(key, draft.walls[key].moved(0.0, math.radians(2.0)))
+    found = squared_together(evidence, scored(evidence, draft)).draft
+    assert np.abs(directions(found)).max() < 0.3
+
+
+def test_walls_that_are_not_at_right_angles_are_not_turned_together() -> None:
+    evidence, true = case([(0.0, 0.0), (3.0, 0.0), (2.9, 2.2), (0.0, 2.1)], (1.0, 1.2), (2.3, 0.8), (1.4, 1.6))
+    found = squared_together(evidence, scored(evidence, true)).draft
+    np.testing.assert_allclose(directions(found), directions(true), atol=0.3)
+    assert np.abs(directions(true)).max() > 1.5
 
 
 def test_a_free_end_of_which_nothing_is_touched_but_the_end_itself_is_cut_back() -> None:

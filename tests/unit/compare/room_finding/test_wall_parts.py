@@ -8,6 +8,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import Evidence, PoseSpread, evidence_of, scored
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
+from sonarhw_compare.room_finding.wall_ends import with_end_moved, with_gaps
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -63,3 +64,21 @@ def test_a_part_that_goes_leaves_its_corner_to_the_rest_of_the_wall() -> None:
     assert left.segment(0)[2:] == pytest.approx([3.0, 0.0], abs=0.02)
     assert not left.is_free(0, 1)
     assert not left.is_free(2, 0)
+
+
+def test_a_gap_ends_where_the_wall_does_though_the_next_touch_is_farther() -> None:
+    evidence = scans_of([[[0.0, 0.0], [1.0, 0.0]], [[2.0, 0.0], [3.0, 0.0]]])
+    whole = DraftWall((1.5, 0.0), 0.0, (DraftEnd(-1.5), DraftEnd(1.5)))
+    touched = {0: np.array([-1.0, -0.8, -0.5, 0.8, 1.0])}  # up to x = 1 m, and from x = 2.3 m on
+    opened = with_gaps(evidence, scored(evidence, RoomDraft(PLACES, {0: whole})), touched)
+    first, second = opened.draft.segments
+    assert first[2] == pytest.approx(1.0, abs=0.03)
+    assert second[0] == pytest.approx(2.0, abs=0.03)
+
+
+@pytest.mark.parametrize("end", [1.4, 2.5])
+def test_a_free_end_is_found_from_afar(end: float) -> None:
+    evidence = scans_of([[[0.0, 0.0], [2.0, 0.0]]])
+    wall = DraftWall((0.0, 0.0), 0.0, (DraftEnd(0.0), DraftEnd(end)))
+    found = with_end_moved(evidence, scored(evidence, RoomDraft(PLACES, {0: wall})), 0, 1)
+    assert found.draft.segment(0)[2] == pytest.approx(2.0, abs=0.03)
