@@ -1,5 +1,6 @@
 """Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
 
+With --soak; `test_screens.py` opens every view and panel too, `test_user_session.py` scans and replays.
 SONARHW_SCREENSHOTS=FOLDER writes them to a folder, in both palettes and two sizes. Without it, they are taken in one
 look and not saved. QT_SCALE_FACTOR=2 takes them at 200 %. docs/screenshots contains some of them, and
 docs/how_to/window.md explains them.
@@ -163,6 +164,7 @@ def dock(qtbot: QtBot, window: MainWindow, name: str) -> None:
     qtbot.wait(200)
 
 
+@pytest.mark.soak
 def test_pictures_of_the_demo_live_and_in_replay(
     qtbot: QtBot,
     open_with: OpenWith,
@@ -209,6 +211,7 @@ def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     album.keep(window, "replay")
 
 
+@pytest.mark.soak
 def test_pictures_of_every_view(
     qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], bench: Scene, scan: Path
 ) -> None:
