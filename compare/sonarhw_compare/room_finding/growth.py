@@ -1,6 +1,6 @@
 """Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not."""
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, scored
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
-from sonarhw_compare.room_finding.wall_ends import Addition, continued, cornered, joined, with_better_ends
+from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
 
 _USUAL = 5  # walls and posts that a room usually has, for the progress
 _TRIED = 8  # candidates at a time
@@ -22,7 +22,6 @@ _POSTS = 6  # of them, each of which takes more time
 _COMPLETED = 2  # of them, whose ends are tried at other walls
 _CORNERS = 4  # points at which a corner is tried
 _STEPS = 2  # of the refinement after each of them
-Gains = dict[Hashable, float]  # of the log-likelihood by each addition, when it was last tried
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
 
 
@@ -34,14 +33,14 @@ def grown(
     What is no longer worth its price is removed on the way.
     `tick` receives a share below 1 that grows with each wall and post; how many there will be is unknown.
     """
-    added, gains = 0, Gains()
+    added = 0
     nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
     while True:
         unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
-        longer = with_wall(evidence, best, arcs, unexplained, ROUGH, gains)
+        longer = with_wall(evidence, best, arcs, unexplained)
         # a post looks like short walls; a corner looks like a post until its walls are known
         if longer.score - best.score < PRICE or _newest_length(longer.draft) < _SHORT:
-            tried = longer, with_post(evidence, best, arcs, unexplained, ROUGH, gains)
+            tried = longer, with_post(evidence, best, arcs, unexplained)
             longer = max(tried, key=lambda one: one.score)
         if longer.score - best.score < PRICE:
             return best
@@ -49,8 +48,6 @@ def grown(
         best, before = pruned(evidence, longer), best
         if worth(best) <= worth(before):
             return before
-        if len(best.draft.walls) < len(longer.draft.walls) or len(best.draft.posts) < len(longer.draft.posts):
-            gains.clear()  # what the removed ones explained can be gained again
         evidence.course.accepted(best.draft)
         added += 1
         tick(added / (added + _USUAL))
@@ -98,22 +95,24 @@ def with_wall(
     arcs: tuple[Arc, ...],
     unexplained: list[FloatArray],
     noise: ReadingNoise = ROUGH,
-    gains: Gains | None = None,
 ) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
-    gains = Gains() if gains is None else gains
-    walls = [wall for wall in wall_candidates(arcs, unexplained, _TRIED) if not evidence.refuses(wall)]
+    tried = [
+        (scored(evidence, best.draft.with_new_wall(wall)[0], noise), wall)
+        for wall in wall_candidates(arcs, unexplained, _TRIED)
+        if not evidence.refuses(wall)
+    ]
+    tried.sort(key=lambda one: -one[0].score)
+    found = [one for one, _ in tried[:1]]
+    for _, wall in tried[:_COMPLETED]:
+        found += [scored(evidence, draft, noise) for draft in joined(best.draft, wall)]
     points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
-    tried: list[Addition] = [(wall, best.draft.with_new_wall(wall)[0]) for wall in walls]
-    tried += [
-        (addition, draft)
-        for addition, draft in (*cornered(best.draft, points), *continued(best.draft))
+    found += [
+        scored(evidence, draft, noise)
+        for draft in (*cornered(best.draft, points), *continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
-    found = _best_of(evidence, best, tried, noise, gains)
-    walls.sort(key=lambda wall: -gains[wall])
-    completed = [one for wall in walls[:_COMPLETED] for one in joined(best.draft, wall)]
-    return _best_of(evidence, best, completed, noise, gains, found) or best
+    return max(found, key=lambda one: one.score, default=best)
 
 
 def with_post(
@@ -122,34 +121,11 @@ def with_post(
     arcs: tuple[Arc, ...],
     unexplained: list[FloatArray],
     noise: ReadingNoise = ROUGH,
-    gains: Gains | None = None,
 ) -> Scored:
     """Return the draft with the post that explains most; the draft itself without a candidate."""
     tried = [
-        (post, replace(best.draft, posts=(*best.draft.posts, post)))
+        scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)), noise)
         for post in post_candidates(arcs, unexplained, _POSTS)
         if not evidence.refuses(post)
     ]
-    return _best_of(evidence, best, tried, noise, Gains() if gains is None else gains) or best
-
-
-def _best_of(
-    evidence: Evidence,
-    now: Scored,
-    tried: Iterable[Addition],
-    noise: ReadingNoise,
-    gains: Gains,
-    found: Scored | None = None,
-) -> Scored | None:
-    """Return the most likely of `found` and drafts with one addition each, and note their gains in `gains`.
-
-    The more a draft explains, the less is left to gain, with few exceptions. An addition that gained less than another
-    one gains now is therefore not tried again, unless that one is not worth its price.
-    """
-    for addition, draft in sorted(tried, key=lambda one: -gains.get(one[0], np.inf)):
-        if found is not None and found.score - now.score >= max(PRICE, gains.get(addition, np.inf)):
-            break
-        one = scored(evidence, draft, noise)
-        gains[addition] = one.score - now.score
-        found = one if found is None or one.score > found.score else found
-    return found
+    return max(tried, key=lambda one: one.score, default=best)

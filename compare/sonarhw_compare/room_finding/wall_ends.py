@@ -1,7 +1,7 @@
 """Ends of the walls of a draft: where they meet other walls, and where the scans say nothing of them."""
 
 import math
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
 
 import numpy as np
@@ -20,11 +20,7 @@ _MOVES = (0.4, 0.2, 0.1, 0.05, 0.025)  # m, in turn, of a free end that is searc
 _CLOSED = 1.0  # log-likelihood by which an end at another wall may be worse than one beyond or before it
 
 
-# what is added, which stays the same while other walls are added and all move a little, and the draft with it
-Addition = tuple[Hashable, RoomDraft]
-
-
-def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[Addition]:
+def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[RoomDraft]:
     """Yield the draft with a new wall whose ends meet its neighbours, in all combinations but that without any."""
     longer, key = draft.with_new_wall(wall)
     choices = [[None, *_neighbours(longer, key, which)] for which in (0, 1)]
@@ -33,10 +29,10 @@ def joined(draft: RoomDraft, wall: DraftWall) -> Iterator[Addition]:
         for which, other in ((0, first), (1, second)):
             made = made if other is None else met(made, key, which, other)
         if made is not longer:
-            yield (wall, first, second), made
+            yield made
 
 
-def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterator[Addition]:
+def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterator[RoomDraft]:
     """Yield the draft with a wall that reaches one of `points`, m, and there alone or makes a corner with a new wall.
 
     The new wall is at right angles, on either side. A corner returns sound to every place, but a wall beside it may
@@ -50,36 +46,29 @@ def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterato
             if beside > _BESIDE or inside or not first - _FARTHEST < at < last + _FARTHEST:
                 continue
             nearer = 0 if abs(at - first) < abs(at - last) else 1
-            yield (point, key), draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
+            yield draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
             x, y = (np.array(wall.middle) + at * wall.along).tolist()
             for side in (1, -1):
-                for to, corner in _corner(draft, key, (x, y), side):
-                    yield (point, key, side, to), corner
+                yield from _corner(draft, key, (x, y), side)
 
 
-def continued(draft: RoomDraft) -> Iterator[Addition]:
+def continued(draft: RoomDraft) -> Iterator[RoomDraft]:
     """Yield the draft with a new wall at right angles to another one, at each of its free ends and on either side."""
     for key in draft.walls:
         for which in (0, 1):
             if draft.is_free(key, which):
                 x, y = draft.segment(key)[2 * which : 2 * which + 2].tolist()
                 for side in (1, -1):
-                    for to, corner in _corner(draft, key, (x, y), side):
-                        yield (key, which, side, to), corner
+                    yield from _corner(draft, key, (x, y), side)
 
 
-def _corner(
-    draft: RoomDraft, key: int, point: tuple[float, float], side: int
-) -> Iterator[tuple[int | None, RoomDraft]]:
-    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right, and with all of it.
-
-    Before each draft is the wall at which the new one ends.
-    """
+def _corner(draft: RoomDraft, key: int, point: tuple[float, float], side: int) -> Iterator[RoomDraft]:
+    """Yield the draft with the beginning of a wall from `point` (m) to the left (1) or right, and with all of it."""
     corner = DraftWall(point, draft.walls[key].angle + side * math.pi / 2, (DraftEnd(0.0), DraftEnd(_BEGUN)))
     longer, new = draft.with_new_wall(corner)
     longer = met(longer, new, 0, key)
-    yield None, longer
-    yield from ((other, met(longer, new, 1, other)) for other in _neighbours(longer, new, 1)[:1])
+    yield longer
+    yield from (met(longer, new, 1, other) for other in _neighbours(longer, new, 1)[:1])
 
 
 def with_better_ends(evidence: Evidence, best: Scored) -> Scored:

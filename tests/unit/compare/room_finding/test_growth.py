@@ -9,7 +9,7 @@ import pytest
 from sonarhw_compare.room_finding import growth
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import Course, Evidence, Scored
-from sonarhw_compare.room_finding.growth import Gains, grown, with_post
+from sonarhw_compare.room_finding.growth import grown
 
 
 def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> tuple[list[str], list[float]]:
@@ -64,32 +64,3 @@ def test_posts_follow_the_walls_because_a_corner_looks_like_a_post(monkeypatch: 
 def test_a_short_wall_competes_with_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
     assert grow(monkeypatch, [1.0, 0.2, 1.0], 60.0)[0] == ["w", "p", "w", "w"]
     assert grow(monkeypatch, [1.0, 0.2, 1.0], 15.0)[0] == ["w", "w", "w", "p"]
-
-
-def posts_tried(monkeypatch: pytest.MonkeyPatch, now: list[float], before: list[float]) -> tuple[list[int], int]:
-    """Return the numbers of the posts that are tried, and of the one found, if they gain `now` and gained `before`."""
-    posts = [DraftPost((float(number), 0.0), 0.1) for number in range(len(now))]
-    tried: list[int] = []
-
-    def scored(_evidence: object, draft: RoomDraft, *_: object) -> Scored:
-        tried.append(posts.index(draft.posts[-1]))
-        return Scored(draft, 100.0 + now[tried[-1]])
-
-    monkeypatch.setattr(growth, "post_candidates", lambda *_: posts)
-    monkeypatch.setattr(growth, "scored", scored)
-    gains: Gains = dict(zip(posts, before, strict=False))
-    evidence = cast(Evidence, SimpleNamespace(refuses=lambda _: False))
-    found = with_post(evidence, Scored(RoomDraft(()), 100.0), (), [], gains=gains)
-    return sorted(tried), posts.index(found.draft.posts[-1])
-
-
-def test_what_gained_less_than_another_one_gains_now_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert posts_tried(monkeypatch, [30.0, 60.0, 40.0], [35.0, 80.0, 50.0]) == ([1], 1)
-    assert posts_tried(monkeypatch, [30.0, 20.0, 40.0], [35.0, 80.0, 50.0]) == ([1, 2], 2)
-    # a new one is always tried
-    assert posts_tried(monkeypatch, [30.0, 60.0, 70.0], [35.0, 80.0]) == ([1, 2], 2)
-
-
-def test_all_are_tried_again_before_growth_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    # 8 is less than the price, so the one that gained least before is tried too
-    assert posts_tried(monkeypatch, [8.0, 5.0, 25.0], [9.0, 7.0, -50.0]) == ([0, 1, 2], 2)
