@@ -28,6 +28,7 @@ from sonarhw_compare.fit.values.quantities import (
     HEADING,
     OFFSET,
     SCALE,
+    SLOPE,
     THRESHOLD,
     BoardQuantity,
     X,
@@ -43,16 +44,6 @@ _SEARCHES, _ITERATIONS = 2, 4
 _CLIMBS = 6  # at most, for the spreads
 _GAIN = 0.01  # of the log-likelihood, that is worth another climb
 _RANGE, _LEVEL = 0, 1  # rows of the noises
-
-SLOPE = BoardQuantity(
-    name="slope",
-    unit="",
-    step=2e-3,
-    bounds=lambda _room, board: (board.clock_error - 0.04, board.clock_error + 0.04),
-    digits=5,
-    label="slope of the range offset",
-    key="clock_error",
-)
 # shared quantities, with the standard deviation of their priors around the given profile; None: none
 SHARED: tuple[tuple[BoardQuantity, float | None], ...] = (
     (OFFSET, 0.03),

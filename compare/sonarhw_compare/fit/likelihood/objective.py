@@ -46,9 +46,9 @@ from sonarhw_compare.fit.values.quantities import (
     AXIS_Y,
     HEADING,
     OFFSET,
-    QUANTITIES,
     REFLECTANCE,
     SCALE,
+    SLOPE,
     THRESHOLD,
     WALL,
     AirQuantity,
@@ -66,6 +66,8 @@ _KEPT_BELOW_THRESHOLD = 14.0  # dB; the threshold may change by some decibels
 _SMOOTH = math.log(2.0)  # of dB, least error of levels in the smooth objective
 _DIFFRACTED_FURTHER = 6.0  # dB below the threshold: how much fainter diffracted paths are searched
 _TOGETHER = 8  # vectors, whose paths are moved at once; those of more do not fit into the cache of a processor
+# all quantities of the board that the likelihood depends on
+_OF_BOARD = (OFFSET, SLOPE, AHEAD, ASIDE, SCALE, AXIS_X, AXIS_Y, THRESHOLD, APERTURE)
 _OVERLAPPING = 1.0  # dB, least error of levels where overlapping echoes are modelled as single ones
 
 
@@ -333,7 +335,7 @@ class Objective:
     def _present(self) -> dict[str, float]:
         """The numbers of the board that a fit can change, by key. A copy of the board for each vector is slow."""
         board = self.problem.board
-        return {one.key: one.read(board) for one in QUANTITIES if isinstance(one, BoardQuantity)}
+        return {one.key: one.read(board) for one in _OF_BOARD}
 
     def _board_numbers(self, values: FloatArray) -> dict[str, float]:
         present = self._present
@@ -374,7 +376,7 @@ class Objective:
         if self.problem.reported_speed is not None:
             speed = self._air(values).speed_of_sound
             stretch = self.problem.reported_speed / speed
-        stretch *= 1 + board.clock_error
+        stretch *= 1 + numbers[SLOPE.key]
         ahead, aside, half = numbers[AHEAD.key], numbers[ASIDE.key], board.mount.separation / 2
         offset = numbers[OFFSET.key]
         return BoardValues(

@@ -257,6 +257,16 @@ OFFSET = BoardQuantity(  # added to every measured range, as in `compare`
     key="range_offset",
     is_correction=True,
 )
+# for calibration; `fit` does not offer it
+SLOPE = BoardQuantity(
+    name="slope",
+    unit="",
+    step=2e-3,
+    bounds=lambda _room, board: (board.clock_error - 0.04, board.clock_error + 0.04),
+    digits=5,
+    label="slope of the range offset",
+    key="clock_error",
+)
 AHEAD = BoardQuantity(
     name="ahead",
     unit="m",
