@@ -15,6 +15,7 @@ TRUE = (
 turntable_scale = 1.05
 home_angle_deg = 6.0
 range_offset = -0.02
+clock_error = 0.015
 [[own_body]]
 from_deg = 40.0
 to_deg = 70.0
@@ -51,6 +52,7 @@ def test_the_board_of_simulated_scans_is_found(
     assert found.turntable_scale == pytest.approx(1.05, abs=0.01)
     assert found.home_angle_deg == pytest.approx(6.0, abs=1.5)
     assert found.range_offset == pytest.approx(-0.02, abs=0.008)
+    assert found.clock_error == pytest.approx(0.015, abs=0.006)
     (part,) = found.own_body
     assert part.spans(0.96)
     assert (part.nearest, part.farthest) == pytest.approx((0.13, 0.15), abs=0.015)
