@@ -42,6 +42,7 @@ _WIDER_LOBE = 1.2  # before the aperture is known
 _USUAL = 4.0  # standard deviations; larger residuals are those of outliers
 _STEP = 1e-3  # of each unknown, for derivatives
 _MOST_STEPS = 60
+_LEAST_GAIN = 1e-6  # of a step, as a share of the sum of squares; less changes no value by a tenth of its deviation
 _FAR = 1.0  # limit of the unknown logarithm of the aperture's ratio
 _FAR_DB = 30.0  # and of levels
 _FAR_TURN = math.radians(5.0)
@@ -221,6 +222,7 @@ def _solved(problem: _Problem, values: FloatArray) -> FloatArray:
         x_scale=limits,
         loss="soft_l1",  # objects beside the plate disturb some headings
         max_nfev=_MOST_STEPS,
+        ftol=_LEAST_GAIN,
     )
     return np.asarray(found.x)
 

@@ -14,8 +14,10 @@ likelihood is far from normal: it has steps where the echo ends between two head
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import BoolArray
@@ -98,6 +100,15 @@ def level_posterior(
 
 
 @dataclass(frozen=True)
+class _Headings:
+    """Where each used heading is in a table with a row of `_ANGLES` for each pair of numbers, at each turn."""
+
+    counts: list[tuple[int, int]]  # of each row: pings that hear the plate, and all pings
+    below: NDArray[np.intp]  # (t, n), element of the flat table at or below the heading
+    share: FloatArray  # (t, n), of the way to the next element
+
+
+@dataclass(frozen=True)
 class _Hearing:
     """The likelihood of hearing of one scan."""
 
@@ -116,17 +127,26 @@ class _Hearing:
         level = self._detected(values[LevelKey.APERTURE], values.get(LevelKey.GAIN_STEP, 0.0))
         heard = ndtr((level - threshold) / scatter)
         at_errors = np.array([np.interp(_ANGLES + error * one, _ANGLES, heard) for one in _ERRORS])
+        of_headings = self._headings
+        table = np.log([_chances(at_errors, *one) for one in of_headings.counts]).ravel()
+        before, after = table[of_headings.below], table[of_headings.below + 1]
+        found = (before + of_headings.share * (after - before)).sum(axis=1)
+        return float(logsumexp(found - ((self._turns / self.turn_deviation) ** 2) / 2))
+
+    @property
+    def _turns(self) -> FloatArray:
         half = min(_MOST_TURN, _TURN_DEVIATIONS * self.turn_deviation)
-        turns = np.linspace(-half, half, _TURNS)
-        total = -((turns / self.turn_deviation) ** 2) / 2
-        offsets = self.scan.angles - self.scan.middle - self.turn - turns[:, None]
-        counts = np.column_stack((self.scan.heard, self.scan.pings))
-        for hits, pings in np.unique(counts[self.used], axis=0).tolist():
-            chances = _FACTORS / _FACTORS.sum() @ (at_errors**hits * (1 - at_errors) ** (pings - hits))
-            chances = (1 - _DISTURBED) * math.comb(pings, hits) * chances + _DISTURBED / (pings + 1)
-            alike = self.used & (counts == (hits, pings)).all(axis=1)
-            total += np.interp(offsets[:, alike], _ANGLES, np.log(chances)).sum(axis=1)
-        return float(logsumexp(total))
+        return np.linspace(-half, half, _TURNS)
+
+    @cached_property
+    def _headings(self) -> _Headings:
+        offsets = self.scan.angles - self.scan.middle - self.turn - self._turns[:, None]
+        place = np.clip((offsets[:, self.used] + WIDEST) / _ANGLE_STEP, 0.0, len(_ANGLES) - 1.0)
+        below = np.minimum(place.astype(np.intp), len(_ANGLES) - 2)
+        pairs = np.column_stack((self.scan.heard, self.scan.pings))[self.used].tolist()
+        counts = sorted({(int(hits), int(pings)) for hits, pings in pairs})
+        rows = np.array([counts.index((int(hits), int(pings))) for hits, pings in pairs], dtype=np.intp)
+        return _Headings(counts, below + rows * len(_ANGLES), place - below)
 
     def _detected(self, aperture: float, gain: float) -> FloatArray:
         """Return the level at the detector at `_ANGLES`, dB, interpolated between boards on a grid."""
@@ -147,6 +167,19 @@ class _Hearing:
             board = replace(changed_board(self.board, changes), threshold_db=0.0)
             self.levels[row, column] = plate_levels(board, self.scan.speed_of_sound, self.scan.distance)
         return self.levels[row, column]
+
+
+def _chances(at_errors: FloatArray, hits: int, pings: int) -> FloatArray:
+    """Return the probability that `hits` of `pings` hear the plate at each of `_ANGLES`.
+
+    `at_errors` (5, n) are the probabilities that one ping hears it, with each of `_ERRORS`.
+    """
+    chances = np.full_like(at_errors, float(math.comb(pings, hits)))
+    # NumPy's powers are slow from the third on
+    for one, count in ((at_errors, hits), (1 - at_errors, pings - hits)):
+        for _ in range(count):
+            chances *= one
+    return np.asarray((1 - _DISTURBED) * (_FACTORS / _FACTORS.sum() @ chances) + _DISTURBED / (pings + 1))
 
 
 def _moments(
