@@ -42,13 +42,13 @@ def _name_row(form: QFormLayout, row: int) -> None:
 def _derived_name(stop: QWidget) -> str:
     if isinstance(stop, QTabBar):
         return "tabs"
-    parent: QWidget | None = stop
-    while parent is not None and not isinstance(parent, View):
-        parent = parent.parentWidget()
     tip = re.sub(r"<[^>]*>", "", stop.toolTip())
     if tip:
         return re.split(r"[;(.]", tip)[0].strip()
-    if isinstance(parent, View):
+    parent: QWidget | None = stop
+    while parent is not None and not isinstance(parent, View):  # slow, so only without a tooltip
+        parent = parent.parentWidget()
+    if parent is not None:
         return f"{parent.entry.name} plot"
     if isinstance(stop, QScrollArea):
         return "panel"

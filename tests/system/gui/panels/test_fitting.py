@@ -9,6 +9,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
+from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings
 from sonarhw_gui.fitting.fit_scene import fitted
 from sonarhw_gui.fitting.fit_texts import value_text
 from sonarhw_gui.look.appearance import LengthUnit
@@ -22,6 +23,24 @@ from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import until
 
 LEFT = Qt.MouseButton.LeftButton
+
+
+@pytest.fixture
+def equal_fits_once(monkeypatch: pytest.MonkeyPatch, known: dict[FitSettings, FitFound]) -> None:
+    """Answer a fit that another test has completed at once, because it takes seconds; the scene is the same."""
+    fit = FitRequest.answer
+
+    def answer(request: FitRequest) -> FitFound:
+        if request.settings not in known:
+            known[request.settings] = fit(request)
+        return replace(known[request.settings], request=request)
+
+    monkeypatch.setattr(FitRequest, "answer", answer)
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[FitSettings, FitFound]:
+    return {}
 
 
 def opened(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> MainWindow:
@@ -39,6 +58,7 @@ def find(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: window.session.fitting.state.found is not None)
 
 
+@pytest.mark.usefixtures("equal_fits_once")
 def test_the_pose_is_found_with_its_deviation_accepted_and_undone(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
@@ -86,6 +106,7 @@ def test_in_a_symmetric_room_every_solution_is_listed_and_can_be_accepted(
     assert abs(math.remainder(place.heading - heading, math.tau)) < math.radians(2)
 
 
+@pytest.mark.usefixtures("equal_fits_once")
 def test_a_cancelled_or_discarded_fit_changes_nothing(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
