@@ -5,7 +5,7 @@ A normal run leaves out the pages in LONG, whose blocks take minutes; with `--so
 The blocks of a page run in order, in one folder that contains a copy of `rooms/`, `examples/` and
 `docs/comparing/study_example.toml`.
 Its Python blocks share their names. Commands that serve a scanner run until the end of the page. A line with one
-`sonarhw` command and no other shell syntax runs in this process, which is faster; the shell runs all others.
+`sonarhw` command runs in this process, which is faster. The shell runs the filters behind its pipe, and other lines.
 """
 
 import os
@@ -36,7 +36,8 @@ PAGES = [
     if page.name not in ELSEWHERE and blocks_of(page)
 ]
 LONG = {"fit.md", "locate.md", "map.md", "python.md", "study.md"}  # minutes; complete with --soak
-PLAIN = re.compile(r"sonarhw [\w ./:,=@+-]+")  # without quotes, patterns, pipes and redirections
+# one command, without patterns, variables and redirections outside quotes; and the filters of its output
+PLAIN = re.compile(r"""(sonarhw (?:[\w ./:,=@+-]|'[^']*')+)(?:\| ([^<>]+))?""")
 NOT_CODE = ("text", "toml", "c")
 # Units by which the last digit of a maximum differs between processors. The likelihood of a pose is rough: on another
 # processor, the search ends at another step of it, up to 0.3 of the stated standard deviation away.
@@ -68,17 +69,27 @@ class Reader:
 
     def _run(self, block: Block, command: Command) -> None:
         text = self._own(command.text)
-        status, printed = _in_this_process(text) if PLAIN.fullmatch(text) else self._in_a_shell(text)
+        plain = PLAIN.fullmatch(text)
+        status, printed = self._in_this_process(plain[1], plain[2]) if plain else self._in_a_shell(text)
         assert status == 0, f"{block.where}: {command.text}\n{printed}"
         if command.printed:
             expected = self._own(command.printed)
             units = next((most for search, most in SEARCHES.items() if text.startswith(search)), 0)
             assert alike(printed, expected, units), f"{block.where}: {command.text}\n{printed}expected:\n{expected}"
 
-    def _in_a_shell(self, text: str) -> tuple[int, str]:
+    def _in_this_process(self, text: str, filters: str | None) -> tuple[int, str]:
+        printed, errors = StringIO(), StringIO()
+        with redirect_stdout(printed), redirect_stderr(errors if filters else printed):
+            status = run(shlex.split(text)[1:])
+        if status or not filters:
+            return status, errors.getvalue() + printed.getvalue()
+        status, left = self._in_a_shell(filters, printed.getvalue())
+        return status, errors.getvalue() + left
+
+    def _in_a_shell(self, text: str, given: str = "") -> tuple[int, str]:
         done = subprocess.run(
             ["bash", "-c", f"set -o pipefail; {text}"],
-            stdin=subprocess.DEVNULL,
+            input=given,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -133,13 +144,6 @@ def test_only_the_last_digit_of_a_search_may_differ() -> None:
     assert not alike("at 2.8997 m\n", "at 2.8987 m\n", 5)
     assert not alike("at 2.8997 m\n", "at 2.8996 m\n", 0)
     assert not alike("85%\n", "86%\n", 5)
-
-
-def _in_this_process(text: str) -> tuple[int, str]:
-    printed = StringIO()
-    with redirect_stdout(printed), redirect_stderr(printed):
-        status = run(shlex.split(text)[1:])
-    return status, printed.getvalue()
 
 
 def _line(block: Block) -> int:
