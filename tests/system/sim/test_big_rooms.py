@@ -1,6 +1,6 @@
 """Rooms with very many walls: memory of a whole process that loads the room and predicts a scan.
 
-With `--soak`, the rooms have four times as many walls, or five times as many if they are apart. Memory that grows with
+With `--soak`, the rooms have six times as many walls, or ten times as many if they are apart. Memory that grows with
 the square of the number of walls is above the limits at both sizes.
 """
 
@@ -56,10 +56,10 @@ def compiled() -> None:
 @pytest.mark.parametrize(
     ("walls", "normal", "full"),
     [
-        ("apart", (20_000, 500), (100_000, 1000)),
-        ("star", (5_000, 270), (20_000, 500)),
-        ("nearly one point", (5_000, 270), (20_000, 500)),
-        ("same", (5_000, 270), (20_000, 500)),
+        ("apart", (10_000, 250), (100_000, 1000)),
+        ("star", (3_500, 210), (20_000, 500)),
+        ("nearly one point", (3_500, 210), (20_000, 500)),
+        ("same", (3_500, 210), (20_000, 500)),
     ],
 )
 def test_memory_of_a_room_with_very_many_walls(
