@@ -8,8 +8,8 @@ Beside them are the walls of a map without a room file, from regions of constant
 the number of found walls, and of those whose 95 % intervals hold the true offset, and the true direction.
 """
 
-import sys
 import time
+from argparse import ArgumentParser
 
 import numpy as np
 from sonarhw_compare.map import map_scans
@@ -28,14 +28,21 @@ ROOMS = 30
 
 def main() -> None:
     """Print a row for each room, and the totals."""
-    numbers = [int(word) for word in sys.argv[1:] if word.isdecimal()]
-    first, last = numbers[:2] if len(numbers) > 1 else (0, ROOMS)
-    board = load_board("polaroid-6500")
-    if "--leave-out" in sys.argv:
-        leave_out(range(first, last), board)
+    parser = ArgumentParser(description="Find random rooms from scans of them, and compare them with the true ones.")
+    parser.add_argument("first", nargs="?", type=int, default=0, help="number of the first room; default: %(default)s")
+    parser.add_argument(
+        "last", nargs="?", type=int, default=ROOMS, help="the number after the last; default: %(default)s"
+    )
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--leave-out", action="store_true", help="find each room without its last scan, and predict it")
+    for option, known in (("--rough", "within 5 cm and 3°"), ("--unknown", "for the first scan only")):
+        kinds.add_argument(option, dest="poses", action="store_const", const=option, help=f"places are known {known}")
+    options = parser.parse_args()
+    seeds, board = range(options.first, options.last), load_board("polaroid-6500")
+    if options.leave_out:
+        leave_out(seeds, board)
     else:
-        option = next((word for word in POSES if word in sys.argv), None)
-        find_rooms(range(first, last), board, option)
+        find_rooms(seeds, board, options.poses)
 
 
 def leave_out(seeds: range, board: Board) -> None:
