@@ -10,16 +10,25 @@ from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 
 
-def test_headless_demo_writes_scan_picture_and_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "result"
-    assert run(["demo", "--headless", str(folder)]) == 0
+def test_demo_without_a_display_writes_its_files_which_headless_overwrites_only_with_force(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "demo-result").mkdir()
+    (tmp_path / "demo-result" / "summary.json").write_text("mine")
+    (tmp_path / "demo-result-2").write_text("mine too")
+    assert run(["demo"]) == 0
+    assert "demo-result-3/overlay.png" in capsys.readouterr().out
+    assert (tmp_path / "demo-result" / "summary.json").read_text() == "mine"
+    assert (tmp_path / "demo-result-2").read_text() == "mine too"
+    folder = tmp_path / "demo-result-3"
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["n"] == len(read_log(folder / "scan.mcap").readings) == 120
     assert summary["within_5cm"] > 0.8
     assert summary["within_5cm"] < 1.0  # the fake's room deliberately differs from its file
     assert (folder / "overlay.png").read_bytes().startswith(b"\x89PNG")
-    assert str(folder / "overlay.png") in capsys.readouterr().out
-    capsys.readouterr()
     assert run(["compare", str(folder / "scan.mcap"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == summary | {"fit": None}
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -27,6 +36,7 @@ def test_headless_demo_writes_scan_picture_and_summary(tmp_path: Path, capsys: p
     assert "scan.mcap: exists already; choose another --headless or add --force" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert run(["demo", "--headless", str(folder), "--force"]) == 0
+    assert str(folder / "overlay.png") in capsys.readouterr().out
     # a log contains the time of its recording; the other files are the same again
     after = {path.name: path.read_bytes() for path in folder.iterdir()}
     assert after["scan.mcap"] != before["scan.mcap"]
@@ -48,22 +58,6 @@ def test_headless_demo_refuses_a_file_as_folder_and_force_without_a_folder(
     assert run(["demo", "--force", *(["--headless", str(tmp_path / out)] if out else [])]) == 2
     assert ("is a file" if out else "--force: needs --headless DIR") in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == "mine"
-
-
-def test_demo_without_a_display_prints_the_path_of_the_picture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "demo-result").mkdir()
-    (tmp_path / "demo-result" / "summary.json").write_text("mine")
-    (tmp_path / "demo-result-2").write_text("mine too")
-    assert run(["demo"]) == 0
-    assert "demo-result-3/overlay.png" in capsys.readouterr().out
-    assert (tmp_path / "demo-result-3" / "overlay.png").exists()
-    assert (tmp_path / "demo-result" / "summary.json").read_text() == "mine"
-    assert (tmp_path / "demo-result-2").read_text() == "mine too"
 
 
 def test_gui_without_a_display_names_commands_for_the_log(
