@@ -20,8 +20,11 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
 from sonarhw.log import Log, read_log
+from sonarhw.readings import ScanOrder
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import drag, ended, predicted, until
+
+SHORT = ScanOrder(start=0.0, step=math.radians(30), headings=12)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +52,7 @@ def window(open_with: OpenWith, scanners: _Scanners, fake: str) -> MainWindow:
     """Open a window on the fake scanner in its room, as `sonarhw gui FAKE` does."""
     room = load_room(read_fake_url(fake).room)
     scene = Scene(room, room.place("figure7"), load_board("polaroid-6500"), "simple.toml")
-    return open_with(scene=scene, source=scanners.opener(fake), url=fake, find_scanner=scanners.find)
+    return open_with(scene=scene, source=scanners.opener(fake), url=fake, find_scanner=scanners.find, order=SHORT)
 
 
 def scan(qtbot: QtBot, window: MainWindow) -> Log:
@@ -109,7 +112,7 @@ def test_scan_this_room_scans_from_the_place_and_with_the_board_that_are_shown(
     url = "fake:corridor?place=end&pace=max"
     room = load_room("corridor")
     scene = Scene(room, room.place("end"), load_board("polaroid-6500"), "corridor.toml")
-    window = open_with(scene=scene, source=scanners.opener(url), url=url, find_scanner=scanners.find)
+    window = open_with(scene=scene, source=scanners.opener(url), url=url, find_scanner=scanners.find, order=SHORT)
     {action.text(): action for action in window.files.shipped.actions()}["simple"].trigger()
     until(qtbot, lambda: window.banner.accept_button.isVisible())
     choose(window, "figure9", "paper")

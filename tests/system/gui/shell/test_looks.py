@@ -141,9 +141,9 @@ def faint_labels(window: MainWindow) -> set[str]:
     for label in labels:
         seen = label.visibleRegion().boundingRect()
         part = picture.copy(QRect(label.mapTo(window, seen.topLeft()), seen.size()))
-        colours = Counter(part.pixelColor(x, y).name() for x in range(part.width()) for y in range(part.height()))
-        ground = colours.most_common(1)[0][0]
-        if max(contrast(colour, ground) for colour in colours) < 2.0:
+        pixels = Counter(part.pixel(x, y) for x in range(part.width()) for y in range(part.height()))
+        ground, *others = (QColor(pixel).name() for pixel, _ in pixels.most_common())
+        if max((contrast(colour, ground) for colour in others), default=1.0) < 2.0:
             found.add(label.text())
     return found
 

@@ -11,11 +11,14 @@ from sonarhw.log import Log, read_log
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.outside import Outside, awaited
 
+MAGIC = b"\x89MCAP0\r\n"  # at the end of a complete log
 DEMO = "Laboratory · place bench"
 SENTENCE = re.compile(r"(?P<range>\d\.\d{3} m|no echo) at (?P<heading>\d+\.\d)°: ")
 
 
 def closed(path: Path) -> Log | None:
+    if not path.read_bytes().endswith(MAGIC):
+        return None  # being written
     log = read_log(path)
     return None if log.torn else log
 
