@@ -15,7 +15,7 @@ from tests.conftest import Count
 from tests.system.gui.conftest import ORDER, OpenWith
 from tests.system.gui.driving import begin_drag, pixel_at, predicted, until
 
-REPAINTS = 60, 10_000  # by default, in a soak test
+REPAINTS = 120, 10_000  # by default, in a soak test
 NOISE = 60  # normal variation; a leak adds one or more references per item and repaint
 
 
