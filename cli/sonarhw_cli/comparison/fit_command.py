@@ -121,7 +121,7 @@ def fit(
         for line in fit_lines(result):
             print_line(line)
     for warning in result.warnings:
-        warn(warning)
+        warn(str(warning))
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def fit_figures(result: "FitResult") -> dict[str, Any]:
             }
             for one in result.mismatches
         ],
-        "warnings": list(result.warnings),
+        "warnings": [str(warning) for warning in result.warnings],
     }
 
 

@@ -3,12 +3,21 @@
 import math
 from collections.abc import Sequence
 
-from sonarhw_compare.fit.mismatches import mismatch_line
 from sonarhw_compare.fit.values.fit_result import Estimate, FitResult, PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import PlaceQuantity
+from sonarhw_compare.fit.values.warning_kinds import (
+    AtBound,
+    FewExplained,
+    FitWarning,
+    KnownTogether,
+    ManyStrays,
+    SeveralSolutions,
+    Unconstrained,
+    Underestimated,
+)
 from sonarhw_compare.headings import estimate_degrees
-from sonarhw_compare.matching.few_explained import few_explained
+from sonarhw_compare.matching.few_explained import explains_few
 from sonarhw_compare.matching.match import Summary
 
 _INSEPARABLE = 0.95  # smallest correlation that is reported
@@ -17,55 +26,45 @@ _AT_BOUND = 0.01  # of the range between the bounds
 _MANY_STRAYS = 0.3  # per metre
 
 
-def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> tuple[str, ...]:
-    """Return one line for each limit of a fit; `underestimated` are parameters whose deviations are too small."""
-    lines = [*several_solutions(result)]
+def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> tuple[FitWarning, ...]:
+    """Return a warning for each limit of a fit; `underestimated` are parameters whose deviations are too small."""
+    warnings: list[FitWarning] = [*_several_solutions(result)]
     if underestimated:
-        several = ", ".join(parameter.name for parameter in underestimated)
-        lines.append(
-            f"± cannot be trusted: {several} can change together by far more; fix one of them, or give a prior"
-        )
+        warnings.append(Underestimated(tuple(underestimated)))
     for parameter in result.parameters:
-        lines += _undetermined(parameter, result.estimates[parameter.name])
+        warnings += _undetermined(parameter, result.estimates[parameter.name])
     names = list(result.estimates)
     for i in range(len(names)):
-        lines += [
-            f"{names[i]} and {names[j]} are only known together (correlation {result.correlations[i, j]:+.2f})"
+        warnings += [
+            KnownTogether((names[i], names[j]), float(result.correlations[i, j]))
             for j in range(i)
             if abs(result.correlations[i, j]) > _INSEPARABLE
         ]
-    lines += [mismatch_line(one) for one in result.mismatches]
+    warnings += result.mismatches
     if result.noise["stray_per_m"] > _MANY_STRAYS:
-        lines.append("many echoes match no path of the model; an object may be missing in the room file")
-    return tuple(lines)
+        warnings.append(ManyStrays(result.noise["stray_per_m"]))
+    return tuple(warnings)
 
 
-def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[str, ...]:
-    """Return one line for each scan that the result explains badly."""
+def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[FewExplained, ...]:
+    """Return a warning for each scan that the result explains badly."""
     return tuple(
-        line
+        FewExplained(scan.title or "this scan", one.within_5cm, one.n_echo)
         for scan, one in zip(scans, agreement, strict=True)
-        for line in few_explained(scan.title or "this scan", one.within_5cm, one.n_echo)
+        if one.within_5cm is not None and explains_few(one.within_5cm)
     )
 
 
-def several_solutions(result: FitResult) -> list[str]:
-    """Return one line with the pose of each solution; none if only one solution is printed."""
-    if len(result.modes) < 2:
-        return []
+def _several_solutions(result: FitResult) -> list[SeveralSolutions]:
     # solutions that differ only in digits that are not printed are one
-    poses = [*dict.fromkeys(_pose(result, dict(mode.values)) for mode in result.modes)]
-    if len(poses) < 2:
-        return []
-    return [
-        f"{len(poses)} solutions explain the scan about equally well, the room may be symmetric: {'; '.join(poses)}"
-    ]
+    poses = tuple(dict.fromkeys(_pose(result, mode.values) for mode in result.modes))
+    return [SeveralSolutions(poses)] if len(poses) > 1 else []
 
 
 def _pose(result: FitResult, values: dict[str, float]) -> str:
     shown = [parameter for parameter in result.parameters if isinstance(parameter.quantity, PlaceQuantity)]
     best = result.modes[0].values
-    changed = [one for one in shown if result.modes[0].values is values or abs(values[one.name] - best[one.name]) > 0]
+    changed = [one for one in shown if values[one.name] != best[one.name]]  # none of the best solution
     return ", ".join(
         f"{one.name} {estimate_degrees(values[one.name], best[one.name], 1):.1f}°"
         if one.quantity.is_angle
@@ -87,12 +86,12 @@ def _bounds(parameter: Parameter) -> tuple[float, float]:
     return (-math.pi, math.pi) if parameter.quantity.is_angle else (parameter.lower, parameter.upper)
 
 
-def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
+def _undetermined(parameter: Parameter, estimate: Estimate) -> list[FitWarning]:
     lower, upper = _bounds(parameter)
     if is_unconstrained(parameter, estimate):
-        return [f"the scan hardly constrains {parameter.name}: ± is as wide as the prior"]
+        return [Unconstrained(parameter)]
     if not parameter.quantity.is_angle:
         for bound in (lower, upper):
             if abs(estimate.value - bound) < _AT_BOUND * (upper - lower):
-                return [f"{parameter.name} is at its bound, {bound:g} {parameter.quantity.unit}".rstrip()]
+                return [AtBound(parameter, bound)]
     return []

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.values.fit_result import Mismatch
 from sonarhw_compare.fit.values.parameters import Parameter
-from sonarhw_compare.fit.values.quantities import WALL, BoardQuantity, Quantity
+from sonarhw_compare.fit.values.warning_kinds import Mismatch
 
 _CLEAR = 20.0  # smallest gain, chi-squared of one value, that is reported; by chance, 1 is expected
 _SIMILAR = 6.0  # largest difference of the gains of values that the scan cannot tell apart
@@ -56,30 +55,3 @@ def _gains(information: FloatArray, pull: FloatArray, chosen: list[int]) -> Floa
     gains = np.where(stiffness > 1e-9, left**2 / np.maximum(stiffness, 1e-9), 0.0)
     gains[chosen] = 0.0
     return np.asarray(gains)
-
-
-def mismatch_line(mismatch: Mismatch) -> str:
-    """Return a warning about a mismatch."""
-    parameter, quantity = mismatch.parameter, mismatch.parameter.quantity
-    also = f", or {' or '.join(mismatch.alternatives)} instead" if mismatch.alternatives else ""
-    return f"{_subject(parameter, mismatch)}{also}; correct the {_source(quantity)}, or free {parameter.name}"
-
-
-def _subject(parameter: Parameter, mismatch: Mismatch) -> str:
-    quantity, present = parameter.quantity, parameter.expected or 0.0
-    if quantity is WALL:
-        side = "left" if mismatch.shift > 0 else "right"
-        by = f"{abs(mismatch.shift) * 1000:.1f} ± {mismatch.deviation * 1000:.1f} mm"
-        return f"the echoes put {parameter.name} {by} to the {side} of its line in the room file"
-    value, spread = (
-        f"{number * quantity.per_unit:.{quantity.digits}f}" for number in (present + mismatch.shift, mismatch.deviation)
-    )
-    unit = f" {quantity.unit}" if quantity.unit else ""
-    return (
-        f"the echoes fit {parameter.name} {value} ± {spread}{unit}, while the {_source(quantity)} has "
-        f"{present * quantity.per_unit:.{quantity.digits}f}"
-    )
-
-
-def _source(quantity: Quantity) -> str:
-    return "board profile" if isinstance(quantity, BoardQuantity) else "room file"

@@ -15,7 +15,12 @@ def few_explained(scan: str, share: float | None, echoes: int, *, located: bool 
     """
     if share is None or not explains_few(share):
         return ()
+    return (few_explained_line(scan, share, echoes, located=located),)
+
+
+def few_explained_line(scan: str, share: float, echoes: int, *, located: bool = False) -> str:
+    """Return the warning of `few_explained` for a `share` that is too small."""
     found = f"{scan}: only {share:.0%} of {echoes} echoes are within 5 cm of the prediction"
     if located:
-        return (f"{found}; check the room and the board",)
-    return (f"{found}; check the room, the place and the board; `sonarhw locate` finds an unknown place",)
+        return f"{found}; check the room and the board"
+    return f"{found}; check the room, the place and the board; `sonarhw locate` finds an unknown place"

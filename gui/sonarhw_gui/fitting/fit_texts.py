@@ -3,12 +3,13 @@
 import math
 from typing import TYPE_CHECKING
 
-from sonarhw_gui.fitting.fit_request import FitFound
+from sonarhw_gui.fitting.fit_request import FitFound, FitSettings
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.look.residual_unit import residual_unit
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, Parameter  # importing it takes half a second
+    from sonarhw_compare.fit.values.warning_kinds import FitWarning
 
 _SLIGHT = 1.0  # degrees
 
@@ -40,25 +41,26 @@ def solution_line(found: FitFound, solution: int, unit: LengthUnit) -> str:
 
 
 def warnings(found: FitFound) -> list[str]:
-    """Return what the scan cannot determine, and whether the fit matches worse than before.
-
-    Two warnings of the library are replaced: one repeats the list of solutions, the other names a command.
-    """
-    from sonarhw_compare.fit.fit_warnings import several_solutions, unexplained
-
-    result, settings = found.result, found.request.settings
-    several, few = several_solutions(result), unexplained([found.request.scan], result.agreement)
-    texts = [line for line in result.warnings if line not in (*several, *few)]
-    if several:
-        texts.append("several poses explain the scan about equally well, the room may be symmetric; try each above")
-    if few:
-        share = _percent(result.agreement[0].within_5cm)
-        elsewhere = "" if settings.everywhere else ", or search in the whole room"
-        texts.append(f"only {share} of the echoes are within 5 cm; check the room and the board{elsewhere}")
+    """Return what the scan cannot determine, and whether the fit matches worse than before."""
+    texts = [_warning_text(warning, found.request.settings) for warning in found.result.warnings]
     before, after = found.within_5cm, found.solutions[0].within_5cm
     if before is not None and after is not None and after < before:
         texts.append("fewer echoes match than before: the room differs from its file in something else")
     return texts
+
+
+def _warning_text(warning: "FitWarning", settings: FitSettings) -> str:
+    """Return a warning in the words of the window: its list has the solutions, and no command is named."""
+    from sonarhw_compare.fit import FewExplained, SeveralSolutions
+
+    match warning:
+        case SeveralSolutions():
+            return "several poses explain the scan about equally well, the room may be symmetric; try each above"
+        case FewExplained(share=share):
+            elsewhere = "" if settings.everywhere else ", or search in the whole room"
+            return f"only {_percent(share)} of the echoes are within 5 cm; check the room and the board{elsewhere}"
+        case _:
+            return str(warning)
 
 
 def _name(one: "Parameter") -> str:

@@ -10,6 +10,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import ROOM_TOLERANCE
+from sonarhw_compare.fit.values.warning_kinds import FitWarning, Mismatch
 from sonarhw_compare.matching.match import Summary
 
 Progress = Callable[[float, str], None]  # completed share, 0..1, and name of the present step
@@ -54,16 +55,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Mismatch:
-    """A value of room or board that was not free, and that the scan shows to be off."""
-
-    parameter: Parameter  # `expected`: the value of room or board
-    shift: float  # from that value
-    deviation: float  # standard deviation of the shift
-    alternatives: tuple[str, ...] = ()  # other values that would explain nearly as much
-
-
-@dataclass(frozen=True)
 class Mode:
     """One of several solutions that explain the data about equally well."""
 
@@ -79,7 +70,7 @@ class FitResult:
     estimates: dict[str, Estimate]  # by parameter name, in the order of `parameters`
     correlations: FloatArray  # (p, p), in that order
     noise: dict[str, float]  # fitted errors of the readings: range_m, level_db, missed, lost, stray_per_m, stretch
-    warnings: tuple[str, ...]
+    warnings: tuple[FitWarning, ...]  # the most important first
     modes: tuple[Mode, ...]  # the best first
     room: Room  # fitted
     places: tuple[Place, ...]  # fitted, one for each scan

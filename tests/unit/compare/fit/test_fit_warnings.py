@@ -21,7 +21,7 @@ def test_a_scan_of_which_few_echoes_match_is_named() -> None:
     ]
     shares = (0.61, 0.59, None, 0.0)
     lines = unexplained(scans, [replace(SUMMARY, within_5cm=share) for share in shares])
-    assert lines == (
+    assert [str(line) for line in lines] == [
         f"bad.mcap: only 59% {ADVICE}",
         f"this scan: only 0% {ADVICE}",
-    )
+    ]

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 from sonarhw_compare.fit import free_parameters
 from sonarhw_compare.fit.likelihood.tolerance_prior import LEVELS, PROBABILITIES, tolerance_prior
-from sonarhw_compare.fit.mismatches import mismatch_line, shown_mismatches
+from sonarhw_compare.fit.mismatches import shown_mismatches
 from sonarhw_compare.fit.search.averaging import averaged
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import REFLECTANCE, SCALE, THRESHOLD, WALL, X
@@ -98,8 +98,8 @@ def test_a_mismatch_names_what_explains_most_and_what_the_scan_cannot_distinguis
     (shown,) = shown_mismatches(tolerated, np.array([0.005, 0.005, 0.001]), covariance)
     assert {shown.parameter.name, *shown.alternatives} == {"wall:west", "wall:east"}
     assert shown.shift == pytest.approx(0.01, rel=0.01)
-    assert "10.0 ± " in mismatch_line(shown)
+    assert "10.0 ± " in str(shown)
     assert shown_mismatches(tolerated, np.array([0.001, 0.001, 0.001]), covariance * 100) == ()
     (scale,) = shown_mismatches(tolerated, np.array([0.0, 0.0, 0.009]), covariance)
-    assert "scale 1.00900 ± 0.00100, while the board profile has 1.00000" in mismatch_line(scale)
+    assert "scale 1.00900 ± 0.00100, while the board profile has 1.00000" in str(scale)
     assert replace(scale, shift=0.0) != scale

@@ -71,8 +71,8 @@ def test_a_fit_has_two_significant_digits_of_its_deviation() -> None:
 def test_solutions_that_print_alike_are_one() -> None:
     assert warnings_of(heading_fit(359.999, 0.001)) == ()
     (several,) = warnings_of(heading_fit(0.0, 180.0))
-    assert several.startswith("2 solutions")
-    assert several.endswith("heading 0.0°; heading 180.0°")
+    assert str(several).startswith("2 solutions")
+    assert str(several).endswith("heading 0.0°; heading 180.0°")
 
 
 def heading_fit(*degrees: float) -> FitResult:
