@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, Parameter  # importing it takes half a second
     from sonarhw_compare.fit.values.warning_kinds import FitWarning
 
-_SLIGHT = 1.0  # degrees
-
 
 def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
     """Return name, value and standard deviation in the same unit. Only the best solution has deviations."""
@@ -71,7 +69,7 @@ def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
     """Return the text of a value with its unit."""
     match one.quantity.unit:
         case "°":
-            return _signed(f"{_near_zero(math.degrees(value)):z.2f}°")
+            return _signed(f"{math.degrees(value):z.2f}°")
         case "m" if one.quantity.word == "position":
             return _signed(unit.text(value))
         case "m":
@@ -101,12 +99,6 @@ def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
             return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
         case printed:
             return f"± {_two_figures(estimate.deviation)} {printed}".rstrip()
-
-
-def _near_zero(degrees: float) -> float:
-    """Return a heading from 0° to 360°, but negative within 1° below 360°: 359.99 ± 0.03 would look far off."""
-    turned = round(degrees, 2) % 360
-    return turned - 360 if turned > 360 - _SLIGHT else turned
 
 
 def _signed(text: str) -> str:

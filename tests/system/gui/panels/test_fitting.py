@@ -166,7 +166,7 @@ def test_values_below_zero_have_a_minus_sign_and_zero_has_none(scene: Scene) -> 
         "temperature": "−5.0 °C",
     }
     heading = next(one for one in free if one.name == "heading")
-    assert value_text(heading, math.radians(-90), LengthUnit.M) == "270.00°"
+    assert value_text(heading, math.radians(-90), LengthUnit.M) == "−90.00°"
 
 
 def test_found_values_are_stored_in_room_and_profile(scene: Scene) -> None:
