@@ -23,6 +23,6 @@ def at_most(work: str, required: float, measured: float) -> Row:
     return Row(work, f"≤ {required:g}", f"{measured:.2f}", measured <= required)
 
 
-def without_limit(work: str, measured: float) -> Row:
-    """Return a row of a value that is only stated."""
-    return Row(work, "-", f"{measured:.0f}", True)
+def without_limit(work: str, measured: float, digits: int = 0) -> Row:
+    """Return a row of a value that is only stated, with so many decimal digits."""
+    return Row(work, "-", f"{measured:.{digits}f}", True)

@@ -12,7 +12,7 @@ import numpy as np
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 from sonarhw_sim.room.grid import IntArray
 
-_ROOM = 1024  # rows at first
+_ROOM = 4096  # rows at first
 _SLOTS = 4  # for each row, at first, a power of two
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -172,8 +173,13 @@ def first_of_equal(table: IntArray) -> NDArray[np.intp]:
 
 def hashes_of(table: IntArray) -> NDArray[np.int64]:
     """Return a hash of each row (n, k): to sort whole rows takes longer than all else."""
-    weights = np.random.default_rng(0).integers(1, 2**62, table.shape[1])
-    return np.asarray((table.astype(np.int64) * weights).sum(axis=1))
+    return np.asarray((table.astype(np.int64) * _weights(table.shape[1])).sum(axis=1))
+
+
+@lru_cache(maxsize=128)
+def _weights(columns: int) -> NDArray[np.int64]:
+    """Return the weight of each column in a hash, (columns,)."""
+    return np.random.default_rng(0).integers(1, 2**62, columns)
 
 
 def _reversed(paths: PartialPaths) -> PartialPaths:

@@ -5,7 +5,7 @@ Paths do not depend on the heading of the transducer, so one search serves a who
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,16 +62,13 @@ class PathSearch:
         ka = None if self.axes else self.ka
         return EdgeDiffraction(self.wavelength, self.faintest_diffraction, self.edge_strength, ka)
 
-    @cached_property
+    @property
     def loudest_by_elevation(self) -> FloatArray:
         """The most that both beams leave at any heading, for elevations from 0 to π/2.
 
         No heading is nearer to a direction than its elevation.
         """
-        if self.ka is None or self.axes is not None:
-            return np.ones(1)
-        angles = np.linspace(0, math.pi / 2, 901)
-        return np.asarray(np.maximum.accumulate(beam_gain(angles, self.ka)[::-1])[::-1] ** 2)
+        return np.ones(1) if self.ka is None or self.axes is not None else _loudest_by_elevation(self.ka)
 
     @property
     def steepest_bent(self) -> float:
@@ -79,6 +76,15 @@ class PathSearch:
         loud = np.flatnonzero(_LOUDEST_EDGE * self.loudest_by_elevation >= self.faintest_diffraction)
         steps = len(self.loudest_by_elevation) - 1
         return math.tan(math.pi / 2 * (loud[-1] + 1) / steps) if len(loud) and loud[-1] < steps - 1 else math.inf
+
+
+@lru_cache(maxsize=16)
+def _loudest_by_elevation(ka: float) -> FloatArray:
+    """Return `PathSearch.loudest_by_elevation` of transducers with this ka, (901,)."""
+    angles = np.linspace(0, math.pi / 2, 901)
+    loudest = np.maximum.accumulate(beam_gain(angles, ka)[::-1])[::-1] ** 2
+    loudest.flags.writeable = False
+    return np.asarray(loudest)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 BoolArray = NDArray[np.bool_]
 
 ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
-_LEAST_PART = 2000  # candidates: fewer take about as long as a thread needs to begin
+_LEAST_PART = 500  # candidates: fewer take about as long as a thread needs to begin
 _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
 
 

@@ -66,8 +66,10 @@ def along_narrow_walls(
     end.
     """
     added = np.zeros(len(rows[0]), np.complex128)
-    wedges = _Wedges(edges.openings, faces, wavelength)
     ends = _ends_of_narrow_walls(edges, WIDEST * wavelength)
+    if not len(ends.own):
+        return added
+    wedges = _Wedges(edges.openings, faces, wavelength)
     path, end = _at_ends(halves[0].edges[rows[0]], ends)
     if len(path):
         there, here = rows[0][path], rows[1][path]
