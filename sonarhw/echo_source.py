@@ -36,4 +36,7 @@ class EchoSource(Protocol):
         """Reading of the board's thermometer, °C; None if it has none."""
 
     def receive(self, ping: Ping) -> PingResult:
-        """Return the echoes of one ping. They depend only on the ping and a seed, not on the order of calls."""
+        """Return the echoes of one ping. They depend only on the ping and a seed, not on the order of calls.
+
+        Raises InputError if the surroundings are too large to compute; a fake board then reports a failed scan.
+        """

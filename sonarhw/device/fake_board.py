@@ -14,6 +14,7 @@ from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.device.wiring_faults import NOISE_ECHO, Wires, WiringFault
 from sonarhw.echo_source import EchoSource, Ping
+from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, Trace
 from sonarhw.wire.codes import Feature, Input, Outcome, Refusal, State, TraceKind, Wiring, Zero
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
@@ -378,7 +379,10 @@ class FakeBoard(ProtocolDevice):
         return arrived[:1] if self._wires.faults & WiringFault.BLNK_OPEN else arrived
 
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
-        result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))
+        try:
+            result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))
+        except InputError as error:
+            raise ActionError(str(error)) from error
         if result.trace is not None and self._wires.faults & WiringFault.INIT_OPEN:
             silent = Trace(0 * result.trace.samples, result.trace.rate, result.trace.start)
             result = replace(result, trace=silent)

@@ -1,8 +1,9 @@
 """Fake scanners: `fake:ROOM?place=NAME&seed=1`, and the device that answers there."""
 
 import math
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlencode
@@ -94,26 +95,47 @@ def serve_fake(url: str, warn: Callable[[str], None]) -> Iterator[Callable[[], s
         warn(f"{settings.room}: {doubt}")
     for doubt in place_doubts(room, place):
         warn(doubt)
-    device, echoes = fake_device(room, place, load_board(settings.board), settings.seed, settings.faults)
-    echoes.prepare()
+    device, _ = fake_device(room, place, load_board(settings.board), settings.seed, settings.faults)
     with serve(device, tcp=LOOPBACK, pace=settings.pace) as endpoint:
         yield lambda: endpoint.url
 
 
 def fake_device(room: Room, place: Place, board: Board, seed: int, faults: Faults) -> "tuple[Device, RoomEchoes]":
-    """Return a fake board at a place of a room, and its echo source. Call `prepare` of the echo source."""
+    """Return a fake board at a place of a room, and its echo source, which the first scan prepares."""
     from sonarhw_sim.predict.room_echoes import RoomEchoes  # loads the kernels, which takes a second
 
     # a fake is one sensor: the spreads of a population, or of errors of the room, are no noise of its pings
     echoes = RoomEchoes(room, place, board.certain, seed)
     wires = Wires(faults.miswire)
+    ready = _prepared_on_demand(echoes)
     identity = faulty_identity(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=board.name), faults)
 
     def started(boots: int) -> FakeBoard:
         counted_identity = replace(identity, boot=1 + boots)
-        return FakeBoard(echoes, seed, board.blanking_end, counted_identity, ready=lambda: echoes.ready, wires=wires)
+        return FakeBoard(echoes, seed, board.blanking_end, counted_identity, ready, wires=wires)
 
     return started(0) if faults == NO_FAULTS else FaultyDevice(started, faults, seed), echoes
+
+
+def _prepared_on_demand(echoes: "RoomEchoes") -> Callable[[], bool]:
+    """Return a function that returns whether preparation is over; its first call starts it in a thread.
+
+    So a command that does not scan saves the time of preparation, and the board answers during it.
+    """
+
+    def prepare() -> None:
+        with suppress(InputError):  # the first ping raises it again
+            echoes.prepare()
+
+    # a daemon thread, so that the process can end during a compilation
+    thread = threading.Thread(target=prepare, name="prepare", daemon=True)
+
+    def over() -> bool:
+        if thread.ident is None:
+            thread.start()
+        return not thread.is_alive()
+
+    return over
 
 
 def _read_heading(text: str) -> float:

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from sonarhw.echo_source import Ping, PingResult
+from sonarhw.errors import InputError
 from sonarhw.readings import Trace
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time, echo_times
@@ -64,26 +65,35 @@ class RoomEchoes:
         self._nominal = room, board.faced(place)
         self._actual: tuple[Room, Place, Paths | None] | None = None
         self._turned = lru_cache(maxsize=_HEADINGS_KEPT)(self._predict)
-        self._ready = threading.Event()
+        self._preparing = threading.Lock()
+        self._refusal: InputError | None = None
+        self.ready = False  # whether `prepare` is done, so that `receive` returns at once
         random = np.random.default_rng((seed, 1))
         warmer, error = random.normal(0, (self._disturbance.temperature, self._disturbance.thermometer))
         self._temperature_c = room.air.temperature_c + float(warmer)
         self.temperature_c: float | None = self._temperature_c + float(error)
 
-    @property
-    def ready(self) -> bool:
-        """Whether `prepare` is done, so that `receive` returns at once."""
-        return self._ready.is_set()
-
     def prepare(self) -> None:
-        """Find the paths and receive one ping, which compiles the kernels. Takes seconds; may run in a thread."""
-        _, place, _ = self._truth()
-        ping, random = Ping(0.0, 0, 0, _FIRST_LISTEN, trace=True), np.random.default_rng(0)
-        self._heard(self._scan(place.heading), ping, random)
-        self._ready.set()
+        """Find the paths and receive one ping, which compiles the kernels, unless this is done already.
+
+        Takes seconds; may run in a thread. Raises InputError for a room with too many paths; `receive` raises it too.
+        """
+        with self._preparing:
+            if self.ready:
+                return
+            try:
+                _, place, _ = self._truth()
+            except InputError as error:
+                self._refusal = error
+                raise
+            ping, random = Ping(0.0, 0, 0, _FIRST_LISTEN, trace=True), np.random.default_rng(0)
+            self._heard(self._scan(place.heading), ping, random)
+            self.ready = True
 
     def receive(self, ping: Ping) -> PingResult:
-        """Return the echoes of one ping; equal pings have equal results."""
+        """Return the echoes of one ping; equal pings have equal results. Raises what `prepare` raises."""
+        if self._refusal is not None:
+            raise self._refusal
         _, place, _ = self._truth()
         heading = place.heading + self._board.turned(ping.angle)
         if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 from sonarhw_compare.scanners.scanner_url import SCHEMES
+from sonarhw_sim.predict.room_echoes import RoomEchoes
+from sonarhw_sim.rays import path_table
 
 import sonarhw
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.errors import InputError, LinkError, LinkLost
+from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost
 from sonarhw.readings import sector
 from tests.fixtures.example_logs import write_example
 from tests.fixtures.plain_echoes import PlainEchoes
@@ -40,6 +42,31 @@ def test_a_fake_scanner_scans_its_room() -> None:
     summary = sonarhw.compare(readings, "laboratory", "bench").summary()
     assert summary.within_5cm is not None
     assert summary.within_5cm > 0.8
+
+
+def test_only_a_scan_prepares_the_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared: list[object] = []
+    prepare = RoomEchoes.prepare
+
+    def counted(echoes: RoomEchoes) -> None:
+        prepared.append(echoes)
+        prepare(echoes)
+
+    monkeypatch.setattr(RoomEchoes, "prepare", counted)
+    with sonarhw.open_scanner(FAKE) as scanner:
+        scanner.home()
+        scanner.turn(1.0)
+        assert prepared == []
+        list(scanner.scan(SHORT))
+    assert len(prepared) == 1
+
+
+def test_a_scan_reports_a_room_with_too_many_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(path_table, "MOST_POINTS", 80)
+    with sonarhw.open_scanner(FAKE) as scanner:
+        scanner.home()
+        with pytest.raises(DeviceError, match="too many paths: "):
+            list(scanner.scan(SHORT))
 
 
 def test_close_ends_the_fake_without_a_block() -> None:
