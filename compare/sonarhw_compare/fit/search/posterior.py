@@ -7,11 +7,10 @@ autocorrelation time here is about 25 steps, a third of that of Goodman and Wear
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.random import RandomState
-from sonarhw_sim.cores import core_count
+from sonarhw_sim.cores import in_parts
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.objective import Objective
@@ -30,6 +29,7 @@ _LONGER = 1  # most repetitions with twice as many samples, if the chain has not
 _TESTABLE = 50  # steps; fewer are too few to test for convergence
 _DRIFT = 0.4  # standard deviations, largest difference between the means of both halves of a converged chain
 _GROWTH = 1.5  # largest ratio of the deviations of both halves
+_LEAST_PART = 4  # vectors, computed in about 1 ms; a thread starts in a tenth of that
 CREDIBLE_INTERVAL = (2.5, 97.5)  # percentiles
 
 
@@ -56,26 +56,25 @@ def samples_of(
     # no snooker move: its samples in emcee 3.1.6 are at least 6 % too narrow
     best = 2.38 / math.sqrt(2 * size)
     moves = [(emcee.moves.DEMove(gamma0=scale * best), weight) for scale, weight in _MOVES]
-    with ThreadPoolExecutor(core_count()) as pool:
-        for part, iterations in enumerate(parts):
-            of_many = _parallel(objective.smooth if part == 0 else objective.many, pool)
-            sampler = emcee.EnsembleSampler(walkers, size, of_many, moves=moves, vectorize=True)
-            sampler.log_prob_fn = of_many  # its wrapper prints every exception, also that of Ctrl-C, to standard output
-            for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
-                tick((part + done / iterations) / len(parts))
-            # probabilities of one objective are not those of the next
-            state = emcee.State(sampler.get_last_sample().coords, random_state=sampler.random_state)
-            # the noise has no interval; a kind that the scan hardly has drifts for long, and nothing depends on it
-            if 1 < part <= most + 1 and _settled(sampler.get_chain()[:, :, : len(objective.problem.parameters)]):
-                break
+    for part, iterations in enumerate(parts):
+        of_many = _in_parts(objective.smooth if part == 0 else objective.many)
+        sampler = emcee.EnsembleSampler(walkers, size, of_many, moves=moves, vectorize=True)
+        sampler.log_prob_fn = of_many  # its wrapper prints every exception, also that of Ctrl-C, to standard output
+        for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
+            tick((part + done / iterations) / len(parts))
+        # probabilities of one objective are not those of the next
+        state = emcee.State(sampler.get_last_sample().coords, random_state=sampler.random_state)
+        # the noise has no interval; a kind that the scan hardly has drifts for long, and nothing depends on it
+        if 1 < part <= most + 1 and _settled(sampler.get_chain()[:, :, : len(objective.problem.parameters)]):
+            break
     return np.asarray(sampler.get_chain(flat=True))
 
 
-def _parallel(
-    of_many: Callable[[FloatArray], FloatArray], pool: ThreadPoolExecutor
-) -> Callable[[FloatArray], FloatArray]:
-    """Return a function of many values (m, size) that is computed in threads. Kernels release Python's lock."""
-    return lambda values: np.concatenate(list(pool.map(of_many, np.array_split(values, core_count()))))
+def _in_parts(of_many: Callable[[FloatArray], FloatArray]) -> Callable[[FloatArray], FloatArray]:
+    """Return a function of vectors (m, size) that is computed in threads."""
+    return lambda values: np.concatenate(
+        in_parts(lambda begin, end: of_many(values[begin:end]), len(values), _LEAST_PART)
+    )
 
 
 def _settled(chain: FloatArray) -> bool:
