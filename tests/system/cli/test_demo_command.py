@@ -10,12 +10,18 @@ from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 
 
-def test_demo_without_a_display_writes_its_files_which_headless_overwrites_only_with_force(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def without_display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Remove the display, and work in an empty folder."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("without_display")
+def test_demo_without_a_display_writes_its_files_which_headless_overwrites_only_with_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "demo-result").mkdir()
     (tmp_path / "demo-result" / "summary.json").write_text("mine")
     (tmp_path / "demo-result-2").write_text("mine too")
@@ -60,12 +66,8 @@ def test_headless_demo_refuses_a_file_as_folder_and_force_without_a_folder(
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_gui_without_a_display_names_commands_for_the_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("without_display")
+def test_gui_without_a_display_names_commands_for_the_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         run(["simulate", str(CHECKOUT / "rooms" / "simple.toml"), "--place", "figure9", "--out", "my scan.mcap"]) == 0
     )
