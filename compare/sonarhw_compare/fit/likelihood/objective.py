@@ -5,16 +5,15 @@ call takes a fraction of a millisecond. The vector holds the parameters, then th
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import repeat
 
 import numpy as np
-from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import uncompensated_db
 from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board, axis_beside
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam_table
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.levels import loud_enough
@@ -24,7 +23,6 @@ from sonarhw_sim.vertical.sections import paths_from
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.likelihood.echo_likelihood import (
-    BoardValues,
     PathArrays,
     ReadingNoise,
     ScanArrays,
@@ -34,29 +32,17 @@ from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, PathMemory, ech
 from sonarhw_compare.fit.likelihood.edge_powers import edge_powers
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
 from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
+from sonarhw_compare.fit.likelihood.setting_numbers import SettingNumbers
 from sonarhw_compare.fit.likelihood.tolerance_prior import TolerancePrior, tolerance_prior
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.fit.values.parameters import Parameter, applied, start_of
 from sonarhw_compare.fit.values.quantities import (
-    AHEAD,
-    APERTURE,
-    ASIDE,
-    AXIS_X,
-    AXIS_Y,
-    HEADING,
-    OFFSET,
     REFLECTANCE,
-    SCALE,
-    SLOPE,
-    THRESHOLD,
     WALL,
     AirQuantity,
-    BoardQuantity,
     PlaceQuantity,
     Quantity,
-    X,
-    Y,
     reflectance_of,
 )
 
@@ -66,8 +52,6 @@ _KEPT_BELOW_THRESHOLD = 14.0  # dB; the threshold may change by some decibels
 _SMOOTH = math.log(2.0)  # of dB, least error of levels in the smooth objective
 _DIFFRACTED_FURTHER = 6.0  # dB below the threshold: how much fainter diffracted paths are searched
 _TOGETHER = 8  # vectors, whose paths are moved at once; those of more do not fit into the cache of a processor
-# all quantities of the board that the likelihood depends on
-_OF_BOARD = (OFFSET, SLOPE, AHEAD, ASIDE, SCALE, AXIS_X, AXIS_Y, THRESHOLD, APERTURE)
 _OVERLAPPING = 1.0  # dB, least error of levels where overlapping echoes are modelled as single ones
 
 
@@ -277,11 +261,11 @@ class Objective:
         rows = zip(values, noises.tolist(), self._images(values, scan), self._levels(values, scan), strict=True)
         for row, (vector, of_noise, (out, back), levels) in enumerate(rows):
             noise = ReadingNoise(*of_noise)
-            numbers = self._board_numbers(vector)
-            x, y, heading = self._axis_pose(vector, scan, numbers)
+            numbers = self._numbers.of_board(vector)
+            x, y, heading = self._numbers.axis_pose(vector, scan, numbers)
             by = x - self._axes[scan][0], y - self._axes[scan][1]
             paths = PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
-            chosen = self._board_values(vector, numbers, heading, noise.stretch)
+            chosen = self._numbers.for_kernel(vector, numbers, heading, noise.stretch)
             likelihoods[row] = log_likelihoods(readings, paths, by, chosen, noise, self._table, self._lateness)
         return likelihoods
 
@@ -307,15 +291,22 @@ class Objective:
         return middle, spread
 
     @cached_property
+    def _numbers(self) -> SettingNumbers:
+        problem = self.problem
+        rows = tuple(problem.pose_rows(scan) for scan in range(len(self.places)))
+        air, speed = self.room.air, problem.reported_speed
+        return SettingNumbers(problem.board, air, self.places, problem.parameters, rows, speed)
+
+    @cached_property
     def _axes(self) -> tuple[tuple[float, float], ...]:
         """Position of the turning axis of each scan at the values where paths were searched."""
-        numbers = self._board_numbers(self.values)
-        return tuple(self._axis_pose(self.values, scan, numbers)[:2] for scan in range(len(self.places)))
+        numbers = self._numbers.of_board(self.values)
+        return tuple(self._numbers.axis_pose(self.values, scan, numbers)[:2] for scan in range(len(self.places)))
 
     @cached_property
     def _table(self) -> FloatArray:
         board = self.problem.board
-        widest = [quantity.put(board, self.problem.parameters[row].upper) for row, quantity in self._board_rows]
+        widest = [quantity.put(board, self.problem.parameters[row].upper) for row, quantity in self._numbers.board_rows]
         aperture = max(one.aperture_radius for one in (board, *widest))
         coldest = replace(self.room.air, temperature_c=-10.0)
         return beam_table(board.wavenumber(coldest) * aperture)
@@ -325,73 +316,6 @@ class Objective:
         if self.problem.receiver is Receiver.FIRST_ECHO:
             return np.empty(0)
         return lateness_by_level(self.problem.board, self.room.air.speed_of_sound)
-
-    @cached_property
-    def _board_rows(self) -> list[tuple[int, BoardQuantity]]:
-        quantities = ((row, one.quantity) for row, one in enumerate(self.problem.parameters))
-        return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
-
-    @cached_property
-    def _present(self) -> dict[str, float]:
-        """The numbers of the board that a fit can change, by key. A copy of the board for each vector is slow."""
-        board = self.problem.board
-        return {one.key: one.read(board) for one in _OF_BOARD}
-
-    def _board_numbers(self, values: FloatArray) -> dict[str, float]:
-        present = self._present
-        changed = {one.key: one.number(present[one.key], float(values[row])) for row, one in self._board_rows}
-        return present | changed
-
-    @cached_property
-    def _poses(self) -> list[tuple[dict[str, float], list[tuple[int, str]]]]:
-        """For each scan, the present pose by name of its quantities, and the rows that change it."""
-        problem = self.problem
-        return [
-            (
-                {one.name: one.value(place) for one in (X, Y, HEADING)},
-                [(row, problem.parameters[row].quantity.name) for row in problem.pose_rows(scan)],
-            )
-            for scan, place in enumerate(self.places)
-        ]
-
-    def _axis_pose(self, values: FloatArray, scan: int, numbers: Mapping[str, float]) -> tuple[float, float, float]:
-        """Return the position of the turning axis, m, and the actual heading of step 0, rad."""
-        present, rows = self._poses[scan]
-        pose = present | {name: float(values[row]) for row, name in rows}
-        heading = pose[HEADING.name] + math.radians(self.problem.board.home_angle_deg)
-        x, y = axis_beside((pose[X.name], pose[Y.name]), heading, numbers[AXIS_X.key], numbers[AXIS_Y.key])
-        return x, y, heading
-
-    def _air(self, values: FloatArray) -> Air:
-        air = self.room.air
-        for row, parameter in enumerate(self.problem.parameters):
-            if isinstance(parameter.quantity, AirQuantity):
-                air = parameter.quantity.put(air, float(values[row]))
-        return air
-
-    def _board_values(
-        self, values: FloatArray, numbers: Mapping[str, float], heading: float, stretch: float
-    ) -> BoardValues:
-        board, speed = self.problem.board, self.room.air.speed_of_sound
-        if self.problem.reported_speed is not None:
-            speed = self._air(values).speed_of_sound
-            stretch = self.problem.reported_speed / speed
-        stretch *= 1 + numbers[SLOPE.key]
-        ahead, aside, half = numbers[AHEAD.key], numbers[ASIDE.key], board.mount.separation / 2
-        offset = numbers[OFFSET.key]
-        return BoardValues(
-            heading=heading,
-            scale=numbers[SCALE.key],
-            ka=math.tau * board.frequency / speed * numbers[APERTURE.key],
-            threshold_db=numbers[THRESHOLD.key],
-            opens=board.blanking_end * speed / 2 * stretch + offset,
-            closes=board.max_range * stretch + offset,
-            dead=board.rearm * speed / 2 * stretch,
-            stretch=stretch,
-            offset=offset,
-            sender=(ahead, aside + half),
-            listener=(ahead, aside - half),
-        )
 
     def _images(self, values: FloatArray, scan: int) -> Iterable[tuple[FloatArray, FloatArray]]:
         """Return `out` and `back` of paths after the walls have moved, for vectors (m, size)."""
@@ -413,7 +337,7 @@ class Objective:
         if self.problem.reported_speed is None:
             lost = self._lost[scan]
         else:
-            airs = (self._air(vector) for vector in values)
+            airs = (self._numbers.air_of(vector) for vector in values)
             lost = np.array([uncompensated_db(self._lengths[scan], self.problem.board, air) for air in airs])
         ratios = values[:, self._reflectance_rows] / self._reflectances
         gained = 20 * np.log10(np.maximum(ratios, 1e-9)) @ paths.powers.T
