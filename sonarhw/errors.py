@@ -16,7 +16,7 @@
     │   └── CommandRefused     the device refused a command, with a code and a text                exit 1
     ├── NoPlate                the readings for `calibrate` show no suitable plate                 exit 1
     ├── Cancelled              long work was cancelled before it had finished                      exit 1
-    ├── WorkersLost            processes or a cluster ended before their study had finished        exit 1
+    ├── WorkersLost            processes or a cluster ended before their work had finished         exit 1
     ├── MissingExtra           the window or studies are not installed                             exit 1
     ├── NoDisplay              there is no display for a window (`sonarhw_gui.shell.display`)      exit 1
     ├── LogError               a scan cannot be recorded: its log cannot be written                exit 1
@@ -118,7 +118,7 @@ class Cancelled(SonarError):
 
 
 class WorkersLost(SonarError):
-    """Processes or a cluster ended before their study had finished."""
+    """Processes or a cluster ended before their work had finished."""
 
 
 class LogError(SonarError):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 _Result = TypeVar("_Result")
 
 _threads_run = threading.Lock()
+_one_thread = threading.Event()  # set in a process that computes beside others
 
 
 def core_count() -> int:
@@ -18,14 +19,19 @@ def core_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def use_one_thread() -> None:
+    """Compute in one thread from now on, because other processes use the other cores."""
+    _one_thread.set()
+
+
 def in_parts(work: Callable[[int, int], _Result], count: int, least: int) -> list[_Result]:
     """Return the results of `work(begin, end)` for consecutive parts of `count` items, in order; at least one part.
 
     There is a thread for each core, and a part has `least` items or more. It is one part if the cores are busy: while
-    another call computes in threads, and in a process of a pool.
+    another call computes in threads, in a process of a pool, and after `use_one_thread`.
     """
     parts = min(core_count(), count // least)
-    if parts < 2 or _is_of_a_pool() or not _threads_run.acquire(blocking=False):
+    if parts < 2 or _one_thread.is_set() or _is_of_a_pool() or not _threads_run.acquire(blocking=False):
         return [work(0, count)]
     bounds, results, errors = [count * k // parts for k in range(parts + 1)], {}, {}
 

@@ -1,8 +1,9 @@
 """How well a draft explains scans: the likelihood of a fit, for every echo and every silence, with all reflections."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,11 @@ from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
+from sonarhw_compare.fit.likelihood.echo_paths import PathMemory
 from sonarhw_compare.fit.likelihood.objective import Problem, make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft, post_name, wall_name
 
@@ -26,6 +29,17 @@ _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and 
 _CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks for or against a wall
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
+_AT_ONCE = 8  # drafts between two checks whether the search is cancelled
+
+_Result = TypeVar("_Result")
+
+
+def _ignored(_draft: RoomDraft) -> None:
+    """Receive a draft; functions of the module can be sent to other processes."""
+
+
+def _going_on() -> None:
+    """Let a search go on."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +56,8 @@ class Course:
 
     start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
     refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
-    accepted: Callable[[RoomDraft], None] = lambda _draft: None  # receives each draft with one more wall or post
-    check: Callable[[], None] = lambda: None  # called before each likelihood; ends the search by an exception
+    accepted: Callable[[RoomDraft], None] = _ignored  # receives each draft with one more wall or post
+    check: Callable[[], None] = _going_on  # called before likelihoods; ends the search by an exception
 
 
 @dataclass(frozen=True)
@@ -57,28 +71,58 @@ class Evidence:
     course: Course = field(default_factory=Course)
     # log-likelihoods of the readings of a scan, by all that they depend on: one draft in ten was scored before
     known: dict[bytes, FloatArray] = field(default_factory=dict, compare=False, repr=False)
+    # compute the scans of a large search at once; None: this process computes all
+    processes: LateProcesses | None = field(default=None, compare=False, repr=False)
 
     def log_likelihood(self, draft: RoomDraft, noise: ReadingNoise) -> float:
         """Return the log-likelihood of all scans plus the logarithm of the prior of their places."""
-        return float(np.concatenate(self.by_reading(draft, noise)).sum()) + self.log_prior(draft)
+        return self.log_likelihoods([draft], noise)[0]
+
+    def log_likelihoods(self, drafts: Sequence[RoomDraft], noise: ReadingNoise) -> list[float]:
+        """Return `log_likelihood` of several drafts; processes divide them better than one by one."""
+        found = [
+            one
+            for begin in range(0, len(drafts), _AT_ONCE)
+            for one in self._by_reading(drafts[begin : begin + _AT_ONCE], noise)
+        ]
+        return [
+            float(np.concatenate(one).sum()) + self.log_prior(draft) for draft, one in zip(drafts, found, strict=True)
+        ]
 
     def by_reading(self, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
         """Return the log-likelihood of each reading, (n,) for each scan."""
-        self.course.check()
-        room = draft.room(REFLECTANCE, self.air)
-        return [self.of_scan(draft, room, scan, noise) for scan in range(len(self.problems))]
+        return self._by_reading([draft], noise)[0]
 
-    def of_scan(self, draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> FloatArray:
-        """Return the log-likelihood of each reading of one scan, (n,); `room` is that of the draft."""
-        place = draft.places[scan]
-        others = np.array([*place.position, place.heading, draft.offset, scan, *noise])
-        surfaces = room.walls, room.posts, room.reflectances, room.scattered, room.heights
-        key = b"|".join(array.tobytes() for array in (others, *surfaces))
-        if key not in self.known:
-            problem = self.of_draft(draft, room, scan)
-            values = problem.with_noise(np.empty(0), noise)
-            self.known[key] = problem.near(values).by_reading(values, 0)
-        return self.known[key]
+    def _by_reading(self, drafts: Sequence[RoomDraft], noise: ReadingNoise) -> list[list[FloatArray]]:
+        """Return `by_reading` of several drafts."""
+        self.course.check()
+        scans, rooms = range(len(self.problems)), [draft.room(REFLECTANCE, self.air) for draft in drafts]
+        keys = [[_key(draft, room, scan, noise) for scan in scans] for draft, room in zip(drafts, rooms, strict=True)]
+        missing = {
+            key: (draft, room, scan)
+            for draft, room, of_draft in zip(drafts, rooms, keys, strict=True)
+            for scan, key in enumerate(of_draft)
+            if key not in self.known
+        }
+        self.known.update(zip(missing, self.in_processes(_of_scans, [*missing.values()], noise), strict=True))
+        return [[self.known[key] for key in of_draft] for of_draft in keys]
+
+    def in_processes(self, function: Callable[..., list[_Result]], items: Sequence[Any], *others: Any) -> list[_Result]:
+        """Return `function(evidence, items, *others)`, a result for each item; a large search divides the items.
+
+        The function is one of a module. An item takes about as long as the search for the paths of one scan.
+        """
+        processes = None if self.processes is None else self.processes.for_work(len(items), self._to_send)
+        if processes is None or len(items) < 2:
+            return function(self, items, *others)
+        count = min(len(processes), len(items))
+        parts = processes.results(function, [(items[part::count], *others) for part in range(count)])
+        return [parts[row % count][row // count] for row in range(len(items))]
+
+    def _to_send(self) -> "Evidence":
+        """Return what other processes need of it."""
+        problems = tuple(replace(problem, memory=PathMemory()) for problem in self.problems)
+        return Evidence(problems, self.spreads, RoomDraft(self.first.places), self.air)
 
     def of_draft(self, draft: RoomDraft, room: Room, scan: int, free: tuple[Parameter, ...] = ()) -> Problem:
         """Return the problem of one scan with `free` parameters; `room` is that of the draft."""
@@ -155,9 +199,37 @@ def with_offset(board: Board, draft: RoomDraft) -> Board:
     return replace(board, range_offset=board.range_offset + draft.offset) if draft.offset else board
 
 
+def all_scored(evidence: Evidence, drafts: Iterable[RoomDraft], noise: ReadingNoise = ROUGH) -> list[Scored]:
+    """Return drafts with their log-likelihoods; -inf if a wall has no length."""
+    drafts = list(drafts)
+    sound = [draft for draft in drafts if draft.is_sound]
+    scores = iter(evidence.log_likelihoods(sound, noise))
+    return [Scored(draft, next(scores) if draft.is_sound else -np.inf) for draft in drafts]
+
+
 def scored(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise = ROUGH) -> Scored:
     """Return a draft with its log-likelihood; -inf if a wall has no length."""
-    return Scored(draft, evidence.log_likelihood(draft, noise) if draft.is_sound else -np.inf)
+    return all_scored(evidence, [draft], noise)[0]
+
+
+def _key(draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> bytes:
+    """Return all that the log-likelihoods of the readings of a scan depend on; `room` is that of the draft."""
+    place = draft.places[scan]
+    others = np.array([*place.position, place.heading, draft.offset, scan, *noise])
+    surfaces = room.walls, room.posts, room.reflectances, room.scattered, room.heights
+    return b"|".join(array.tobytes() for array in (others, *surfaces))
+
+
+def _of_scans(
+    evidence: Evidence, items: Sequence[tuple[RoomDraft, Room, int]], noise: ReadingNoise
+) -> list[FloatArray]:
+    """Return the log-likelihood of each reading of scans, (n,) each; items are a draft, its room, and a scan."""
+    found = []
+    for draft, room, scan in items:
+        problem = evidence.of_draft(draft, room, scan)
+        values = problem.with_noise(np.empty(0), noise)
+        found.append(problem.near(values).by_reading(values, 0))
+    return found
 
 
 def _alike(one: DraftWall | DraftPost, other: DraftWall | DraftPost) -> bool:
@@ -172,7 +244,12 @@ def _alike(one: DraftWall | DraftPost, other: DraftWall | DraftPost) -> bool:
 
 
 def evidence_of(
-    scans: Sequence[PlacedScan], spreads: Sequence[PoseSpread], board: Board, air: Air, course: Course | None = None
+    scans: Sequence[PlacedScan],
+    spreads: Sequence[PoseSpread],
+    board: Board,
+    air: Air,
+    course: Course | None = None,
+    processes: LateProcesses | None = None,
 ) -> Evidence:
     """Return scans from places with these spreads as evidence."""
     first = RoomDraft(tuple(scan.place for scan in scans))
@@ -180,4 +257,4 @@ def evidence_of(
     problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, True) for scan in scans)
     course = course or Course()
     first = first if course.start is None else replace(course.start, places=first.places)
-    return Evidence(problems, tuple(spreads), first, air, course)
+    return Evidence(problems, tuple(spreads), first, air, course, processes=processes)

@@ -10,7 +10,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, scored
+from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored, scored
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
@@ -97,21 +97,17 @@ def with_wall(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
-    tried = [
-        (scored(evidence, best.draft.with_new_wall(wall)[0], noise), wall)
-        for wall in wall_candidates(arcs, unexplained, _TRIED)
-        if not evidence.refuses(wall)
-    ]
-    tried.sort(key=lambda one: -one[0].score)
-    found = [one for one, _ in tried[:1]]
-    for _, wall in tried[:_COMPLETED]:
-        found += [scored(evidence, draft, noise) for draft in joined(best.draft, wall)]
+    walls = [wall for wall in wall_candidates(arcs, unexplained, _TRIED) if not evidence.refuses(wall)]
+    alone = all_scored(evidence, (best.draft.with_new_wall(wall)[0] for wall in walls), noise)
+    tried = sorted(zip(alone, walls, strict=True), key=lambda one: -one[0].score)
+    completed = [draft for _, wall in tried[:_COMPLETED] for draft in joined(best.draft, wall)]
     points = [post.center for post in post_candidates(arcs, unexplained, _CORNERS, (0.0,))]
-    found += [
-        scored(evidence, draft, noise)
+    completed += [
+        draft
         for draft in (*cornered(best.draft, points), *continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
+    found = [*(one for one, _ in tried[:1]), *all_scored(evidence, completed, noise)]
     return max(found, key=lambda one: one.score, default=best)
 
 
@@ -123,9 +119,6 @@ def with_post(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the post that explains most; the draft itself without a candidate."""
-    tried = [
-        scored(evidence, replace(best.draft, posts=(*best.draft.posts, post)), noise)
-        for post in post_candidates(arcs, unexplained, _POSTS)
-        if not evidence.refuses(post)
-    ]
-    return max(tried, key=lambda one: one.score, default=best)
+    posts = [post for post in post_candidates(arcs, unexplained, _POSTS) if not evidence.refuses(post)]
+    drafts = (replace(best.draft, posts=(*best.draft.posts, post)) for post in posts)
+    return max(all_scored(evidence, drafts, noise), key=lambda one: one.score, default=best)

@@ -11,6 +11,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
+from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import (
     FINE,
@@ -34,6 +35,7 @@ from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
 
 _ROUNDS = 3  # of growth and refinement
+_LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
 _UNKNOWN, _UNKNOWN_TURN = 0.06, math.radians(5.4)  # m, rad: standard deviations of a wall that is not reported
 
@@ -83,7 +85,15 @@ def find_room(
     if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
     check_given_once(scans)
-    evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course)
+    with LateProcesses(len(scans), _LARGE) as processes:
+        evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course, processes)
+        found = _found(evidence, scans, board, tick)
+    tick(1.0)
+    return found
+
+
+def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: Callable[[float], None]) -> FoundRoom:
+    """Return the room of `find_room`. Raises InputError if no wall is found."""
     best = scored(evidence, evidence.first)
     for turn in range(_ROUNDS):
         tick(turn / (_ROUNDS + 1))
@@ -99,9 +109,7 @@ def find_room(
     end, deviations = _finished(evidence, best, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    found = FoundRoom(end, deviations, touches_of(scans, end, board, air), worth(scored(evidence, end)))
-    tick(1.0)
-    return found
+    return FoundRoom(end, deviations, touches_of(scans, end, board, evidence.air), worth(scored(evidence, end)))
 
 
 def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -> tuple[RoomDraft, dict[Move, float]]:

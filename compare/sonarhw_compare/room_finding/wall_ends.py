@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, meeting
-from sonarhw_compare.room_finding.evidence import PRICE, Evidence, Scored, scored
+from sonarhw_compare.room_finding.evidence import PRICE, Evidence, Scored, all_scored, scored
 
 _FARTHEST = 3.0  # m, by which a wall is extended at most to meet another one
 _JUNCTION = 0.3  # m: an end that meets another wall farther than this from its ends does not make a corner
@@ -97,7 +97,7 @@ def with_end_moved(evidence: Evidence, best: Scored, key: int, which: int) -> Sc
 
 
 def _better_of(evidence: Evidence, drafts: Sequence[RoomDraft]) -> Scored:
-    return max((scored(evidence, draft) for draft in drafts), key=lambda one: one.score)
+    return max(all_scored(evidence, drafts), key=lambda one: one.score)
 
 
 def _meetings(draft: RoomDraft, key: int, which: int, other: int) -> list[RoomDraft]:

@@ -2,7 +2,7 @@
 
 import multiprocessing
 from dataclasses import fields, replace
-from threading import get_ident
+from threading import Event, get_ident
 
 import numpy as np
 import pytest
@@ -71,6 +71,13 @@ def test_no_part_within_a_part_has_threads_of_its_own(monkeypatch: pytest.Monkey
 def test_a_process_of_a_pool_has_no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     _use(2, monkeypatch)
     monkeypatch.setattr(multiprocessing, "parent_process", object)
+    assert in_parts(_part, 10, 1) == [(0, 10, get_ident())]
+
+
+def test_a_process_that_computes_beside_others_has_no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    _use(2, monkeypatch)
+    monkeypatch.setattr(cores, "_one_thread", Event())
+    cores.use_one_thread()
     assert in_parts(_part, 10, 1) == [(0, 10, get_ident())]
 
 

@@ -77,15 +77,9 @@ def range_errors(
     evidence: Evidence, draft: RoomDraft, moves: Sequence[Move], with_headings: bool = False
 ) -> RangeErrors:
     """Return the errors of the readings within 5 cm of their predicted echo, and if wanted those of the headings."""
-    room, shifts = draft.room(REFLECTANCE, evidence.air), _shifts(draft, moves)
-    parts = [_of_scan(evidence, draft, scan, room, moves, shifts) for scan in range(len(evidence.problems))]
-    ranges, bearings = ([one for part in parts for one in part[kind]] for kind in (0, 1))
-    slopes_of_turns = [turns for _, _, turns in parts] if with_headings and evidence.has_free_headings else []
-    headings = [
-        _of_heading(heading_error(evidence, draft, room, scan), turns)
-        for scan, turns in enumerate(slopes_of_turns)
-        if turns
-    ]
+    with_headings = with_headings and evidence.has_free_headings
+    parts = evidence.in_processes(_of_scans, range(len(evidence.problems)), draft, moves, with_headings)
+    ranges, bearings, headings = ([one for part in parts for one in part[kind]] for kind in range(3))
     rows = [*ranges, *bearings, *headings]
     errors = np.array([error for error, _ in rows])
     slopes = np.array([slope for _, slope in rows]).reshape(len(rows), len(moves))
@@ -93,6 +87,18 @@ def range_errors(
 
 
 Row = tuple[float, FloatArray]  # an error and its derivatives
+
+
+def _of_scans(
+    evidence: Evidence, scans: Sequence[int], draft: RoomDraft, moves: Sequence[Move], with_headings: bool
+) -> list[tuple[list[Row], list[Row], list[Row]]]:
+    """Return the errors of ranges, of bearings and of the heading of each scan."""
+    room, shifts, found = draft.room(REFLECTANCE, evidence.air), _shifts(draft, moves), []
+    for scan in scans:
+        ranges, bearings, turns = _of_scan(evidence, draft, scan, room, moves, shifts)
+        headings = [_of_heading(heading_error(evidence, draft, room, scan), turns)] if with_headings and turns else []
+        found.append((ranges, bearings, headings))
+    return found
 
 
 def _of_scan(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sonarhw_compare.room_finding.draft import DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, scored
+from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, Scored, all_scored
 from sonarhw_compare.room_finding.refining.refinement import centred, refined
 from sonarhw_compare.room_finding.right_angles import SPREAD, pulls
 
@@ -24,11 +24,9 @@ def squared(evidence: Evidence, best: Scored) -> Scored:
         if not _LEAST < abs(away) < _MOST:
             continue
         draft = centred(best.draft)
-        turned = [
-            scored(evidence, draft.with_wall(key, _turned(draft.walls[key], place.position, -away)))
-            for place in draft.places
-        ]
-        tried = max(turned, key=lambda one: one.score)
+        wall = draft.walls[key]
+        turned = (draft.with_wall(key, _turned(wall, place.position, -away)) for place in draft.places)
+        tried = max(all_scored(evidence, turned), key=lambda one: one.score)
         if math.isfinite(tried.score):
             found = refined(evidence, tried.draft, ROUGH, _STEPS)
             best = found if found.score > best.score else best

@@ -1,6 +1,7 @@
 """Ends of walls are tried at corners, with a wall at right angles that no place may face, and at other walls."""
 
 import math
+from collections.abc import Iterable
 from typing import cast
 
 import numpy as np
@@ -71,11 +72,10 @@ def test_an_end_moves_to_another_wall_alone_where_the_scans_contradict_a_corner(
     east = DraftWall((2.4, 0.9), math.pi / 2, (DraftEnd(-0.7), DraftEnd(0.5)))
     draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH, 1: east})
 
-    def scored(_evidence: object, tried: RoomDraft) -> Scored:
-        lower = float(tried.segment(1)[1])
-        return Scored(tried, 0.0 if lower > 0.1 else -50.0)
+    def all_scored(_evidence: object, drafts: Iterable[RoomDraft]) -> list[Scored]:
+        return [Scored(tried, 0.0 if tried.segment(1)[1] > 0.1 else -50.0) for tried in drafts]
 
-    monkeypatch.setattr(wall_ends, "scored", scored)
+    monkeypatch.setattr(wall_ends, "all_scored", all_scored)
     evidence = cast(Evidence, None)  # the drafts alone decide here
     moved = with_better_ends(evidence, Scored(draft, 0.0)).draft
     np.testing.assert_allclose(moved.segment(0), [0.0, 0.0, 2.4, 0.0], atol=1e-9)

@@ -1,0 +1,1 @@
+"""Processes that compute parts of one result at once."""

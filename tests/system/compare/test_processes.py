@@ -1,0 +1,109 @@
+"""Processes that compute parts of a search: same results, errors as they are, and an end with the search."""
+
+import math
+import operator
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.processes import late_processes
+from sonarhw_compare.processes.compute_processes import ComputeProcesses
+from sonarhw_compare.processes.late_processes import LateProcesses
+from sonarhw_compare.room_finding import room_search
+from sonarhw_compare.room_finding.draft import draft_of_room
+from sonarhw_compare.room_finding.evidence import ROUGH, Course, PoseSpread, evidence_of
+from sonarhw_compare.room_finding.refining.refinement import refined
+from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, load_room
+
+from sonarhw.errors import Cancelled, WorkersLost
+from sonarhw.readings import Reading
+
+BOARD = load_board("hc-sr04")
+
+
+def scan_of(room: Room, place: Place) -> PlacedScan:
+    angles = np.arange(0.0, math.tau, math.radians(6))
+    ranges = predict_scan(room, place, BOARD, angles).ranges
+    speed = room.air.speed_of_sound
+    readings = [
+        Reading(k, 0, 0, angle, 0.1 * k, () if math.isnan(one) else (2 * one / speed,), speed)
+        for k, (angle, one) in enumerate(zip(angles.tolist(), ranges.tolist(), strict=True))
+    ]
+    return PlacedScan(readings, place, place.name)
+
+
+@pytest.fixture
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> list[ComputeProcesses]:
+    """Two cores; returns the list of the processes that are started."""
+    started = []
+
+    def start(count: int, kept: object) -> ComputeProcesses:
+        started.append(ComputeProcesses(count, kept))
+        return started[-1]
+
+    monkeypatch.setattr(late_processes, "core_count", lambda: 2)
+    monkeypatch.setattr(late_processes, "ComputeProcesses", start)
+    return started
+
+
+def test_each_part_has_its_result_and_an_error_is_raised_as_it_is() -> None:
+    processes = ComputeProcesses(2, 12)
+    try:
+        assert processes.results(operator.truediv, [(3,), (4,)]) == [4.0, 3.0]
+        with pytest.raises(ZeroDivisionError, match="division by zero") as failed:
+            processes.results(operator.truediv, [(3,), (0,)])
+        assert "compute_loop.py" in failed.value.__notes__[0]
+        assert processes.results(operator.add, [(1,)]) == [13]
+        with pytest.raises(WorkersLost):
+            processes.results(os._exit, [()])
+    finally:
+        processes.close()
+
+
+def test_processes_end_with_the_process_that_started_them() -> None:
+    # no `if __name__ == "__main__"`; the answer comes when the last process has closed standard error
+    script = (
+        "import os, signal; from sonarhw_compare.processes.compute_processes import ComputeProcesses\n"
+        "ComputeProcesses(2, 1).results(max, [(2,), (3,)]); os.kill(os.getpid(), signal.SIGTERM)"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (ended.returncode != 0, ended.stderr) == (True, b"")
+
+
+def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[ComputeProcesses]) -> None:
+    room = load_room("simple")
+    scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)), ("c", (0.3, 0.5)))]
+    spreads = [PoseSpread(), PoseSpread(0.01, 0.02), PoseSpread(0.01, 0.02)]
+    found = []
+    for least in (10_000, 0):
+        with LateProcesses(len(scans), least) as processes:
+            evidence = evidence_of(scans, spreads, BOARD, room.air, None, processes)
+            draft = replace(draft_of_room(room), places=evidence.first.places)
+            drafts = [draft, draft.with_wall(0, draft.walls[0].moved(0.01, 0.02)), draft.without_wall(1)]
+            likelihoods = evidence.log_likelihoods(drafts, ROUGH)
+            found.append((likelihoods, repr(refined(evidence, drafts[1], ROUGH, 1, with_headings=True))))
+    assert found[0] == found[1]
+    assert [len(one) for one in two_cores] == [0]  # they have ended
+
+
+def test_a_cancelled_search_ends_its_processes(
+    two_cores: list[ComputeProcesses], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = load_room("simple")
+    scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
+    monkeypatch.setattr(room_search, "_LARGE", 0)
+
+    def check() -> None:
+        if two_cores:
+            raise Cancelled("the search was cancelled")
+
+    with pytest.raises(Cancelled):
+        find_room(scans, BOARD, room.air, course=Course(check=check))
+    assert [len(one) for one in two_cores] == [0]
