@@ -11,6 +11,7 @@ from sonarhw_sim.board.mount import is_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.models import predict_with
+from sonarhw_sim.predict.nearest_echo import nearest_paths
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, weigh_paths
 from sonarhw_sim.rays.paths import Paths
@@ -144,27 +145,23 @@ def compare_readings(
         prediction = weigh_paths(room, place, board, headings, paths, options)
     else:
         prediction = predict_with(model, room, place, board, headings, options)
-    ranges = prediction.ranges
-    rows = tuple(
-        _matched(prediction, index, reading, float(ranges[index]), offset) for index, reading in enumerate(readings)
-    )
+    rows = _matched(prediction, readings, offset)
     origin = origin or (readings[0].origin if readings else None) or Origin.MEASURED
     return Comparison(prediction, rows, heading, offset, origin)
 
 
-def _matched(prediction: PredictedScan, index: int, reading: Reading, predicted: float, offset: float) -> Matched:
-    measured = None if reading.range is None else reading.range + offset
-    expected = None if math.isnan(predicted) else predicted
-    of_body = is_own_body(prediction.board.own_body, reading.angle, reading.range)
-    return Matched(
-        index=index,
-        reading=reading,
-        heading=float(prediction.headings[index]),
-        measured=measured,
-        predicted=expected,
-        kind=Kind.OWN_BODY if of_body else classify(measured, expected),
-        path=None if measured is None or of_body else _accounting_path(prediction, index, measured, expected),
-    )
+def _matched(prediction: PredictedScan, readings: Sequence[Reading], offset: float) -> tuple[Matched, ...]:
+    """Return each reading beside its prediction; `offset` (m) is added to its range."""
+    parts = prediction.board.own_body
+    measured = [None if reading.range is None else reading.range + offset for reading in readings]
+    predicted = [None if math.isnan(distance) else distance for distance in prediction.ranges.tolist()]
+    kinds = [
+        Kind.OWN_BODY if is_own_body(parts, reading.angle, reading.range) else classify(distance, expected)
+        for reading, distance, expected in zip(readings, measured, predicted, strict=True)
+    ]
+    paths = _accounting_paths(prediction, measured, kinds)
+    columns = readings, prediction.headings.tolist(), measured, predicted, kinds, paths
+    return tuple(Matched(index, *row) for index, row in enumerate(zip(*columns, strict=True)))
 
 
 def classify(measured: float | None, predicted: float | None) -> Kind:
@@ -178,14 +175,22 @@ def classify(measured: float | None, predicted: float | None) -> Kind:
     return Kind.SHORT if measured < predicted else Kind.LONG
 
 
-def _accounting_path(prediction: PredictedScan, index: int, measured: float, predicted: float | None) -> int | None:
-    """Return the path of the first echo if it matches, else that of the echo nearest in range; None beyond 5 cm."""
-    winner = int(prediction.winners[index])
-    if winner >= 0 and predicted is not None and abs(predicted - measured) <= TOLERANCE:
-        return winner
-    echoes = prediction.ping(index).echoes
-    nearest = min(echoes, key=lambda echo: abs(echo.range - measured), default=None)
-    return nearest.path if nearest is not None and abs(nearest.range - measured) <= TOLERANCE else None
+def _accounting_paths(
+    prediction: PredictedScan, measured: Sequence[float | None], kinds: Sequence[Kind]
+) -> list[int | None]:
+    """Return for each reading the path that explains it: the predicted one if it matches, else that of another echo.
+
+    The other echo is the one nearest in range. None: no echo within 5 cm, silence, or an echo of the own body.
+    """
+    found = np.full(len(measured), -1, dtype=np.intp)
+    matching = np.array([kind is Kind.MATCH for kind in kinds], dtype=np.bool_)
+    found[matching] = prediction.winners[matching]
+    sounding = np.array([distance is not None for distance in measured], dtype=np.bool_)
+    of_body = np.array([kind is Kind.OWN_BODY for kind in kinds], dtype=np.bool_)
+    unexplained = np.flatnonzero(sounding & ~of_body & (found < 0))
+    ranges = np.array(measured, dtype=np.float64)[unexplained]
+    found[unexplained] = nearest_paths(prediction, unexplained, ranges, TOLERANCE)
+    return [None if path < 0 else path for path in found.tolist()]
 
 
 def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:

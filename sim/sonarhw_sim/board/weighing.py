@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import ComplexArray, beam_gain, disc_factor, disc_slope
-from sonarhw_sim.compiled import compiled, compiled_part, inlined
+from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 
 BoolArray = NDArray[np.bool_]
 
@@ -164,44 +164,72 @@ def sums_of_arrivals(amplitudes: FloatArray, sets: Together) -> tuple[FloatArray
     return sums, loudest
 
 
-@compiled
-def first_detected(
-    headings: FloatArray,
+class Candidates(NamedTuple):
+    """The paths that may be detected, in order of length, and what decides on it."""
+
+    leaving: FloatArray  # (p, 2), horizontal part of the unit vector of departure
+    arriving: FloatArray  # (p, 2), horizontal part of the unit vector towards the arriving sound
+    strengths: FloatArray  # (p,), amplitudes without the beam
+    sets: Together
+    blocked: BoolArray  # (n, p), the paths that a face blocks at each heading; (0, 0): none
+    threshold: float  # amplitude
+    ka: float
+    table: FloatArray  # `beam_table`
+
+
+@inlined
+def _weigh(
     leaving: FloatArray,
     arriving: FloatArray,
     strengths: FloatArray,
-    sets: Together,
     blocked: BoolArray,
-    threshold: float,
     ka: float,
     table: FloatArray,
-) -> NDArray[np.intp]:
-    """Return the loudest path of the first arrival above `threshold` (amplitude) at each heading, (n,) int; -1: none.
+    begin: int,
+    end: int,
+    k: int,
+    x: float,
+    y: float,
+    amplitudes: FloatArray,
+) -> None:
+    """Fill in the signed amplitudes of the paths from row `begin` to `end`, at heading `k` along the vector x, y.
 
-    Paths are in the given order. `blocked` (n, p) are the paths that a face blocks at each heading; (0, 0): none.
+    The arrays are those of `Candidates`: read one by one from the tuple, they would take twice as long.
     """
-    first = np.full(headings.shape[0], -1, np.intp)
-    count = strengths.shape[0]
-    # the most that an arrival can have at any heading; with sum(), numba would load scipy.linalg, in 0.2 s
-    most = np.zeros(count)
-    for path in range(count):
-        for member in range(sets.begins[path], sets.ends[path]):
-            most[path] += strengths[member]
-    amplitudes = np.empty(count)
+    for path in range(begin, end):
+        amplitude = strengths[path] * _signed_beam(leaving[path, 0] * x + leaving[path, 1] * y, ka, table)
+        if amplitude != 0.0:
+            amplitude *= _signed_beam(arriving[path, 0] * x + arriving[path, 1] * y, ka, table)
+        if blocked.shape[0] > 0 and blocked[k, path]:
+            amplitude = 0.0
+        amplitudes[path] = amplitude
+
+
+@array_part
+def _most_of_arrivals(paths: Candidates) -> FloatArray:
+    """Return the most that the arrival that begins with each path can have at any heading, (p,)."""
+    most = np.zeros(paths.strengths.shape[0])
+    # with sum(), numba would load scipy.linalg, in 0.2 s
+    for path in range(most.shape[0]):
+        for member in range(paths.sets.begins[path], paths.sets.ends[path]):
+            most[path] += paths.strengths[member]
+    return most
+
+
+@compiled
+def first_detected(headings: FloatArray, paths: Candidates) -> NDArray[np.intp]:
+    """Return the loudest path of the first detected arrival at each heading (n,) rad, (n,) int; -1: none."""
+    leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
+    most = _most_of_arrivals(paths)
+    first, amplitudes = np.full(headings.shape[0], -1, np.intp), np.empty(most.shape[0])
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])
         known = 0
-        for path in range(count):
+        for path in range(most.shape[0]):
             if most[path] < threshold:
                 continue
             begin, end = sets.begins[path], sets.ends[path]
-            for member in range(max(begin, known), end):
-                amplitude = strengths[member] * _signed_beam(leaving[member, 0] * x + leaving[member, 1] * y, ka, table)
-                if amplitude != 0.0:
-                    amplitude *= _signed_beam(arriving[member, 0] * x + arriving[member, 1] * y, ka, table)
-                if blocked.shape[0] > 0 and blocked[k, member]:
-                    amplitude = 0.0
-                amplitudes[member] = amplitude
+            _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, known), end, k, x, y, amplitudes)
             known = max(known, end)
             if abs(amplitudes[path]) < sets.faintest:
                 continue
@@ -210,6 +238,49 @@ def first_detected(
                 first[k] = _loudest_of(amplitudes, begin, end)
                 break
     return first
+
+
+class Sought(NamedTuple):
+    """Measured ranges, and how the paths that may have caused them are counted."""
+
+    measured: FloatArray  # (n,), m
+    reach: float  # m, largest difference of an echo's range
+    lengths: FloatArray  # (p,), m, of the paths
+    ranges: FloatArray  # (p,), m, that the board reports for them
+    in_time: BoolArray  # (p,): whether a path can begin an echo
+    span: float  # m: paths up to so much longer than the first of an echo belong to it; below 0: none
+
+
+@compiled
+def nearest_detected(headings: FloatArray, paths: Candidates, sought: Sought) -> NDArray[np.intp]:
+    """Return the loudest path of the echo nearest to each measured range, (n,) int; -1: none within reach."""
+    leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
+    measured, reach, lengths, ranges, in_time, span = sought
+    most = _most_of_arrivals(paths)
+    nearest, amplitudes = np.full(headings.shape[0], -1, np.intp), np.empty(most.shape[0])
+    for k in range(headings.shape[0]):
+        x, y = math.cos(headings[k]), math.sin(headings[k])
+        known, until, least = 0, -np.inf, np.inf
+        for path in range(most.shape[0]):
+            begin, end = sets.begins[path], sets.ends[path]
+            if ranges[begin] - measured[k] > reach:
+                break
+            # paths within an echo begin no other one
+            if most[path] < threshold or not in_time[path] or lengths[path] <= until:
+                continue
+            _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, known), end, k, x, y, amplitudes)
+            known = max(known, end)
+            if abs(amplitudes[path]) < sets.faintest:
+                continue
+            level = _sum_of(amplitudes, sets.phasors, begin, end)
+            if level < threshold or level <= 0.0:
+                continue
+            until = lengths[path] + span
+            loudest = _loudest_of(amplitudes, begin, end)
+            apart = abs(ranges[loudest] - measured[k])
+            if apart < least and apart <= reach:
+                least, nearest[k] = apart, loudest
+    return nearest
 
 
 @inlined

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.mount import own_range
-from sonarhw_sim.board.weighing import beam_table, first_detected, together
+from sonarhw_sim.board.weighing import Candidates, beam_table, first_detected, together
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.cores import rows_in_parts
 from sonarhw_sim.predict.levels import strengths, turned
@@ -30,15 +30,20 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     room, board, paths = scan.room, scan.board, scan.paths
     in_time = np.flatnonzero(scan.in_time & ~paths.scattered)
     ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, scan.headings)
-    blocked = blocked[:, in_time] if len(blocked) else blocked
-    leaving, arriving = paths.leaving[in_time], paths.arriving[in_time]
-    amplitudes = strengths(room, board, paths)[in_time]
-    sets = together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(room.air), board)
-    threshold, table = 10 ** (board.threshold_db / 20), beam_table(ka)
+    candidates = Candidates(
+        paths.leaving[in_time],
+        paths.arriving[in_time],
+        strengths(room, board, paths)[in_time],
+        together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(room.air), board),
+        blocked[:, in_time] if len(blocked) else blocked,
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
 
     def detected(begin: int, end: int) -> tuple[NDArray[np.intp]]:
-        headings, hidden = scan.headings[begin:end], blocked[begin:end]
-        return (first_detected(headings, leaving, arriving, amplitudes, sets, hidden, threshold, ka, table),)
+        hidden = candidates.blocked[begin:end]
+        return (first_detected(scan.headings[begin:end], candidates._replace(blocked=hidden)),)
 
     (first,) = rows_in_parts(detected, len(scan.headings), _LEAST_PART)
     # row -1, "no echo", selects the appended value
