@@ -1,8 +1,9 @@
 """Sensors calibrated on their other places, and on other sensors, tested on real scans.
 
 For each place of a sensor, the profile is calibrated with the sensor's scans of all other places, as by
-`sonarhw calibrate --room`, and the scans of this place are compared. Nothing of the compared scan is used but its
-heading, range offset, and, if `free`, its position within 3 cm, which are fitted for every profile in the same way.
+`sonarhw calibrate --room --out-room`, and the scans of this place are compared, in the room with the reflectances that
+the other places gave. Nothing of the compared scan is used but its heading, range offset, and, if `free`, its position
+within 3 cm, which are fitted for every profile in the same way.
 """
 
 import hashlib
@@ -17,15 +18,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.quantities import REFLECTANCE
 from sonarhw_compare.known_room.room_calibration import calibrate_in_room
 from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.probability_score import CalibrationBin, calibration_text, score_comparison
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.picture_file import write_picture
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
+from sonarhw_compare.profile_edit import Z95
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Model
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.model import Place, Room
 
 from benchmarks.real.judged_scans import NEARBY, ON_THE_SPOT, ROOM, Judged, RealScan, figures_of, judge, judged_of
 from sonarhw.atomic_file import atomic_file
@@ -34,6 +37,7 @@ from sonarhw.readings import FloatArray
 KEPT = Path("build/real_scans")
 SOURCES = (Path("sim"), Path("compare"), Path("benchmarks/real"))
 GENERIC = "lego-nxt"
+WALLS = "board"  # material of all walls of the arena
 BLOCK = 8.0  # neighbouring readings with errors that are alike
 Result = TypeVar("Result")
 # title of each row of the table, and whether the position is free
@@ -57,12 +61,26 @@ class Tested:
 
 
 @dataclass(frozen=True)
+class Calibrated:
+    """A profile, and the reflectance of the room to which it belongs."""
+
+    board: Board
+    reflectance: float
+    deviation: float  # standard deviation of the reflectance
+
+    @property
+    def room(self) -> Room:
+        """The arena with this reflectance."""
+        return REFLECTANCE.put(ROOM, {WALLS: self.reflectance})
+
+
+@dataclass(frozen=True)
 class HeldOut:
     """What one place of a sensor gives with each profile."""
 
     sensor: str
     spot: str
-    profile: Board  # calibrated on the other places
+    profile: Calibrated  # on the other places
     tested: Mapping[str, tuple[Tested, ...]]  # by title
 
 
@@ -72,50 +90,55 @@ class Job:
 
     scans: tuple[RealScan, ...]  # of the sensor
     spot: str
-    others: Board  # the profile from all other sensors
+    others: Calibrated  # the mean of all other sensors
 
 
-def calibrated(scans: Sequence[RealScan]) -> Board:
-    """Return the generic profile calibrated on scans."""
+def calibrated(scans: Sequence[RealScan]) -> Calibrated:
+    """Return the generic profile calibrated on scans, together with the reflectance of the arena."""
     placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name, scan.name) for scan in scans]
-    return calibrate_in_room(load_board(GENERIC), placed, ROOM).board
+    found = calibrate_in_room(load_board(GENERIC), placed, ROOM, room_too=True)
+    (walls,) = found.reflectances
+    return Calibrated(found.board, REFLECTANCE.value(found.room, WALLS), (walls.value - walls.low) / Z95)
 
 
-def population(boards: Sequence[Board]) -> Board:
+def population(sensors: Sequence[Calibrated]) -> Calibrated:
     """Return the generic profile with the mean detection of several sensors, and their spread in its threshold."""
+    boards = [one.board for one in sensors]
     thresholds = [board.threshold_db for board in boards]
     within = [board.threshold_sd_db for board in boards]
-    return replace(
+    mean = replace(
         load_board(GENERIC),
         threshold_db=float(np.mean(thresholds)),
         aperture_radius=float(np.exp(np.mean(np.log([board.aperture_radius for board in boards])))),
         threshold_sd_db=float(np.hypot(np.std(thresholds, ddof=1), np.sqrt(np.mean(np.square(within))))),
         range_sd=float(np.sqrt(np.mean([board.range_sd**2 for board in boards]))),
     )
+    reflectances = [one.reflectance for one in sensors]
+    return Calibrated(mean, float(np.mean(reflectances)), float(np.std(reflectances, ddof=1)))
 
 
 def tested_place(job: Job) -> HeldOut:
     """Calibrate without a place, and compare its scans."""
-    board = calibrated([scan for scan in job.scans if scan.spot != job.spot])
-    generic = load_board(GENERIC)
+    own = calibrated([scan for scan in job.scans if scan.spot != job.spot])
+    generic, body = load_board(GENERIC), own.board.own_body
     profiles = {
-        "generic, place as written": generic,
-        "generic": generic,
-        "generic, own body left out": replace(generic, own_body=board.own_body),
-        "calibrated, place as written": board,
-        "calibrated": board,
-        "calibrated on other sensors": replace(job.others, own_body=board.own_body),
+        "generic, place as written": (generic, ROOM),
+        "generic": (generic, ROOM),
+        "generic, own body left out": (replace(generic, own_body=body), ROOM),
+        "calibrated, place as written": (own.board, own.room),
+        "calibrated": (own.board, own.room),
+        "calibrated on other sensors": (replace(job.others.board, own_body=body), job.others.room),
     }
     held = [scan for scan in job.scans if scan.spot == job.spot]
     tested = {
-        title: tuple(_tested(scan, profile, NEARBY if VARIANTS[title] else ON_THE_SPOT) for scan in held)
+        title: tuple(_tested(scan, *profile, NEARBY if VARIANTS[title] else ON_THE_SPOT) for scan in held)
         for title, profile in profiles.items()
     }
-    return HeldOut(job.scans[0].sensor, job.spot, board, tested)
+    return HeldOut(job.scans[0].sensor, job.spot, own, tested)
 
 
-def _tested(scan: RealScan, board: Board, free: frozenset[str]) -> Tested:
-    comparison = judge(scan, Model.RAY_FOLLOWING, board, free)
+def _tested(scan: RealScan, board: Board, room: Room, free: frozenset[str]) -> Tested:
+    comparison = judge(scan, Model.RAY_FOLLOWING, board, free, room)
     score = score_comparison(comparison)
     return Tested(judged_of(comparison), score.log_score or 0.0, score.calibration)
 
@@ -146,15 +169,15 @@ def _code() -> str:
 
 def held_out_places(
     sensors: Mapping[str, Sequence[RealScan]], tested: Sequence[str]
-) -> tuple[list[HeldOut], dict[str, Board]]:
-    """Return the results of all places of the sensors `tested`, and the profile of each sensor from all its scans."""
+) -> tuple[list[HeldOut], dict[str, Calibrated]]:
+    """Return the results of all places of the sensors `tested`, and what all scans of each sensor give."""
     whole = {}
     for name, scans in sensors.items():
         whole[name] = kept(f"{name}-whole", scans, partial(calibrated, scans))
         print(f"sensor {name} calibrated", flush=True)
     found = []
     for sensor in tested:
-        others = population([board for name, board in whole.items() if name != sensor])
+        others = population([one for name, one in whole.items() if name != sensor])
         for spot in dict.fromkeys(scan.spot for scan in sensors[sensor]):
             job = Job(tuple(sensors[sensor]), spot, others)
             name = f"{sensor}-{spot}"
@@ -163,8 +186,8 @@ def held_out_places(
     return found, whole
 
 
-def gained(found: Sequence[HeldOut], sensor: str, since: str, now: str) -> str:
-    """Return the changes of the two shares of a sensor between two profiles, with standard errors, in words.
+def gained(found: Sequence[HeldOut], sensor: str, since: str, now: str) -> tuple[FloatArray, FloatArray]:
+    """Return the changes of the two shares of a sensor between two profiles, (2,), and their standard errors, (2,).
 
     Both profiles are tested with the same readings, so a bootstrap draws blocks of them for both together.
     """
@@ -173,7 +196,7 @@ def gained(found: Sequence[HeldOut], sensor: str, since: str, now: str) -> str:
     draws = drawn_blocks(len(sounding), BLOCK, np.random.default_rng(0))
     changes = [_shares(after, sounding, rows) - _shares(before, sounding, rows) for rows in (np.ones((1, 1)), draws)]
     errors = np.nanstd(changes[1], axis=1)  # a draw may have no silence
-    return "".join(f"{change:+9.3f} ± {error:.3f}" for change, error in zip(changes[0][:, 0], errors, strict=True))
+    return changes[0][:, 0], errors
 
 
 def _shares(judged: Sequence[Judged], sounding: NDArray[np.bool_], weights: FloatArray) -> FloatArray:
@@ -200,26 +223,61 @@ def print_sensors(
         print("  mean    " + _shown(np.nanmean(rows, axis=0)))
         print("  pooled  " + _shown(_row(of_title(found, title, None))))
         print("  stated and observed: " + calibration_text(reliability(of_title(found, title, None))))
-    print(
-        "\nchange by calibration, own body left out: share within 5 cm; balanced accuracy of silence; ± standard error"
-    )
-    for sensor in tested:
-        print(f"  {sensor:8}" + gained(found, sensor, "generic, own body left out", "calibrated"))
-    print("\nprofiles from all scans of a sensor: threshold dB, aperture mm, offset mm, slope, scale, own body")
-    for sensor, board in whole.items():
-        print(
-            f"  {sensor:8}{board.threshold_db:7.1f} ± {board.threshold_sd_db:.1f}{board.aperture_radius * 1000:7.2f}"
-            f"{board.range_offset * 1000:7.1f}{board.clock_error:8.4f}{board.turntable_scale:7.3f}  "
-            + ", ".join(f"{one.from_deg:.0f}° to {one.to_deg:.0f}°, {one.middle:.2f} m" for one in board.own_body)
-        )
+    print_changes(found, tested)
+    print("\nfrom the other places: threshold dB, reflectance of the walls")
+    for held in found:
+        print(f"  {held.sensor} {held.spot:10}{held.profile.board.threshold_db:7.1f}{_reflectance(held.profile)}")
+    print_profiles(whole)
     if picture is not None:
         with picture.open("wb") as file:
             write_picture(draw_sensors(found, tested), file, picture.suffix)
+
+
+def print_changes(found: Sequence[HeldOut], tested: Sequence[str]) -> None:
+    """Print what calibration changes for each sensor, and which sensors are worse than with the generic profile."""
+    print(
+        "\nchange by calibration, own body left out: share within 5 cm; balanced accuracy of silence; ± standard error"
+    )
+    worse = []
+    for sensor in tested:
+        changes, errors = gained(found, sensor, "generic, own body left out", "calibrated")
+        pairs = list(zip(("echoes", "silence"), changes.tolist(), errors.tolist(), strict=True))
+        print(f"  {sensor:8}" + "".join(f"{change:+9.3f} ± {error:.3f}" for _, change, error in pairs))
+        worse += [
+            f"{sensor}, {of}: {change:+.3f}, {-change / error:.1f} standard errors"
+            for of, change, error in pairs
+            if change < 0
+        ]
+    print("worse than with the generic profile: " + ("; ".join(worse) or "none"))
+
+
+def print_profiles(whole: Mapping[str, Calibrated]) -> None:
+    """Print what all scans of each sensor give, and whether the reflectances agree: they are those of one arena."""
+    print("\nfrom all scans of a sensor: threshold dB, aperture mm, offset mm, slope, scale, reflectance, own body")
+    for sensor, one in whole.items():
+        board = one.board
+        print(
+            f"  {sensor:8}{board.threshold_db:7.1f} ± {board.threshold_sd_db:.1f}{board.aperture_radius * 1000:7.2f}"
+            f"{board.range_offset * 1000:7.1f}{board.clock_error:8.4f}{board.turntable_scale:7.3f}{_reflectance(one)}  "
+            + ", ".join(f"{one.from_deg:.0f}° to {one.to_deg:.0f}°, {one.middle:.2f} m" for one in board.own_body)
+        )
     mean = population(list(whole.values()))
     print(
-        f"  all     {mean.threshold_db:7.1f} ± {mean.threshold_sd_db:.1f}{mean.aperture_radius * 1000:7.2f}"
-        f"   range_sd {mean.range_sd * 1000:.1f} mm"
+        f"  all     {mean.board.threshold_db:7.1f} ± {mean.board.threshold_sd_db:.1f}"
+        f"{mean.board.aperture_radius * 1000:7.2f}   range_sd {mean.board.range_sd * 1000:.1f} mm"
     )
+    values, errors = (np.array([getattr(one, name) for one in whole.values()]) for name in ("reflectance", "deviation"))
+    weighted = float(np.average(values, weights=errors**-2))
+    misfit = float((((values - weighted) / errors) ** 2).sum())
+    print(
+        f"reflectance of the walls: weighted mean {weighted:.3f} ± {(errors**-2).sum() ** -0.5:.3f}, "
+        f"plain {values.mean():.3f}, standard deviation between sensors {values.std(ddof=1):.3f}; "
+        f"chi-square {misfit:.1f} with {len(values) - 1} degrees of freedom"
+    )
+
+
+def _reflectance(one: Calibrated) -> str:
+    return f"{one.reflectance:7.3f} ± {one.deviation:.3f}"
 
 
 def reliability(tested: Sequence[Tested]) -> list[CalibrationBin]:

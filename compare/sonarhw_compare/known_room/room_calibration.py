@@ -1,7 +1,8 @@
 """The calibration of a board from scans of a known room: values, intervals, what stays and why.
 
-First the carrier's own body, then geometry, then threshold and aperture by the rule for echoes and silence, then the
-spreads of threshold and range.
+First the carrier's own body, then geometry and reflectances, then threshold and aperture by the rule for echoes and
+silence, then the spreads of threshold and range. The found reflectances are used only if the caller wants the room too:
+the profile belongs either to the room as it is, or to the room with these reflectances.
 """
 
 import math
@@ -18,6 +19,12 @@ from sonarhw.harmless_text import counted, harmless
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.known_room.detection_rule import Between, choose_detection
+from sonarhw_compare.known_room.found_reflectances import (
+    gained_by_reflection,
+    reflectance_text,
+    reflectances_of,
+    with_reflectances,
+)
 from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
 from sonarhw_compare.known_room.starting_turntable import StartingTurntable, starting_turntable
 from sonarhw_compare.known_room.turntable_fit import (
@@ -61,6 +68,9 @@ class RoomCalibration:
     """The result: what was found, what stays as it was and why, doubts, and the scans before and after."""
 
     board: Board  # with the values found
+    room: Room  # to which the profile belongs: the given one, or with the reflectances found
+    reflectances: tuple[CalibratedValue, ...]  # of the materials, by these scans; the room has them if `room_too`
+    room_too: bool
     findings: tuple[CalibratedValue, ...]
     own_body: tuple[OwnBodyPart, ...]  # found; empty if none, or if it stays
     own_echoes: int  # readings of the own body
@@ -72,14 +82,20 @@ class RoomCalibration:
 
 
 def calibrate_in_room(
-    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
+    start: Board,
+    scans: Sequence[PlacedScan],
+    room: Room,
+    progress: Progress = lambda _share, _doing: None,
+    *,
+    room_too: bool = False,
 ) -> RoomCalibration:
     """Return the calibration of a board from scans of a known room, beginning with the profile `start`.
 
-    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. Raises
-    InputError for a ring of sensors, a scan without an echo, or a scan that is given twice.
+    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. With
+    `room_too`, the room gets the reflectances found, and the profile belongs to this room. Raises InputError for a ring
+    of sensors, a scan without an echo, a scan that is given twice, or a room without a reflectance to find.
     """
-    _check(start, scans)
+    _check(start, scans, room_too)
     progress(0.0, "searching headings")
     first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
     before = _compared(scans, room, start, replace(first, scale=start.turntable_scale))
@@ -89,6 +105,9 @@ def calibrate_in_room(
     fitted = fit_turntable(
         scans, room, result.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
     )
+    reflectances = reflectances_of(room, fitted)
+    if room_too:
+        room = _reflecting_as_found(result, room, reflectances)
     _find_geometry(result, fitted, start)
     _find_home(result, scans, fitted, start)
     redundancy = float(np.mean([readings_per_independent(scan, result.board) for scan in scans]))
@@ -111,6 +130,9 @@ def calibrate_in_room(
     progress(1.0, "comparing")
     return RoomCalibration(
         board=result.board,
+        room=room,
+        reflectances=reflectances,
+        room_too=room_too,
         findings=tuple(result.findings),
         own_body=result.own_body,
         own_echoes=sum(row.kind is Kind.OWN_BODY for one in after for row in one.comparison.rows),
@@ -128,11 +150,14 @@ def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedSca
     Raises InputError if the text of the profile cannot be changed.
     """
     keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
+    which = "with these reflectances" if found.room_too else "as in its file"
     header = [
         f"# Calibrated by `sonarhw calibrate` in room {harmless(room)!r}, beginning with profile {start.name!r}: "
         f"{', '.join(keys)}.",
         "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
         "# Spreads are those of readings, as they are in the logs.",
+        f"# The profile belongs to the room {which}. The scans give:",
+        *(f"#   {reflectance_text(one)}" for one in found.reflectances),
     ]
     for scan, after in zip(scans, found.after, strict=True):
         x, y = scan.place.position
@@ -140,13 +165,15 @@ def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedSca
     return calibrated_profile(start, name, header, found.findings, found.kept, found.own_body)
 
 
-def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
+def _check(start: Board, scans: Sequence[PlacedScan], room_too: bool) -> None:
     if start.ring is not None:
         raise InputError(f"board {start.name!r} is a ring of sensors and has no turntable to calibrate")
     check_given_once(scans)
     for scan in scans:
         if all(reading.range is None for reading in scan.readings):
             raise InputError(f"{scan.title}: no reading has an echo; it cannot calibrate a board")
+    if room_too and all(reading.range is not None for scan in scans for reading in scan.readings):
+        raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
 
 
 class _Result:
@@ -228,6 +255,18 @@ def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
                 f"{max(ranges):.2f} m, are nearer than anything in the room: perhaps own body; scan from another place"
             )
     return lines
+
+
+def _reflecting_as_found(result: _Result, room: Room, found: Sequence[CalibratedValue]) -> Room:
+    """Return the room with the reflectances found, and move the threshold with the level of one reflection.
+
+    This level is what profile and room file state together. It stays until the scans contradict it, by the rule for
+    threshold and aperture. Echoes with more reflections determine the reflectances.
+    """
+    changed = with_reflectances(room, found)
+    moved = result.board.threshold_db + gained_by_reflection(room, changed)
+    result.board = replace(result.board, threshold_db=min(moved, 0.0))
+    return changed
 
 
 def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:

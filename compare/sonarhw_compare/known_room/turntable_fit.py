@@ -1,6 +1,8 @@
 """Geometry of a board from scans of a known room, by the likelihood of `fit`.
 
-Shared by all scans: range offset and its slope, turntable scale, position of the turning axis, threshold and aperture.
+Shared by all scans: range offset and its slope, turntable scale, position of the turning axis, threshold and aperture,
+and the reflectances of the room, because threshold and reflectance decide together which echoes are heard. An echo with
+two reflections loses twice as much as one with a single reflection, which separates the two.
 The pose of each scan is a nuisance parameter: its position has a normal prior of 1.5 cm around the given one (marks and
 robots are only right within some 3 cm), its heading is free. Neighbouring readings of one echo have the same error, so
 the log-likelihood of a scan is divided by its number of readings per independent reading.
@@ -27,12 +29,14 @@ from sonarhw_compare.fit.values.quantities import (
     AXIS_Y,
     HEADING,
     OFFSET,
+    REFLECTANCE,
     SCALE,
     SLOPE,
     THRESHOLD,
     BoardQuantity,
     X,
     Y,
+    reflectance_of,
 )
 from sonarhw_compare.known_room.starting_turntable import StartingTurntable
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
@@ -69,6 +73,7 @@ class TurntableFit:
     """The geometry that explains all scans best."""
 
     shared: dict[str, SharedValue]  # by key of the profile
+    reflectances: dict[str, SharedValue]  # by material; those with a table, or outside the bounds of `fit`, stay
     places: tuple[Place, ...]  # of the scans, with the actual heading of the turntable's zero
 
 
@@ -91,10 +96,14 @@ def fit_turntable(
         for row, parameter in enumerate(problem.parameters)
         if isinstance(quantity := parameter.quantity, BoardQuantity)
     }
+    reflectances = {
+        problem.parameters[row].of: SharedValue(float(values[row]), float(deviations[row]))
+        for row in problem.rows_of(REFLECTANCE)
+    }
     # between the steps of the likelihood the curvature along the scale is that of the prior
     scale = shared[SCALE.key]
     shared[SCALE.key] = replace(scale, deviation=min(scale.deviation, start.scale_deviation))
-    return TurntableFit(shared, problem.setting(values)[1])
+    return TurntableFit(shared, reflectances, problem.setting(values)[1])
 
 
 def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: StartingTurntable) -> Problem:
@@ -111,8 +120,21 @@ def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: Start
         expected = None if deviation is None else begin.get(shared, shared.value(board))
         expected = expected if expected is None else min(max(expected, lower), upper)
         parameters.append(Parameter(shared, "", None, lower, upper, expected, deviation))
+    parameters += _reflectances(room, board)
     problem = make_problem(placed, room, board, parameters, PredictionOptions(), all_echoes=False)
     return replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
+
+
+def _reflectances(room: Room, board: Board) -> list[Parameter]:
+    """Return the reflectance of each material, with the bounds and the prior that `fit` states."""
+    lower, upper = REFLECTANCE.bounds(room, board)
+    deviation = REFLECTANCE.tolerance(board) if REFLECTANCE.tolerance else None
+    present = {name: reflectance_of(room, name) for name in REFLECTANCE.parts(room)}
+    return [
+        Parameter(REFLECTANCE, name, None, lower, upper, value, deviation)
+        for name, value in present.items()
+        if lower <= value <= upper
+    ]
 
 
 def readings_per_independent(scan: PlacedScan, board: Board) -> float:
