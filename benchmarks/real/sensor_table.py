@@ -153,7 +153,8 @@ def kept(name: str, scans: Sequence[RealScan], compute: Callable[[], Result], mo
         return result
     found = compute()
     file.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(file) as out:
+    # another run may have written it meanwhile
+    with atomic_file(file, overwrite=True) as out:
         pickle.dump(found, out)
     return found
 

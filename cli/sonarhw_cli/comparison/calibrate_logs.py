@@ -65,28 +65,36 @@ def calibrate_with_room(
     poses: Sequence[str],
     board_name: str,
     out: Path,
+    room_out: Path | None,
     plot: Path | None,
     force: bool,
 ) -> None:
-    """Write the profile that the logs give and a picture of the scans, and print each value. Raises InputError."""
+    """Write the profile that the logs give and a picture of the scans, and print each value. Raises InputError.
+
+    With `room_out`, the reflectances of the room are calibrated too, and the room is written there.
+    """
+    from sonarhw_compare.known_room.found_reflectances import with_provenance
     from sonarhw_compare.known_room.room_calibration import calibrate_in_room, room_profile
     from sonarhw_sim.board.profile import load_board
 
     board, room = load_board(board_name), open_room(room_name)
     scans = _placed(logs, room, places, poses, board_name)
     with progress_of_share() as show:
-        found = calibrate_in_room(board, scans, room, show)
+        found = calibrate_in_room(board, scans, room, show, room_too=room_out is not None)
     write_text(out, room_profile(board, found, scans, room.name, profile_name(out)).text, force)
+    if room_out is not None:
+        titles = [scan.title for scan in scans]
+        write_text(room_out, with_provenance(found.room, found.reflectances, profile_name(out), titles).text, force)
     if plot is not None:
         from sonarhw_compare.known_room.calibration_picture import draw_calibration
 
         write_figure(plot, draw_calibration(found, scans), force)
-    for line in [*_value_lines(found), *_own_body_lines(found), *_kept_lines(found, board)]:
+    for line in [*_value_lines(found), *_own_body_lines(found), *_kept_lines(found, board), *_room_lines(found)]:
         print_line(line)
     for scan, before, after in zip(scans, found.before, found.after, strict=True):
         print_line(f"{scan.name}: before {before.line}")
         print_line(f"{scan.name}: after {after.line}")
-    for doubt in (*found.proposals, *found.doubts):
+    for doubt in (*found.proposals, *found.doubts, *_room_doubts(found, room_name)):
         warn(doubt)
 
 
@@ -165,6 +173,27 @@ def _own_body_lines(found: "RoomCalibration") -> list[str]:
         for part in found.own_body
     ]
     return [*parts, f"own body: {counted(found.own_echoes, 'reading')} left out"]
+
+
+def _room_lines(found: "RoomCalibration") -> list[str]:
+    """Return what the scans give for the room, and to which room the profile belongs."""
+    from sonarhw_compare.known_room.found_reflectances import reflectance_text
+
+    used = "used, and written with the room" if found.room_too else "not used; the profile belongs to the room file"
+    return [f"{reflectance_text(one)}; {used}" for one in found.reflectances]
+
+
+def _room_doubts(found: "RoomCalibration", room_name: str) -> list[str]:
+    from sonarhw_compare.known_room.found_reflectances import is_contradicted
+
+    if found.room_too:
+        return []
+    return [
+        f"--room {room_name}: the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}; "
+        "add --out-room FILE.toml to calibrate it too, and to write the room with it"
+        for one in found.reflectances
+        if is_contradicted(one)
+    ]
 
 
 def _kept_lines(found: "PlateCalibration | RoomCalibration", start: "Board") -> list[str]:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sonarhw.readings import Reading, ScanOrder
     from sonarhw.scanning.calibration import Calibration
 
-PROFILE = ".toml"
+PROFILE = ROOM = ".toml"
 _OF_A_SCAN = {name: f"--{name}" for name in ("width", "step", "pings", "temperature")}
 _LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
@@ -78,6 +78,15 @@ PosesOfLogs = Annotated[
         metavar="X,Y,DEG",
     ),
 ]
+FoundRoom = Annotated[
+    Path | None,
+    typer.Option(
+        "--out-room",
+        help="With --room: also find the reflectances of its materials, and write the room with them. "
+        "Use it with the profile.",
+        metavar="ROOM.toml",
+    ),
+]
 CalibrationPicture = Annotated[
     Path | None,
     typer.Option(help="With --room: picture of the scans and their predictions, before and after.", metavar="FILE.png"),
@@ -95,6 +104,7 @@ def calibrate(
     room_name: KnownRoom = None,
     places: PlacesOfLogs = None,
     poses: PosesOfLogs = None,
+    out_room: FoundRoom = None,
     plot: CalibrationPicture = None,
     board: BoardName = DEFAULT_BOARD,
     width: SectorWidth = 60.0,
@@ -107,19 +117,25 @@ def calibrate(
 
     A URL: scan the plate, and measure range offset and home angle. Logs of a plate at several distances: find aperture,
     gain steps, threshold, swelling, ring-down and blanking. Logs with --room: find threshold, aperture, their spreads,
-    range offset and slope, turntable, axis, and the carrier's own body. Each value has an interval.
+    range offset and slope, turntable, axis, the carrier's own body, and the room's reflectances. Each value has an
+    interval.
     """
-    checked_out(out, (PROFILE,), force, *sources, board)
-    _check_method(room_name, distances, directions, {"--place": places, "--pose": poses, "--plot": plot})
+    checked_out(out, (PROFILE,), force, *sources, board, room_name)
+    of_room = {"--place": places, "--pose": poses, "--out-room": out_room, "--plot": plot}
+    _check_method(room_name, distances, directions, of_room)
     logs = [Path(source) for source in sources if Path(source).suffix == LOG]
     if len(logs) == len(sources):
         refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
         if room_name is None:
             calibrate_with_plate(logs, distances or [], directions or [], board, out, force)
         else:
+            if out_room is not None:
+                checked_out(out_room, (ROOM,), force, *sources, board, room_name, option="--out-room")
+                if out_room.resolve() == out.resolve():
+                    raise InputError(f"--out-room {out_room}: is also --out; choose another name")
             if plot is not None:
                 checked_out(plot, PICTURES, force, *sources, board, option="--plot")
-            calibrate_with_room(logs, room_name, places or [], poses or [], board, out, plot, force)
+            calibrate_with_room(logs, room_name, places or [], poses or [], board, out, out_room, plot, force)
         return
     if room_name is not None:
         raise InputError(f"--room {room_name}: expected logs (*{LOG}), not the URL of a scanner; scan first")

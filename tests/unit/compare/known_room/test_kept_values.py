@@ -52,7 +52,7 @@ def test_a_geometry_stays_if_the_scans_do_not_contradict_it(scale: float, deviat
         key: SharedValue(float(getattr(start, key)), 0.01)
         for key in ("range_offset", "clock_error", "turntable_scale", "axis_x", "axis_y")
     }
-    fitted = TurntableFit(shared | {"turntable_scale": SharedValue(scale, deviation)}, ())
+    fitted = TurntableFit(shared | {"turntable_scale": SharedValue(scale, deviation)}, {}, ())
     result = calibration._Result(replace(start, turntable_scale=1.03))  # where the search began
     calibration._find_geometry(result, fitted, start)
     assert result.board.turntable_scale == expected

@@ -20,7 +20,7 @@ def test_readings_of_a_fake_scanner_are_not_called_measured_and_silence_has_no_r
         for k in range(36)
     ]
     shown = ScanFigures(compare_readings(readings, room, place, board))
-    found = RoomCalibration(board, (), (), 0, {}, (), (), (shown,), (shown,))
+    found = RoomCalibration(board, room, (), False, (), (), 0, {}, (), (), (shown,), (shown,))
     figure = draw_calibration(found, [PlacedScan(readings, place, "a")])
     figure.draw_without_rendering()
     assert [text.get_text() for text in figure.legends[0].texts] == ["predicted", "fake (grey band: no echo)"]
