@@ -74,6 +74,23 @@ def test_automatic_collection_is_enabled_afterwards() -> None:
     assert gc.isenabled()
 
 
+def test_objects_from_before_the_window_and_of_imports_are_not_searched(
+    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def is_searched(ring: _Ring) -> bool:
+        return any(known is ring for known in gc.get_objects())
+
+    early = _Ring()
+    assert is_searched(early)
+    with collected_between_events():
+        late = _Ring()
+        assert not is_searched(early)
+        assert is_searched(late)
+        for number in range(20):
+            monkeypatch.setitem(sys.modules, f"imported_{number}", sys)
+        until(qtbot, lambda: not is_searched(late))
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
 def test_freed_arrays_between_small_objects_go_back_to_the_system() -> None:
     def left(setting: str) -> float:
