@@ -48,7 +48,7 @@ from sonarhw_gui.store.open_requests import (
 )
 
 TICK = 30  # ms
-_DRAG_TICK = 15  # ms: a draft that waits for its tick is late for the hand
+_DRAG_TICK = 5  # ms: a draft that waits for its tick is late for the hand; a tick without news takes 0.3 ms
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
 _BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
