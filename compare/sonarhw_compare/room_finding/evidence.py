@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -116,8 +117,9 @@ class Evidence:
         if processes is None or len(items) < 2:
             return function(self, items, *others)
         count = min(len(processes), len(items))
-        parts = processes.results(function, [(items[part::count], *others) for part in range(count)])
-        return [parts[row % count][row // count] for row in range(len(items))]
+        bounds = [len(items) * part // count for part in range(count + 1)]
+        parts = processes.results(function, [(items[begin:end], *others) for begin, end in pairwise(bounds)])
+        return [result for part in parts for result in part]
 
     def _to_send(self) -> "Evidence":
         """Return what other processes need of it."""

@@ -73,17 +73,29 @@ def ways_from_posts(
         return PostWays.none(), PostWays.none()
     # the rays of a fan with slopes begin at the height of the transducer, which sound at a post need not have
     most = min(max_bounces, MOST_REFLECTIONS) - 1 if passing is None else 0
-    count, radii = len(room.posts), np.append(room.posts[:, 2], np.zeros(len(edges)))
-    targets = np.vstack((room.posts[:, :2], room.edges.points[edges]))
-    away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end))) - radii
-    tables = [
-        _ways(room, targets[post], post, targets, radii, max_length - away[post] - away, directions, most, passing)
-        for post in range(count)
-    ]
-    ways = PostWays.join(tables)
+    count, radii = len(room.posts), np.append(room.posts[:, 2], np.zeros(len(room.edges)))
+    targets = np.vstack((room.posts[:, :2], room.edges.points))
+    # the ways are the same from every place, so a scan from another place in this room finds them here
+    key = "ways from posts", most, max_length, len(directions)
+    if key not in room.searched:
+        longest = np.full(len(targets), max_length)
+        room.searched[key] = PostWays.join(
+            [
+                _ways(room, targets[post], post, targets, radii, longest, directions, most, passing)
+                for post in range(count)
+            ]
+        )
+    ways: PostWays = room.searched[key]
+    away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end)))
+    listed = np.append(np.ones(count, np.bool_), np.isin(np.arange(len(room.edges)), edges))
+    short = ways.lengths <= max_length - away[ways.starts] - away[ways.targets] + 2 * (
+        radii[ways.starts] + radii[ways.targets]
+    )
+    ways = ways.select(np.flatnonzero(short & listed[ways.targets]))
     to_edges = ways.select(np.flatnonzero(ways.targets >= count))
     between = ways.select(np.flatnonzero((ways.targets < count) & (ways.bounces < max(most, 1))))
-    return between, replace(to_edges, targets=to_edges.targets - count)
+    rows = np.searchsorted(edges, to_edges.targets - count).astype(np.int32)
+    return between, replace(to_edges, targets=rows)
 
 
 def _ways(
