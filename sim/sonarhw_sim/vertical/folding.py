@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import array_part, compiled, compiled_part
+from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.passing import Passages, pass_low, room_for_passages
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
@@ -102,12 +102,13 @@ def _most_levels(levels: KernelLevels, search: PathSearch) -> int:
 
 
 class _Visits(NamedTuple):
-    """Room for the levels that a way passes over or under, one row each.
+    """Room for the levels that a way passes over or under, one row each, in order of level and along the way.
 
     A level with an outline is listed once for each leg over it, so that a touch of it bounds the slope of sound.
     """
 
     levels: IntArray  # (v,)
+    behind: IntArray  # (v,): the first row of the next level
     enters: FloatArray  # (v,), m along the way: where it enters the box of the outline
     leaves: FloatArray  # (v,), m
 
@@ -179,22 +180,29 @@ def _fold_along(
     while depth >= 0:
         # the next level at this depth
         k = choice[depth]
-        choice[depth] += 1
         if k == visited or depth == most_levels:
             depth -= 1
             continue
         level = visits.levels[k]
+        choice[depth] = visits.behind[k]
         going = -1.0 if (first + depth) % 2 == 0 else 1.0
         gap = (levels.heights[level] - heights[depth]) * going
-        if levels.facing[level] * going > 0.0 or gap <= _CLOSE:
-            continue
         climb = climbs[depth] + gap
         lower, upper = max(least[depth], climb), largest[depth]
+        # it has to return from there, with any levels in between
+        too_far = climb + abs(height - levels.heights[level]) > upper + 2.0 * _CLOSE
+        if levels.facing[level] * going > 0.0 or gap <= _CLOSE or too_far:
+            continue
         if levels.limited[level]:
+            k = _first_reached(visits, k, climb * length, upper)
+            if k == choice[depth]:
+                continue
             lower = max(lower, climb * length / max(visits.leaves[k], _CLOSE))
             upper = min(upper, climb * length / max(visits.enters[k], _CLOSE))
+        # if this leg is over a level too far along the way, so are the following ones
         if lower > upper + _CLOSE:
             continue
+        choice[depth] = k + 1
         sequence[depth] = level
         depth += 1
         heights[depth], climbs[depth] = levels.heights[level], climb
@@ -212,6 +220,18 @@ def _fold_along(
                     folded.levels[found, j], folded.climbs[found, j] = sequence[j], climbs[j + 1]
             found += 1
     return found
+
+
+@inlined
+def _first_reached(visits: _Visits, k: int, steepness: float, largest: float) -> int:
+    """Return the first visit from row `k` on that the largest climb in all allows; the first of the next level: none.
+
+    `steepness` is the climb at the visit times the length of the way, m².
+    """
+    behind = visits.behind[k]
+    while k < behind and steepness / max(visits.leaves[k], _CLOSE) > largest + _CLOSE:
+        k += 1
+    return k
 
 
 @compiled_part
@@ -238,7 +258,7 @@ def can_take(
 
 @array_part
 def _no_visits(most: int) -> _Visits:
-    return _Visits(np.empty(most, np.int32), np.empty(most), np.empty(most))
+    return _Visits(np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most), np.empty(most))
 
 
 @compiled_part
@@ -248,8 +268,10 @@ def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -
     for level in range(levels.heights.shape[0]):
         if not levels.limited[level]:
             visits.levels[found], visits.enters[found], visits.leaves[found] = level, 0.0, ways.at[row, last]
+            visits.behind[found] = found + 1
             found += 1
             continue
+        first = found
         for leg in range(last):
             at, length = ways.at[row, leg], ways.at[row, leg + 1] - ways.at[row, leg]
             begin, end = 0.0, length
@@ -266,6 +288,8 @@ def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -
             if begin <= end:
                 visits.levels[found], visits.enters[found], visits.leaves[found] = level, at + begin, at + end
                 found += 1
+        for k in range(first, found):
+            visits.behind[k] = found
     return found
 
 
