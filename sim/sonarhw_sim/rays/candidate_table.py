@@ -19,7 +19,7 @@ _SLOTS = 4  # for each row, at first, a power of two
 class CandidateTable(NamedTuple):
     """Room for candidates and sequences."""
 
-    candidates: IntArray  # (c, 3): as in `Fan`
+    candidates: IntArray  # (c, 3): number of the sequence, reflections before the target, row of the target
     keys: IntArray  # (c, 2): sequence and target
     slots: IntArray  # hash table of the keys, -1 where empty
     sequences: IntArray  # (s, 2): number of the sequence without the last surface, 0 for none, and that surface
@@ -71,11 +71,37 @@ def with_other(
     for k in range(other_found):
         if found == table.candidates.shape[0]:
             table = with_room(table, found, known)
-        if number_of(numbers[other.keys[k, 0]], other.keys[k, 1], table.keys, found, table.slots) == found:
-            for column in range(3):
-                table.candidates[found, column] = other.candidates[k, column]
+        sequence, target = numbers[other.keys[k, 0]], other.keys[k, 1]
+        if number_of(sequence, target, table.keys, found, table.slots) == found:
+            table.candidates[found, 0], table.candidates[found, 1] = sequence, other.candidates[k, 1]
+            table.candidates[found, 2] = target
             found += 1
     return table, found, known
+
+
+@compiled
+def touched_before(table: CandidateTable, found: int, known: int, deepest: int) -> IntArray:
+    """Return each sequence of the candidates, (r, deepest), padded with -1, and replace its number by its row.
+
+    The table has so many `found` candidates and `known` sequences; `deepest` are the most reflections of a candidate.
+    """
+    rows, count = np.empty(known + 1, np.int32), 0
+    for k in range(known + 1):
+        rows[k] = -1
+    touched = np.empty((max(found, 1), deepest), np.int32)  # the system gives memory only to rows that are filled
+    for k in range(found):
+        sequence, bounces = table.candidates[k, 0], table.candidates[k, 1]
+        if rows[sequence] < 0:
+            rows[sequence] = count
+            for step in range(bounces, deepest):
+                touched[count, step] = -1
+            before = sequence
+            for step in range(bounces - 1, -1, -1):
+                touched[count, step] = table.sequences[before - 1, 1]
+                before = table.sequences[before - 1, 0]
+            count += 1
+        table.candidates[k, 0] = rows[sequence]
+    return touched[: max(count, 1)]
 
 
 @compiled_part

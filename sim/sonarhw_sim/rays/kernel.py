@@ -16,7 +16,15 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.cores import in_parts
 from sonarhw_sim.rays import path_table
-from sonarhw_sim.rays.candidate_table import CandidateTable, is_full, no_candidates, number_of, with_other, with_room
+from sonarhw_sim.rays.candidate_table import (
+    CandidateTable,
+    is_full,
+    no_candidates,
+    number_of,
+    touched_before,
+    with_other,
+    with_room,
+)
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.first_surface import first_among, reflect
 from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, no_heights, surface_at
@@ -50,7 +58,6 @@ class _Branch(NamedTuple):
     direction: int
     begin: int  # of these rays, in the order of the workspace
     end: int
-    row: int  # of `touched`
     bounces: int
     sequence: int  # number of the surfaces touched
 
@@ -67,6 +74,7 @@ class _Search(NamedTuple):
     targets: FloatArray
     radii: FloatArray
     longest: FloatArray
+    max_bounces: int
     edges: Listing  # the targets after the first, by the cells near them
     detectable: Detectable
     spacing: float  # rad
@@ -79,22 +87,19 @@ class _Search(NamedTuple):
 class _Workspace(NamedTuple):
     """Arrays to fill; k slopes in each direction, t targets."""
 
-    # row d k + j belongs to slope j of direction d; rays with different slopes are one ray until they meet a surface
-    # that only some of them pass, and only one row is filled for them
-    touched: IntArray  # as in `Fan`
     nearby: _Numbers  # (t,): targets that a leg may pass
     is_nearby: BoolArray  # (t,): whether each is one of these; False between two legs
     order: _Numbers  # (k,): slopes of a direction, those of one branch beside each other
     touches: _Numbers  # (k,): the surface that each of them touches where the branch meets a low one; -1: passes
-    waiting: _Numbers  # (k, 7): branches that wait at a surface, and that surface
+    waiting: _Numbers  # (k, 6): branches that wait at a surface, and that surface
     waiting_legs: FloatArray  # (k, 9): their legs to the surface, and its distance
 
 
 class Fan(NamedTuple):
-    """What the rays of a fan touch and come near to, one row each."""
+    """What the rays of a fan come near to, and what they touched before."""
 
-    touched: IntArray  # (r, b): surfaces, in order, padded with -1
-    candidates: IntArray  # (c, 3): row, reflections before the target, row of the target
+    touched: IntArray  # (r, b): sequences of surfaces, in order, padded with -1
+    candidates: IntArray  # (c, 3): row of `touched`, reflections before the target, row of the target
 
 
 def follow_fan(
@@ -146,6 +151,7 @@ def follow_fan(
         targets,
         radii,
         longest,
+        max_bounces,
         list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
         detectable,
         spacing,
@@ -154,24 +160,24 @@ def follow_fan(
         float(detectable.least.min()),
         steepest,
     )
-    touched = np.empty((slopes.size, max_bounces), np.int32)
 
     def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
-        space = _workspace(len(targets), slopes.shape[1], touched)
+        space = _workspace(len(targets), slopes.shape[1])
         return _follow(begin, end, search, space, no_candidates(), path_table.MOST_POINTS)
 
     (table, found, known), *others = in_parts(followed, len(directions), _LEAST_PART)
     for other in others:
         table, found, known = with_other(table, found, known, *other)
     candidates = table.candidates[:found]
-    path_table.check_size(found, int(candidates[:, 1].max(initial=0)) + 2)
-    return Fan(touched, candidates)
+    deepest = int(candidates[:, 1].max(initial=0))
+    path_table.check_size(found, deepest + 2)
+    return Fan(touched_before(table, found, known, deepest), candidates)
 
 
-def _workspace(targets: int, slopes: int, touched: IntArray) -> _Workspace:
+def _workspace(targets: int, slopes: int) -> _Workspace:
     order, touches = np.empty((2, slopes), np.int64)
-    waiting, legs = np.empty((slopes, 7), np.int64), np.empty((slopes, 9))
-    return _Workspace(touched, np.empty(targets, np.int64), np.zeros(targets, np.bool_), order, touches, waiting, legs)
+    waiting, legs = np.empty((slopes, 6), np.int64), np.empty((slopes, 9))
+    return _Workspace(np.empty(targets, np.int64), np.zeros(targets, np.bool_), order, touches, waiting, legs)
 
 
 @compiled
@@ -251,13 +257,13 @@ def _follow_direction(
                 continue
 
         # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
-        going = branch.bounces < space.touched.shape[1]
+        going = branch.bounces < search.max_bounces
         if going:
             leg = _reflected(leg, distance, following, search.reflectances[following], walls, posts)
             going = leg.amplitude * math.sqrt(leg.length / leg.width) > search.faintest
         if going:
             surface = following
-            branch = _reflected_branch(branch, following, known, space, table)
+            branch = _reflected_branch(branch, following, known, table)
             known = max(known, branch.sequence)
             if is_full(table, found, known):
                 break
@@ -290,7 +296,7 @@ def _note_targets(
         if not _passes(leg, reach, target, search):
             continue
         if number_of(branch.sequence, target, table.keys, found, table.slots) == found:
-            table.candidates[found, 0], table.candidates[found, 1] = branch.row, branch.bounces
+            table.candidates[found, 0], table.candidates[found, 1] = branch.sequence, branch.bounces
             table.candidates[found, 2] = target
             found += 1
             if found == table.candidates.shape[0]:
@@ -341,8 +347,7 @@ def _whole_branch(direction: int, space: _Workspace) -> _Branch:
     count = space.order.shape[0]
     for k in range(count):
         space.order[k] = k
-    space.touched[direction * count] = -1
-    return _Branch(direction, 0, count, direction * count, 0, 0)
+    return _Branch(direction, 0, count, 0, 0)
 
 
 @compiled_part
@@ -362,19 +367,16 @@ def _divided(
 
     The other rays of the branch wait from now on.
     """
-    middle, order = _part(branch, leg, distance, surface, search, space), space.order
+    middle = _part(branch, leg, distance, surface, search, space)
     if middle == branch.end:
         return branch, waiting
-    row = branch.direction * order.shape[0] + order[middle]
-    for k in range(space.touched.shape[1]):  # an assignment of the whole row would make an array
-        space.touched[row, k] = space.touched[branch.row, k]
-    rest = _Branch(branch.direction, middle, branch.end, row, branch.bounces, branch.sequence)
+    rest = _Branch(branch.direction, middle, branch.end, branch.bounces, branch.sequence)
     for k in range(len(rest)):
         space.waiting[waiting, k] = rest[k]
     for k in range(len(leg)):
         space.waiting_legs[waiting, k] = leg[k]
     space.waiting[waiting, len(rest)], space.waiting_legs[waiting, len(leg)] = surface, distance
-    kept = _Branch(branch.direction, branch.begin, middle, branch.row, branch.bounces, branch.sequence)
+    kept = _Branch(branch.direction, branch.begin, middle, branch.bounces, branch.sequence)
     return kept, waiting + 1
 
 
@@ -399,16 +401,15 @@ def _part(branch: _Branch, leg: _Leg, distance: float, surface: int, search: _Se
 def _resumed(row: int, space: _Workspace) -> tuple[_Branch, _Leg, float, int]:
     """Return the branch that waits in this row, its leg, and distance and number of the surface that it meets."""
     b, leg = space.waiting[row], space.waiting_legs[row]
-    branch = _Branch(b[0], b[1], b[2], b[3], b[4], b[5])
-    return branch, _Leg(leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7]), leg[8], b[6]
+    branch = _Branch(b[0], b[1], b[2], b[3], b[4])
+    return branch, _Leg(leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7]), leg[8], b[5]
 
 
 @inlined
-def _reflected_branch(branch: _Branch, surface: int, known: int, space: _Workspace, table: CandidateTable) -> _Branch:
+def _reflected_branch(branch: _Branch, surface: int, known: int, table: CandidateTable) -> _Branch:
     """Return the branch after it has touched one more surface; the sequence may be new, as number `known` + 1."""
-    space.touched[branch.row, branch.bounces] = surface
     sequence = number_of(branch.sequence, surface, table.sequences, known, table.sequence_slots) + 1
-    return _Branch(branch.direction, branch.begin, branch.end, branch.row, branch.bounces + 1, sequence)
+    return _Branch(branch.direction, branch.begin, branch.end, branch.bounces + 1, sequence)
 
 
 @inlined

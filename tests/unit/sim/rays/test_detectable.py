@@ -64,4 +64,4 @@ def test_ray_ends_where_it_is_too_faint() -> None:
     half = all_rays(64, 1)._replace(least=np.array([0.5]))
     found = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
     assert len(found.candidates)
-    assert ((found.touched >= 0).sum(axis=1) == 6).all()
+    assert found.candidates[:, 1].max() == 6
