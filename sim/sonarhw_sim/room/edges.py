@@ -6,7 +6,7 @@ is 0.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,14 @@ class Edges:
 
     def __len__(self) -> int:
         return len(self.names)
+
+
+class EdgesByHeight(NamedTuple):
+    """The edges of all heights; between two bounds, the same ones exist."""
+
+    bounds: FloatArray  # (b,), m
+    edges: Edges
+    exist: NDArray[np.bool_]  # (e, b + 1): whether each exists below, between and above the bounds
 
 
 def inside_wedge(direction: FloatArray, start: FloatArray, opening: FloatArray) -> NDArray[np.bool_]:
@@ -254,3 +262,41 @@ def _edge_name(first: int, second: int, names: tuple[str, ...]) -> str:
         return f"{names[first]}/"
     lower, upper = sorted((first, second))
     return f"{names[lower]}/{names[upper]}"
+
+
+def find_edges_by_height(walls: FloatArray, names: tuple[str, ...], spans: FloatArray) -> EdgesByHeight:
+    """Return the edges of walls (n, 4) that exist at any height.
+
+    `spans` (s, 2) m are the lower and upper ends of the walls, then those of posts.
+    """
+    bounds = np.unique(spans[np.isfinite(spans)])
+    found: dict[tuple[object, ...], tuple[Edges, int]] = {}
+    bands: dict[tuple[object, ...], list[int]] = {}
+    middles = np.concatenate((bounds[:1] - 1, (bounds[:-1] + bounds[1:]) / 2, bounds[-1:] + 1))
+    for band, height in enumerate(middles.tolist()):
+        there = np.flatnonzero((spans[: len(walls), 0] < height) & (height < spans[: len(walls), 1]))
+        here = find_edges(walls[there], tuple(names[wall] for wall in there.tolist()))
+        here = replace(here, faces=there[here.faces].astype(np.int32))
+        for row, bare in enumerate(_bare(here).tolist()):
+            key = (*here.points[row].tolist(), here.starts[row], here.openings[row], *here.faces[row].tolist(), *bare)
+            found.setdefault(key, (here, row))
+            bands.setdefault(key, []).append(band)
+    exist = np.zeros((len(found), len(middles)), np.bool_)
+    for row, of_edge in enumerate(bands.values()):
+        exist[row, of_edge] = True
+    return EdgesByHeight(bounds, _joined(list(found.values())), exist)
+
+
+def _joined(rows: list[tuple[Edges, int]]) -> Edges:
+    return Edges(
+        np.array([edges.points[row] for edges, row in rows]).reshape(-1, 2),
+        np.array([edges.starts[row] for edges, row in rows]),
+        np.array([edges.openings[row] for edges, row in rows]),
+        np.array([edges.faces[row] for edges, row in rows], dtype=np.int32).reshape(-1, 2),
+        tuple(edges.names[row] for edges, row in rows),
+        np.array([_bare(edges)[row] for edges, row in rows]).reshape(-1, 2),
+    )
+
+
+def _bare(edges: Edges) -> FloatArray:
+    return np.full((len(edges), 2), np.inf) if edges.bare is None else edges.bare

@@ -17,7 +17,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air
 from sonarhw_sim.named_file import Shipped
-from sonarhw_sim.room.edges import Edges, edges_on_walls, find_edges
+from sonarhw_sim.room.edges import Edges, EdgesByHeight, edges_on_walls, find_edges, find_edges_by_height
 from sonarhw_sim.room.enclosures import Enclosures, Lid, find_enclosures
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
 from sonarhw_sim.room.outside import walls_enclose
@@ -88,6 +88,11 @@ class Room:
     def edges_on_walls(self) -> Listing:
         """For each wall, the edges that lie on it."""
         return edges_on_walls(self.edges, self.walls)
+
+    @cached_property
+    def edges_by_height(self) -> EdgesByHeight:
+        """The upright edges that exist at any height, and where."""
+        return find_edges_by_height(self.walls, self.names, self.heights[: self.levels.start])
 
     @property
     def levels(self) -> range:

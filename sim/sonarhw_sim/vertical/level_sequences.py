@@ -46,22 +46,29 @@ def level_sequences(
 
     They touch one level or more, up to `most`, and up to `lids` that are limited. Those that first go down come first.
     """
+    kernel = levels.kernel
+    each = [*zip(kernel.heights.tolist(), kernel.facing.tolist(), kernel.limited.tolist(), strict=True)]
     for going in (-1, 1):
-        yield from _continued(levels, LevelSequence((), np.array([start])), going, end, longest, most, lids)
+        yield from _continued(each, (), (start,), 0.0, going, end, longest, most, lids)
 
 
 def _continued(
-    levels: Levels, begun: LevelSequence, going: int, end: float, longest: float, most: int, lids: int
+    each: list[tuple[float, int, bool]],
+    begun: tuple[int, ...],
+    heights: tuple[float, ...],
+    climb: float,
+    going: int,
+    end: float,
+    longest: float,
+    most: int,
+    lids: int,
 ) -> Iterator[LevelSequence]:
-    at, kernel = float(begun.heights[-1]), levels.kernel
-    ahead = (kernel.facing == -going) & ((kernel.heights - at) * going > _CLOSE)
-    for level in np.flatnonzero(ahead).tolist() if most > 0 else []:
-        left = lids - int(kernel.limited[level])
-        height = float(kernel.heights[level])
-        touched = LevelSequence((*begun.levels, level), np.append(begun.heights, height))
-        if left < 0 or touched.climb > longest:
+    """Yield the sequences that continue one; `each` level has its height (m), facing, and whether it is limited."""
+    for level, (height, facing, limited) in enumerate(each if most > 0 else []):
+        gap = (height - heights[-1]) * going
+        if facing != -going or gap <= _CLOSE or limited > lids or climb + gap > longest:
             continue
-        whole = LevelSequence(touched.levels, np.append(touched.heights, end))
-        if (end - height) * -going > _CLOSE and whole.climb <= longest:
-            yield whole
-        yield from _continued(levels, touched, -going, end, longest, most - 1, left)
+        rows, touched = (*begun, level), (*heights, height)
+        if (end - height) * -going > _CLOSE and climb + gap + abs(end - height) <= longest:
+            yield LevelSequence(rows, np.array([*touched, end]))
+        yield from _continued(each, rows, touched, climb + gap, -going, end, longest, most - 1, lids - limited)

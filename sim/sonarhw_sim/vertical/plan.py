@@ -8,12 +8,12 @@ import numpy as np
 from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.passing import Passing, only
 from sonarhw_sim.rays.paths import PathSearch
-from sonarhw_sim.room.edges import Edges, find_edges
+from sonarhw_sim.room.edges import Edges
 from sonarhw_sim.room.enclosures import find_enclosures
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_file import Span
-from sonarhw_sim.vertical.folding import BoolArray, Obstacles
+from sonarhw_sim.vertical.folding import Obstacles
 from sonarhw_sim.vertical.reflecting_levels import Levels
 
 
@@ -42,47 +42,12 @@ def plan_of(room: Room, height: float, levels: Levels, reach: Span, climbs: Floa
         return Plan(room, None, obstacles, edges)
     lids = bool(levels.kernel.limited.any())
     passing = Passing(surfaces, spans, low, height, levels.floor, levels.ceiling, climbs, search.max_length, lids)
-    bounds = np.unique(spans[np.isfinite(spans)])
-    middles = np.concatenate((bounds[:1] - 1, (bounds[:-1] + bounds[1:]) / 2, bounds[-1:] + 1))
-    edges_at_all, at_bands = _edges_of_bands(room, spans, middles)
+    bounds, edges_at_all, at_bands = room.edges_by_height
     plan = replace(room, edges=edges_at_all)
     plan.__dict__["surfaces"] = surfaces
     plan.__dict__["enclosures"] = find_enclosures(room.walls[~low[: len(room.walls)]], edges_at_all)
     obstacles = Obstacles(passing.passable, spans, low, bounds, at_bands, levels.kernel)
     return Plan(plan, passing, obstacles, edge_numbers(edges_at_all, room, range(len(room.walls))))
-
-
-def _edges_of_bands(room: Room, spans: FloatArray, middles: FloatArray) -> tuple[Edges, BoolArray]:
-    """Return all edges that exist in bands with these middle heights, and in which each exists, (e, b) bool."""
-    found: dict[tuple[object, ...], tuple[Edges, int]] = {}
-    bands: dict[tuple[object, ...], list[int]] = {}
-    for band, height in enumerate(middles.tolist()):
-        walls = np.flatnonzero((spans[: len(room.walls), 0] < height) & (height < spans[: len(room.walls), 1]))
-        here = find_edges(room.walls[walls], tuple(room.names[wall] for wall in walls.tolist()))
-        here = replace(here, faces=walls[here.faces].astype(np.int32))
-        for row, bare in enumerate(_bare(here).tolist()):
-            key = (*here.points[row].tolist(), here.starts[row], here.openings[row], *here.faces[row].tolist(), *bare)
-            found.setdefault(key, (here, row))
-            bands.setdefault(key, []).append(band)
-    exists = np.zeros((len(found), len(middles)), np.bool_)
-    for row, of_edge in enumerate(bands.values()):
-        exists[row, of_edge] = True
-    return _joined(list(found.values())), exists
-
-
-def _joined(rows: list[tuple[Edges, int]]) -> Edges:
-    return Edges(
-        np.array([edges.points[row] for edges, row in rows]).reshape(-1, 2),
-        np.array([edges.starts[row] for edges, row in rows]),
-        np.array([edges.openings[row] for edges, row in rows]),
-        np.array([edges.faces[row] for edges, row in rows], dtype=np.int32).reshape(-1, 2),
-        tuple(edges.names[row] for edges, row in rows),
-        np.array([_bare(edges)[row] for edges, row in rows]).reshape(-1, 2),
-    )
-
-
-def _bare(edges: Edges) -> FloatArray:
-    return np.full((len(edges), 2), np.inf) if edges.bare is None else edges.bare
 
 
 def edge_numbers(edges: Edges, room: Room, walls: Sequence[int]) -> IntArray:
