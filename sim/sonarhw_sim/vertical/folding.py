@@ -76,7 +76,8 @@ def fold(ways: Ways, bounces: IntArray, height: float, search: PathSearch, obsta
     capacity = 4 * len(ways.at) + 16
     while True:
         rows, totals = np.empty(capacity, np.intp), np.empty(capacity)
-        levels, climbs = np.full((capacity, deepest), -1, np.int32), np.full((capacity, deepest), np.nan)
+        # the system gives memory only to rows that are filled
+        levels, climbs = np.empty((capacity, deepest), np.int32), np.empty((capacity, deepest))
         found = _fold(
             ways,
             bounces,
@@ -134,7 +135,7 @@ def _fold(
     obstacles: Obstacles,
     folded: Folded,
 ) -> int:
-    """Fill in `folded` (m,), and return how many rows it should have; its levels are all -1, its climbs all NaN."""
+    """Fill in `folded` (m,), and return how many rows it should have."""
     deepest, most_visits = folded.levels.shape[1], obstacles.levels.heights.shape[0] * ways.at.shape[1]
     passages, visits = room_for_passages(ways.at.shape[1], obstacles.low), _no_visits(most_visits)
     numbers, choices = np.empty((4, deepest + 2)), np.empty((2, deepest + 2), np.int32)
@@ -216,8 +217,9 @@ def _fold_along(
         if _is_clear(ways, row, passages, passed, heights, climbs, sequence, depth, obstacles):
             if found < folded.rows.shape[0]:
                 folded.rows[found], folded.totals[found] = row, total
-                for j in range(depth):
-                    folded.levels[found, j], folded.climbs[found, j] = sequence[j], climbs[j + 1]
+                for j in range(folded.levels.shape[1]):
+                    folded.levels[found, j] = sequence[j] if j < depth else -1
+                    folded.climbs[found, j] = climbs[j + 1] if j < depth else np.nan
             found += 1
     return found
 
