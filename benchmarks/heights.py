@@ -1,16 +1,18 @@
 """Readings and paths in rooms with heights: `python -m benchmarks.heights`.
 
 Counts wrong readings, 180 in each of 24 random boxes and 24 L-shaped rooms with a table, against images in space
-(`tests/oracles/brute/spatial.py`). Then how many paths over and under low walls a search misses, and its time.
+(`tests/oracles/brute/spatial.py`), and compares the time of a search there with that of one in the plan: median and
+range. Then how many paths over and under low walls a search misses, and its time.
 
 Compares mirror paths up to 21.4 m with those of a search with eight times as many slopes. This one can miss paths too,
 so the numbers are a lower bound. *loud* are those that `polaroid-6500` can detect at some heading, *changed* the
 readings at 360 headings, of each receiver, that differ by more than 1 cm with the paths of the thorough search. Number
-of paths and processor time, with edges and beam, are relative to those of a search in the plan of the same room.
+of paths and processor times, with edges and beam, are relative to those of a search in the plan of the same room. At
+most 6 times the plan is required.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 
@@ -25,7 +27,7 @@ from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 from sonarhw_sim.vertical.sections import paths_from
 
 from tests.oracles.brute.furnished import Compared
-from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape
+from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape, random_box, random_l_shape
 
 ROOMS, HEADINGS = 24, 180
 SEARCH = PathSearch(21.4, 0.00695, diffraction=False)
@@ -108,13 +110,19 @@ def _changed(room: Room, place: Place, usual: Paths, thorough: Paths) -> int:
     return changed
 
 
-def beside_plan(room: Room, place: Place) -> str:
+def beside_plan(room: Room, place: Place) -> tuple[float, float]:
     """Return paths and processor time of a search in space with edges and beam, over those in the plan."""
     search = replace(SEARCH, diffraction=True, ka=16.0)
     flat = replace(place, height=None)
     paths = len(paths_from(room, place, search)) / len(paths_from(room, flat, search))
     in_space, in_plan = (_seconds(partial(paths_from, room, at, search)) for at in (place, flat))
-    return f"{paths:10.2f} {in_space / in_plan:10.1f}"
+    return paths, in_space / in_plan
+
+
+def times_beside_plan(scenes: Iterable[tuple[Room, Place]]) -> str:
+    """Return median and range of the time of searches in these rooms over that in the plan."""
+    times = [beside_plan(room, place)[1] for room, place in scenes]
+    return f"time/plan {np.median(times):.1f} ({min(times):.1f} to {max(times):.1f})"
 
 
 def _seconds(job: Callable[[], object]) -> float:
@@ -128,14 +136,18 @@ def _seconds(job: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print the counts and the table."""
+    boxes, l_shapes = map(random_box, range(ROOMS)), map(random_l_shape, range(ROOMS))
     print(f"boxes: {wrong_readings(compare_in_box)}", flush=True)
+    print(f"boxes: {times_beside_plan((box.room, box.place) for box in boxes)}", flush=True)
     print(f"L-shaped rooms with a table: {wrong_readings(compare_in_l_shape)}", flush=True)
+    print(f"L-shaped rooms with a table: {times_beside_plan(l_shapes)}", flush=True)
     heads = ("found", "missed", "to 8 m", "missed", "loud", "missed", "changed")
     print(f"{'':22} {' '.join(f'{head:>8}' for head in heads)} paths/plan  time/plan")
     doorstep, furnished = load_room("doorstep"), parse_room(FURNISHED, "furnished")
     for room, name in ((furnished, "here"), (doorstep, "robot"), (doorstep, "tripod")):
         place = room.places[name]
-        print(f"{room.name + ', ' + name:22} {missed(room, place)} {beside_plan(room, place)}", flush=True)
+        paths, in_time = beside_plan(room, place)
+        print(f"{room.name + ', ' + name:22} {missed(room, place)} {paths:10.2f} {in_time:10.1f}", flush=True)
 
 
 if __name__ == "__main__":

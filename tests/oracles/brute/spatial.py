@@ -30,11 +30,21 @@ class _Images:
     arrivals: Floats  # (n, 3)
 
 
-def compare_in_box(seed: int, headings: int) -> Compared:
-    """Return the readings of a random box room, and those of all its images in closed form."""
+@dataclass(frozen=True)
+class Box:
+    """A random box room."""
+
+    room: Room
+    place: Place
+    size: Floats  # (3,), m
+    shares: Floats  # (3, 2): reflectances of west, east; south, north; floor, ceiling
+
+
+def random_box(seed: int) -> Box:
+    """Return a random box room and a place in it."""
     random = np.random.default_rng(seed)
     size = random.uniform((1.2, 1.2, 1.0), (3.0, 3.0, 2.6))
-    shares = random.uniform(0.5, 1.0, (3, 2))  # of west, east; south, north; floor, ceiling
+    shares = random.uniform(0.5, 1.0, (3, 2))
     position = random.uniform(0.15, 0.85, 3) * size
     (x, y, top), (west, east), (south, north) = size.tolist(), *shares[:2].tolist()
     sides = {
@@ -45,10 +55,17 @@ def compare_in_box(seed: int, headings: int) -> Compared:
     }
     walls = "".join(_wall(name, points, name) for name, (points, _) in sides.items())
     room = _room(walls, top, {name: share for name, (_, share) in sides.items()}, *shares[2].tolist())
-    return _compare(room, position, seed, headings, _MANY, _images_of_box(size, shares, position))
+    return Box(room, _place(position), size, shares)
 
 
-def _images_of_box(size: Floats, shares: Floats, position: Floats) -> _Images:
+def compare_in_box(seed: int, headings: int) -> Compared:
+    """Return the readings of a random box room, and those of all its images in closed form."""
+    box = random_box(seed)
+    return _compare(box.room, box.place, seed, headings, _MANY, _images_of_box(box))
+
+
+def _images_of_box(box: Box) -> _Images:
+    size, shares, position = box.size, box.shares, _point(box.place)
     most = np.ceil(2 * IN_SPACE.max_range / size).astype(int) + 1
     orders = np.array([row for row in itertools.product(*(range(-k, k + 1) for k in most)) if any(row)])
     images = orders * size + np.where(orders % 2, size - position, position)
@@ -62,11 +79,8 @@ def _images_of_box(size: Floats, shares: Floats, position: Floats) -> _Images:
     return _Images(lengths, gains, departures, np.where(orders % 2, departures, -departures))
 
 
-def compare_in_l_shape(seed: int, headings: int) -> Compared:
-    """Return the readings of a random L-shaped room with a table, and those of a search over all faces in space.
-
-    Paths have up to three reflections.
-    """
+def random_l_shape(seed: int) -> tuple[Room, Place]:
+    """Return a random L-shaped room with a table, and a place in it."""
     random = np.random.default_rng(seed)
     (x, y), top = random.uniform(2.2, 3.0, 2).tolist(), float(random.uniform(1.6, 2.4))
     inner = random.uniform(0.45, 0.65, 2) * (x, y)
@@ -89,16 +103,35 @@ def compare_in_l_shape(seed: int, headings: int) -> Compared:
     walls += _wall("table", corners.tolist(), "wood", closed=True) + f"height = [{low!r}, {lid!r}]\nlids = true\n"
     shares = random.uniform(0.5, 1.0, 4).tolist()
     room = _room(walls, top, {"hard": shares[0], "wood": shares[1]}, *shares[2:])
-    rows = np.array(images_in_space(faces_of(room), tuple(position.tolist()), MOST, 2 * IN_SPACE.max_range))
+    return room, _place(position)
+
+
+def compare_in_l_shape(seed: int, headings: int) -> Compared:
+    """Return the readings of a random L-shaped room with a table, and those of a search over all faces in space.
+
+    Paths have up to three reflections.
+    """
+    room, place = random_l_shape(seed)
+    x, y, height = _point(place).tolist()
+    rows = np.array(images_in_space(faces_of(room), (x, y, height), MOST, 2 * IN_SPACE.max_range))
     images = _Images(rows[:, 0], rows[:, 1], rows[:, 2:5], rows[:, 5:8])
-    return _compare(room, position, seed, headings, MOST, images)
+    return _compare(room, place, seed, headings, MOST, images)
 
 
-def _compare(room: Room, position: Floats, seed: int, headings: int, most: int, images: _Images) -> Compared:
-    turned = np.random.default_rng(seed).uniform(0, math.tau, headings)
+def _place(position: Floats) -> Place:
     x, y, height = position.tolist()
+    return Place("here", (x, y), height=height)
+
+
+def _point(place: Place) -> Floats:
+    assert place.height is not None
+    return np.array([*place.position, place.height])
+
+
+def _compare(room: Room, place: Place, seed: int, headings: int, most: int, images: _Images) -> Compared:
+    turned = np.random.default_rng(seed).uniform(0, math.tau, headings)
     options = PredictionOptions(max_bounces=most, diffraction=False)
-    scan = predict_scan(room, Place("here", (x, y), height=height), IN_SPACE, turned, options)
+    scan = predict_scan(room, place, IN_SPACE, turned, options)
     sensor, wavelength = sensor_of(IN_SPACE, room.air, most), IN_SPACE.wavelength(room.air)
     departures, arrivals = images.departures[:, :2], images.arrivals[:, :2]
     sound = sound_of(images.lengths, departures, arrivals, images.gains.astype(complex), sensor, wavelength)
