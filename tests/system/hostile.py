@@ -79,8 +79,8 @@ def use_api(python: Sequence[str], folder: Path) -> None:
     _run([*python, "script.py"], folder, "")
 
 
-def use_commands(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:
-    """Use the commands in `folder`, which is also the first place where Python searches modules."""
+def assert_commands_run(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:
+    """Assert that the commands run in `folder`, which is also the first place where Python searches modules."""
     fake = [*sonarhw, "fake", "room.toml", "--place", "figure9", "--tcp", "127.0.0.1:0", "--pace", "max"]
     with subprocess.Popen(
         fake, cwd=folder, env=_environment(folder, search), stdout=subprocess.PIPE, text=True

@@ -18,7 +18,7 @@ SEARCH = os.environ.get("PYTHONPATH", "")  # path of a checkout that is not inst
 def test_files_named_like_our_modules_in_the_working_folder_break_nothing(tmp_path: Path) -> None:
     hostile.fill(tmp_path)
     command = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
-    hostile.use_commands([sys.executable], command, tmp_path, SEARCH)
+    hostile.assert_commands_run([sys.executable], command, tmp_path, SEARCH)
 
 
 @pytest.mark.parametrize("name", ["sim", "gui", "cli", "compare", "rooms", "tests"])

@@ -41,7 +41,7 @@ def test_wheel_runs_the_demo_from_another_folder(
     assert (elsewhere / "result" / "scan.mcap").exists()
     hostile.use_api([str(python)], elsewhere)
     if soak:
-        hostile.use_commands([str(python)], [str(python.with_name("sonarhw"))], elsewhere)
+        hostile.assert_commands_run([str(python)], [str(python.with_name("sonarhw"))], elsewhere)
 
 
 def built_wheel(folder: Path) -> Path:

@@ -57,8 +57,8 @@ class Reader:
         self._environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
         self._port = f"127.0.0.1:{free_port()}"
 
-    def read(self, block: Block) -> None:
-        """Run a block, and check its output."""
+    def assert_runs(self, block: Block) -> None:
+        """Run a block, and assert that it succeeds and prints what the page says."""
         for text in block.run_first:
             self._run(block, Command(text, ""))
         if block.info == PYTHON:
@@ -169,7 +169,7 @@ def test_the_blocks_of_a_page_run_as_printed(page: Path, reader: Reader, request
         pytest.skip("takes minutes; runs with --soak")
     for block in blocks_of(page):
         if block.not_run is None and block.info in (SHELL, PYTHON):
-            reader.read(block)
+            reader.assert_runs(block)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -197,4 +197,4 @@ def test_pages_contain_no_block_in_another_form() -> None:
 )
 def test_a_command_that_fails_or_prints_something_else_is_found(text: str, reason: str, reader: Reader) -> None:
     with pytest.raises(AssertionError, match=reason):
-        reader.read(Block("page, line 1", SHELL, text, (), None))
+        reader.assert_runs(Block("page, line 1", SHELL, text, (), None))

@@ -47,8 +47,8 @@ CAM = "the cam never changed; check its wire and polarity, and the direction; "
 MARK = "the zero mark never came; check its wire and the motor; "
 
 
-def homed(board: PortableBoard, degrees: int, within: int) -> None:
-    """Home from `degrees`; check duration and limits of the cable."""
+def assert_homes(board: PortableBoard, degrees: int, within: int) -> None:
+    """Home from `degrees`, and assert duration (µs) and limits of the cable."""
     board.c.host_set_position(degrees * A_DEGREE)
     lowest = highest = degrees * A_DEGREE
     end = board.now + within
@@ -69,9 +69,9 @@ def test_home_finds_zero_from_any_angle_and_keeps_the_cable_limits(board: Portab
     board.c.host_restart()
     board.c.host_grain(50)
     board.ask(Hello(1, 0))
-    homed(board, degrees, 20_000_000)
+    assert_homes(board, degrees, 20_000_000)
     # the first Home crawls; the following ones take at most 3 s
-    homed(board, degrees, 3_000_000)
+    assert_homes(board, degrees, 3_000_000)
 
 
 def test_a_table_far_from_zero_needs_a_second_home_until_its_wiring_has_worked(board: PortableBoard) -> None:

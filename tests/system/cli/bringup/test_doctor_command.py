@@ -81,7 +81,7 @@ def emulated(faults: WiringFault) -> Iterator[str]:
         yield board.url
 
 
-def check_diagnoses(
+def assert_diagnoses(
     url: str, checks: list[str], advice: str, turns: bool = True, wiring: Wiring = Wiring(0)
 ) -> list[Diagnosis]:
     """Assert that exactly these checks fail with these settings, and that the first one gives this advice."""
@@ -98,7 +98,7 @@ def check_diagnoses(
 @pytest.mark.parametrize(("fault", "checks", "advice"), FAULTS, ids=names(FAULTS))
 def test_each_wiring_fault_of_a_fake_board_fails_its_check(fault: WiringFault, checks: list[str], advice: str) -> None:
     with fake(fault) as url:
-        check_diagnoses(url, checks, advice)
+        assert_diagnoses(url, checks, advice)
 
 
 @pytest.mark.parametrize(("fault", "checks", "advice"), ON_EMULATED, ids=names(ON_EMULATED))
@@ -109,7 +109,7 @@ def test_each_wiring_fault_of_the_emulated_board_fails_its_check(
     needs_turntable = not checks or checks[0] == "zero" or checks[0] in TURNTABLE
     with emulated(fault) as url:
         shown = checks if needs_turntable else [check for check in checks if check not in TURNTABLE]
-        check_diagnoses(url, shown, advice, needs_turntable)
+        assert_diagnoses(url, shown, advice, needs_turntable)
 
 
 ONE_SWITCH_FAULTS = [
@@ -130,18 +130,18 @@ ONE_SWITCH_EMULATED = [ONE_SWITCH_FAULTS[0], ONE_SWITCH_FAULTS[-1]]
 @pytest.mark.parametrize(("fault", "checks", "advice"), ONE_SWITCH_FAULTS, ids=names(ONE_SWITCH_FAULTS))
 def test_faults_of_a_fake_board_with_one_switch(fault: WiringFault, checks: list[str], advice: str) -> None:
     with fake(fault) as url:
-        check_one_switch(url, checks, advice)
+        assert_diagnoses_of_one_switch(url, checks, advice)
 
 
 @pytest.mark.parametrize(("fault", "checks", "advice"), ONE_SWITCH_EMULATED, ids=names(ONE_SWITCH_EMULATED))
 def test_faults_of_the_emulated_board_with_one_switch(fault: WiringFault, checks: list[str], advice: str) -> None:
     with emulated(fault) as url:
-        check_one_switch(url, checks, advice)
+        assert_diagnoses_of_one_switch(url, checks, advice)
 
 
-def check_one_switch(url: str, checks: list[str], advice: str) -> None:
-    """Assert what `check_diagnoses` asserts, with one switch."""
-    made = check_diagnoses(url, checks, advice, wiring=Wiring.ONE_SWITCH)
+def assert_diagnoses_of_one_switch(url: str, checks: list[str], advice: str) -> None:
+    """Assert what `assert_diagnoses` asserts, with one switch."""
+    made = assert_diagnoses(url, checks, advice, wiring=Wiring.ONE_SWITCH)
     assert not any("cam " in diagnosis.text for diagnosis in made)
 
 
@@ -283,7 +283,7 @@ def test_cheap_turntables_are_checked_as_far_as_they_allow(
     combination: str, fault: WiringFault, checks: list[str], advice: str, not_checked: list[str]
 ) -> None:
     with emulated_board(HallEchoes(), pace=3.0, start_deg=0, combination=combination, miswire=fault) as board:
-        made = check_diagnoses(board.url, checks, advice)
+        made = assert_diagnoses(board.url, checks, advice)
     assert [one.check for one in made if one.verdict is Verdict.SKIPPED] == not_checked
 
 

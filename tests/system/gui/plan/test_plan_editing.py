@@ -116,10 +116,10 @@ def test_esc_cancels_a_drag_without_an_undo_step(qtbot: QtBot, window: MainWindo
     drag_in_plan(qtbot, window, sensor_position(window), (0.6, 0.3))
     window.session.showing.undo()  # leaves a step for Redo
     for tool, way in DRAGS:
-        check_cancelled_drag(qtbot, window, tool, way)
+        assert_esc_cancels_drag(qtbot, window, tool, way)
 
 
-def check_cancelled_drag(qtbot: QtBot, window: MainWindow, tool: Qt.Key, way: list[Point]) -> None:
+def assert_esc_cancels_drag(qtbot: QtBot, window: MainWindow, tool: Qt.Key, way: list[Point]) -> None:
     """Drag with a tool, cancel with Esc, and assert that nothing has changed."""
     key(qtbot, window, tool)
     before, seen = window.session.shown.scene, window.views.plan.drawing.plot.vb.viewRange()

@@ -14,7 +14,7 @@ from sonarhw.link.serial_link import BOOTLOADER
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Heartbeat
 from tests.fixtures.pulled_cables import Bench
-from tests.unit.sonarhw.host.test_session import ORDER, check
+from tests.unit.sonarhw.host.test_session import ORDER, assert_complete
 
 FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
 
@@ -27,7 +27,7 @@ def test_the_line_uses_the_highest_speed_without_errors(clean_up_to: int, clean_
     bench.connect()
     assert bench.session.device.baud == bench.board.line.baud == clean_up_to
     assert bench.now < 10
-    check([*bench.run(scanning(ORDER)).readings])
+    assert_complete([*bench.run(scanning(ORDER)).readings])
 
 
 def test_a_speed_that_failed_is_not_used_in_a_later_conversation() -> None:
@@ -48,7 +48,7 @@ def test_a_device_that_was_reset_is_found_again_at_its_first_speed() -> None:
     bench.until(lambda: len(scan.readings) == 5)
     bench.reset()
     bench.until(lambda: scan.done)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
     assert bench.board.line.baud == 1_000_000
 
 

@@ -24,7 +24,7 @@ ORDER = StartScan(start=10_000_000, step=2_500_000, headings=30, sweeps=2, pings
 TRACES = Configure(20_000, 2_380, 1, 343_200)
 
 
-def check(readings: "list[Reading]", order: StartScan = ORDER) -> None:
+def assert_complete(readings: "list[Reading]", order: StartScan = ORDER) -> None:
     """Assert that every reading of the scan is present once and correct."""
     total = order.headings * order.sweeps * order.pings
     assert sorted(reading.number for reading in readings) == list(range(total))
@@ -63,7 +63,7 @@ def scan_with_unplugs(bench: Bench, chance: random.Random) -> int:
             assert bench.now - pulled <= 1.0
     bench.until(lambda: scan.done)
     assert scan.result is Outcome.DONE
-    check([*scan.readings])
+    assert_complete([*scan.readings])
     return unplugs
 
 
@@ -76,7 +76,7 @@ def test_one_fault_in_ten_thousand_bytes_loses_no_reading(cable: type[object], t
     order = StartScan(0, 1_000_000, 360, 1, 1)
     scan = bench.run(scanning(order))
     assert scan.error is None
-    check([*scan.readings], order)
+    assert_complete([*scan.readings], order)
     statistics = bench.session.statistics
     assert statistics.rejected_blocks > 0
     assert statistics.lost_readings == 0
@@ -91,7 +91,7 @@ def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
     bench.until(lambda: bench.session.statistics.lost_readings == 3)
     bench.up = lambda data: data
     bench.until(lambda: scan.done)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
     assert [reading.number for reading in scan.readings][-3:] == [10, 11, 12]
 
 
@@ -106,7 +106,7 @@ def test_after_a_reset_during_a_scan_settings_and_zero_are_restored() -> None:
     bench.until(lambda: bench.session.state not in CONNECTED)
     assert bench.now - reset <= 1.0
     bench.until(lambda: scan.done)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
     assert all(reading.trace is not None for reading in scan.readings)
     assert bench.board._turntable.speed == pytest.approx(math.pi / 2)
     statistics = bench.session.statistics
@@ -138,7 +138,7 @@ def test_a_short_unplug_needs_no_new_homing() -> None:
     homed = []
     bench.until(lambda: homed.append(bench.board.zero) or scan.done)  # type: ignore[func-returns-value]
     assert all(homed)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
 
 
 def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent() -> None:
@@ -160,7 +160,7 @@ def test_a_device_of_version_1_0_gets_no_keepalive_and_continues_after_an_unplug
     bench.until(lambda: len(scan.readings) == 20)
     bench.pull(1.0, power=True)
     bench.until(lambda: scan.done)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
     # the old firmware received no unknown command
     assert bench.board.statistics(0).rejected == 0
     assert bench.session.statistics.rejected_messages == 0
@@ -227,7 +227,7 @@ def test_the_scan_continues_when_the_right_device_returns_after_another_one() ->
     bench.until(lambda: bench.now > started + 4)
     bench.reset(serial="FAKE-0007")
     bench.until(lambda: scan.done)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
 
 
 def test_a_device_that_does_not_return_is_an_error_after_the_set_time() -> None:
@@ -281,7 +281,7 @@ def test_a_job_started_while_the_device_is_lost_runs_after_its_return() -> None:
     bench.pull(5.0)
     bench.until(lambda: bench.session.state is Connection.LOST)
     scan = bench.run(scanning(ORDER))
-    check([*scan.readings])
+    assert_complete([*scan.readings])
 
 
 def test_stopping_a_scan_while_the_link_is_lost_ends_it() -> None:
@@ -305,7 +305,7 @@ def test_stopping_a_waiting_job_while_the_link_is_lost_keeps_the_running_one() -
     bench.session.stop(waiting, bench.now)
     assert (waiting.done, waiting.result, scan.done) == (True, Outcome.STOPPED, False)
     bench.until(lambda: scan.done)
-    check([*scan.readings])
+    assert_complete([*scan.readings])
     assert bench.run(turning(Turn(0))).result is Outcome.DONE
 
 
@@ -330,7 +330,7 @@ def test_turning_and_scanning_home_first() -> None:
     bench = Bench().connect()
     assert bench.run(turning(Turn(1_000_000))).result is Outcome.DONE
     other = Bench(seed=9).connect()
-    check([*other.run(scanning(ORDER)).readings])
+    assert_complete([*other.run(scanning(ORDER)).readings])
 
 
 def test_a_refused_request_is_an_error_and_the_next_one_is_served() -> None:
@@ -362,7 +362,7 @@ def test_a_turntable_jammed_after_a_reset_is_a_fault_and_the_session_continues()
     assert bench.now - reset < 5.0
     assert bench.session.state is Connection.READY
     bench.until(lambda: bench.now > reset + 9.0)
-    check([*bench.run(scanning(ORDER)).readings])
+    assert_complete([*bench.run(scanning(ORDER)).readings])
 
 
 def test_homing_without_an_end_is_stopped_with_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -389,7 +389,7 @@ def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
     bench.until(lambda: scan.done)
     assert isinstance(scan.error, LogError)
     bench.until(lambda: not bench.board.busy)
-    check([*bench.run(scanning(ORDER)).readings])
+    assert_complete([*bench.run(scanning(ORDER)).readings])
 
 
 def test_a_recorder_receives_nothing_between_jobs() -> None:
