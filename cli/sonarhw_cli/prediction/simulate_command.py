@@ -1,5 +1,6 @@
 """`sonarhw simulate`: predict a scan and write it as CSV, NPZ, picture or log."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -140,16 +141,15 @@ def simulate(
     The spreads are threshold_sd_db and range_sd of the board profile, and --room-tolerance.
     """
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.predict.models import predict_with
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     kind = checked_out(out, _CSV if probability else _FORMATS, force, room_name, board)
-    _check_probability(probability, model, {"--pings": pings, "--room-tolerance": room_tolerance}, (traces, noise))
+    of_readings = {"--pings": pings, "--room-tolerance": room_tolerance}
+    _check_probability(probability, model, of_readings, (traces, noise), own_body)
     settings = trace_settings(traces, rate, kind)
     order = order_in_degrees(start, stop, step)
-    room = open_room(room_name)
-    chosen = load_board(board)
-    here = chosen.faced(chosen_place(room, place))
+    room, profile = open_room(room_name), load_board(board)
+    here = profile.faced(chosen_place(room, place))
     options = PredictionOptions(
         unit=unit,
         edge_strength=edge_strength,
@@ -160,28 +160,32 @@ def simulate(
         sections=sections,
         own_body=own_body,
     )
-    _check_noise(noise, options.receiver_of(chosen, model), settings)
-    _check_effect(model, options, room, chosen, here)
-    if own_body and probability:
-        raise InputError("--own-body: has no effect with --probability; leave one of them out")
-    headings = _headings(order, chosen, here)
-    if kind in FILMS:
-        _check_film(kind, model, headings)
-    if settings is not None:
-        check_trace_size(settings, kind, listening_time(chosen, room.air), len(headings))
-    if probability:
-        scan = _scan_of_spreads(room, here, chosen, headings, options, pings or 1)
-    else:
-        scan = predict_with(model, room, here, chosen, headings, options)
-    if model.follows_sound:
-        _warn_of_near_field(scan)
-    _warn_of_face_outside(scan)
-    _warn_of_silence(scan)
+    asked = _Question(room, here, profile, _headings(order, profile, here), model, options)
+    _check_question(asked, kind, settings)
+    scan = _scan_of_spreads(asked, pings or 1) if probability else asked.scan()
+    _warn_of_doubts(scan, model)
     if probability:
         with text_output(out, force) as file:
             write_rows(file, PROBABILITY_HEADER, probability_rows(scan, pings, room_tolerance))
     else:
         _write(scan, kind, out, force, settings, room_name)
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What to predict."""
+
+    room: "Room"
+    place: "Place"
+    board: "Board"
+    headings: "FloatArray"  # (n,), rad in the room
+    model: Model
+    options: "PredictionOptions"
+
+    def scan(self) -> "PredictedScan":
+        from sonarhw_sim.predict.models import predict_with
+
+        return predict_with(self.model, self.room, self.place, self.board, self.headings, self.options)
 
 
 def _write(
@@ -203,22 +207,36 @@ def _write(
                 write_rows(file, HEADER, prediction_rows(scan))
 
 
-def _check_film(suffix: str, model: Model, headings: "FloatArray") -> None:
+def _check_question(asked: _Question, kind: str, traces: TraceSettings | None) -> None:
+    """Raise InputError for options that exclude each other or have no effect, MissingExtra if a film needs PyAV."""
+    _check_noise(asked, traces)
+    _check_effect(asked)
+    if kind in FILMS:
+        _check_film(asked, kind)
+    if traces is not None:
+        check_trace_size(traces, kind, listening_time(asked.board, asked.room.air), len(asked.headings))
+
+
+def _check_film(asked: _Question, suffix: str) -> None:
     """Raise InputError if a film is not possible, MissingExtra if it needs PyAV."""
     from sonarhw_compare.sound.film_file import check_film
 
-    if not model.follows_sound:
-        raise InputError(f"--model {model}: a film needs a model that follows sound")
-    if len(headings) != 1:
+    if not asked.model.follows_sound:
+        raise InputError(f"--model {asked.model}: a film needs a model that follows sound")
+    if len(asked.headings) != 1:
         raise InputError(
-            f"--out *{suffix}: a film shows one heading, not {len(headings)}; "
+            f"--out *{suffix}: a film shows one heading, not {len(asked.headings)}; "
             "give for example --from 270 --to 271 --step 1"
         )
     check_film(suffix)
 
 
 def _check_probability(
-    probability: bool, model: Model, of_readings: dict[str, float | None], signal: tuple[TraceForm | None, float]
+    probability: bool,
+    model: Model,
+    of_readings: dict[str, float | None],
+    signal: tuple[TraceForm | None, float],
+    own_body: bool,
 ) -> None:
     """Raise InputError for options that only --probability has, or does not have."""
     if not probability:
@@ -230,37 +248,40 @@ def _check_probability(
         raise InputError(f"--probability: needs --model {Model.RAY_FOLLOWING}; {model} states no probability")
     if any(signal):
         raise InputError("--probability: expected neither --traces nor --noise; the board profile states the spreads")
+    if own_body:
+        raise InputError("--own-body: has no effect with --probability; leave one of them out")
 
 
-def _scan_of_spreads(
-    room: "Room", place: "Place", board: "Board", headings: "FloatArray", options: "PredictionOptions", pings: int
-) -> "PredictedScan":
+def _scan_of_spreads(asked: _Question, pings: int) -> "PredictedScan":
     from sonarhw_sim.probability.reading_chances import check_pings, scan_with_fainter_paths
 
     check_pings(pings)
+    board = asked.board
     if not board.threshold_sd_db:
         warn(
             f"board profile {board.name!r} has no threshold_sd_db: every echo is either certain or impossible; "
             "write the spread of its threshold into a profile of your own"
         )
-    return scan_with_fainter_paths(room, place, board, headings, options)
+    return scan_with_fainter_paths(asked.room, asked.place, board, asked.headings, asked.options)
 
 
-def _check_noise(noise: float, receiver: Receiver, traces: TraceSettings | None) -> None:
+def _check_noise(asked: _Question, traces: TraceSettings | None) -> None:
+    noise, receiver = asked.options.noise, asked.options.receiver_of(asked.board, asked.model)
     if not 0 <= noise <= 1:
         raise InputError(f"--noise {noise:g}: expected 0 to 1, which is full scale")
     if noise and traces is None and receiver is Receiver.FIRST_ECHO:
         raise InputError(f"--noise {noise:g}: has no effect without --traces or --receiver board; add one")
 
 
-def _check_effect(model: Model, options: "PredictionOptions", room: "Room", board: "Board", place: "Place") -> None:
+def _check_effect(asked: _Question) -> None:
     """Raise InputError for options without an effect."""
+    model, options, place, board = asked.model, asked.options, asked.place, asked.board
     if options.sections > 1 and place.height is None:
         raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
     if not model.follows_sound and options.unit is not Unit.PASS:
         raise InputError(f"--unit {options.unit}: has no effect with --model {model}; leave it out")
     if options.grain is not None:
-        _check_grain(options.grain, room, model)
+        _check_grain(options.grain, asked.room, model)
     if options.own_body and not board.own_body:
         raise InputError(f"--own-body: board {board.name!r} has no own_body; `sonarhw calibrate` finds it from logs")
 
@@ -270,6 +291,13 @@ def _check_grain(grain: int, room: "Room", model: Model) -> None:
         raise InputError(f"--grain {grain}: has no effect: no surface of room {room.name!r} has scatter; leave it out")
     if not model.follows_sound:
         raise InputError(f"--grain {grain}: has no effect with --model {model}; leave it out")
+
+
+def _warn_of_doubts(scan: "PredictedScan", model: Model) -> None:
+    if model.follows_sound:
+        _warn_of_near_field(scan)
+    _warn_of_face_outside(scan)
+    _warn_of_silence(scan)
 
 
 def _warn_of_near_field(scan: "PredictedScan") -> None:
