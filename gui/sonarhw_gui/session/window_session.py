@@ -36,7 +36,7 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.sound.sound_control import SoundControl
 from sonarhw_gui.store.csv_preview import ReadCsvRequest
 from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.file_watch import FileWatch, ReloadBoard, WatchedFile, is_being_written
+from sonarhw_gui.store.file_watch import FileWatch, ReloadBoard, WatchedFile
 from sonarhw_gui.store.open_requests import (
     FollowLogRequest,
     LogGrown,
@@ -46,10 +46,10 @@ from sonarhw_gui.store.open_requests import (
     RoomOpened,
     is_csv,
 )
+from sonarhw_gui.store.torn_log import TornLog
 
 TICK = 30  # ms
 _DRAG_TICK = 5  # ms: a draft that waits for its tick is late for the hand; a tick without news takes 0.3 ms
-TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
 _BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
 
@@ -83,7 +83,7 @@ class WindowSession(QObject):
         self._source = ReadingSource(self.scanners, scan_settings, self)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
-        self._torn: tuple[float, str] | None = None  # when to report that the log is torn, and the message
+        self._torn = TornLog()
         self._scanner_place, self.scanner_board = ScannerPlace(scene), ScannerBoard()
         self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
@@ -189,10 +189,9 @@ class WindowSession(QObject):
         self.showing.open_notes()
         self.files.watch(WatchedFile.LOG, path if log.torn else None)
         if log.torn:
-            message = f"{name}: {log.torn}; {len(log.readings)} whole readings are shown"
-            wait = TORN_AFTER if path is not None and is_being_written(path) else 0.0
-            self._torn = time.monotonic() + wait, message
-            self._report_torn(time.monotonic())
+            now = time.monotonic()
+            self._torn.hold(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown", path, now)
+            self._report_torn(now)
         elif not log.readings:
             self.warned.emit(f"{name}: contains no readings")
         doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
@@ -347,25 +346,21 @@ class WindowSession(QObject):
             self._timer.setInterval(interval)
 
     def _report_messages(self) -> None:
-        for messages in (
-            self.preparation.messages,
-            self.unsaved.messages,
-            self.showing.note_store.messages,
+        report_trace = self.replay.drop_traces if self.replay.loaded else self.warned.emit
+        for messages, report in (
+            (self.preparation.messages, self.warned.emit),
+            (self.unsaved.messages, self.warned.emit),
+            (self.showing.note_store.messages, self.warned.emit),
+            (self.showing.forecast.failures, self.failed.emit),
+            (self.documents.messages, self.failed.emit),
+            (self.showing.traces.failures, report_trace),
         ):
             for message in messages:
-                self.warned.emit(message)
+                report(message)
             messages.clear()
-        for failures in (self.showing.forecast.failures, self.documents.messages):
-            for message in failures:
-                self.failed.emit(message)
-            failures.clear()
         for notice in self.unsaved.notices:
             self.noticed.emit(notice)
         self.unsaved.notices.clear()
-        failures = self.showing.traces.failures
-        for message in failures:
-            (self.replay.drop_traces if self.replay.loaded else self.warned.emit)(message)
-        failures.clear()
 
     def _take_opened(self, opened: Opened) -> None:
         self.recent_changed.emit(self.documents.recent)
@@ -403,16 +398,15 @@ class WindowSession(QObject):
             self.files.watch(WatchedFile.LOG, None)
 
     def _report_torn(self, now: float) -> None:
-        if self._torn is not None and now >= self._torn[0]:
-            self.warned.emit(self._torn[1])
-            self._torn = None
+        for message in self._torn.report(now):
+            self.warned.emit(message)
 
     def _look_at_files(self, now: float) -> None:
         """Follow a log that grows, and offer to reload a changed room or board."""
         self._report_torn(now)
         for what, path in self.files.changed(now):
             if what is WatchedFile.LOG:
-                self._torn = None
+                self._torn.forget()
                 self.documents.submit(FollowLogRequest(path))
                 continue
             board = self.shown.scene.board
@@ -442,7 +436,7 @@ class WindowSession(QObject):
     def _begin(self) -> None:
         self.warned.emit("")
         self.files.watch(WatchedFile.LOG, None)
-        self._torn = None
+        self._torn.forget()
         self._source.begin()
         self.fitting.cancel()
         self.causes.cancel()
