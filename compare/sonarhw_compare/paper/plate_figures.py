@@ -23,7 +23,6 @@ PARALLEL = replace(NO_TARGET, room="figure2c")
 # by the uniform theory, the small echo is 9 dB fainter than by the paper's factor
 AT_45 = replace(NO_TARGET, room="figure2d", edge_strength=EdgeStrength.PAPER)
 PLATE_TURNED = replace(AT_45, room="figure2d_turned")
-TRANSDUCER_TURNED = replace(AT_45, degrees=(7.0, 8.0, 1.0))
 _RATE = 500e3  # Hz
 _FARTHEST = 4.6  # m, in the picture
 _PLATE = (0.65, 1.2)  # m: ranges of a direct echo of the plate at 45°
