@@ -7,27 +7,12 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_sim.room.model import load_room
 
-YARD = """name = "Yard"
-[materials.board]
-reflectance = 0.9
-[[walls]]
-name = "yard"
-points = [[-1.0, -1.0], [3.0, -1.0], [3.0, 3.0], [-1.0, 3.0]]
-closed = true
-material = "board"
-[places.here]
-position = [0.0, 1.1]
-"""
-PLATE = '[[walls]]\nname = "plate"\npoints = [[0.8, 0.8], [0.8, 1.4]]\nmaterial = "board"\n'
+from tests.fixtures.rooms_for_tests import write_yard
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> str:
-    folder = tmp_path_factory.mktemp("yard")
-    (folder / "true.toml").write_text(YARD + PLATE)
-    (folder / "yard.toml").write_text(YARD)
-    assert run(["simulate", str(folder / "true.toml"), "--out", str(folder / "scan.mcap")]) == 0
-    return str(folder / "scan.mcap")
+    return str(write_yard(tmp_path_factory.mktemp("yard")))
 
 
 def test_the_changed_room_contains_the_plate(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_cli.app import run
 from sonarhw_compare.matching.match import Kind
 from sonarhw_gui.causes.causes_panel import CausesPanel
 from sonarhw_gui.scene.scene import scene_with
@@ -16,31 +15,16 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.log import read_log
+from tests.fixtures.rooms_for_tests import write_yard
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import predicted, until
 
 LEFT = Qt.MouseButton.LeftButton
-YARD = """name = "Yard"
-[materials.board]
-reflectance = 0.9
-[[walls]]
-name = "yard"
-points = [[-1.0, -1.0], [3.0, -1.0], [3.0, 3.0], [-1.0, 3.0]]
-closed = true
-material = "board"
-[places.here]
-position = [0.0, 1.1]
-"""
-PLATE = '[[walls]]\nname = "plate"\npoints = [[0.8, 0.8], [0.8, 1.4]]\nmaterial = "board"\n'
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("yard")
-    (folder / "true.toml").write_text(YARD + PLATE)
-    (folder / "yard.toml").write_text(YARD)
-    assert run(["simulate", str(folder / "true.toml"), "--out", str(folder / "scan.mcap")]) == 0
-    return folder
+    return write_yard(tmp_path_factory.mktemp("yard")).parent
 
 
 @pytest.fixture
