@@ -5,6 +5,7 @@ Each function does what the command of the same name does. Room, place and board
 
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -136,8 +137,8 @@ def fitted_report(
     """Return the report that `write_report` writes. Raises InputError."""
     free = frozenset(_words(fit))
     found = fit_scan(scan.readings, room, place, board, free, options=options, tick=tick) if free else None
-    name = Path(scan.where).name
-    return report_of(name, scan.readings, room, place, board, options, log=scan.log, fit=found, notes=notes.texts)
+    named = replace(scan, where=Path(scan.where).name)
+    return report_of(named, room, place, board, options, fit=found, notes=notes.texts)
 
 
 def fit(

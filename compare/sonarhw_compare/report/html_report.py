@@ -13,12 +13,12 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.errors import InputError
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import Origin, Reading
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit.plain_fit import Fit
 from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.imports.given_scan import GivenScan
 from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
 from sonarhw_compare.matching.probability_score import ProbabilityScore, calibration_text, score_comparison
@@ -53,25 +53,21 @@ class Report:
 
 
 def report_of(
-    name: str,
-    readings: Sequence[Reading],
+    scan: GivenScan,
     room: Room,
     place: Place,
     board: Board,
     options: PredictionOptions,
     *,
-    log: Log | None = None,
-    link: Facts = (),
     fit: Fit | None = None,
+    link: Facts = (),
     notes: Mapping[int, str] | None = None,
 ) -> Report:
-    """Return the report on readings at a place, or at that of a fit; of more than 3600, on the newest.
+    """Return the report on a scan at a place, or at that of a fit; of more than 3600 readings, on the newest.
 
     `notes`: by the place of their reading, from 0; those on readings that are not listed are part of the report, too.
-    Raises InputError without readings.
     """
-    if not readings:
-        raise InputError(f"{name}: no readings; a report needs at least one")
+    readings, log = scan.readings, scan.log
     comparison = compare_readings(
         readings[-MOST_READINGS:],
         room,
@@ -84,7 +80,7 @@ def report_of(
     )
     pinned = [(place, readings[place], text) for place, text in sorted((notes or {}).items())]
     left_out = max(0, len(readings) - MOST_READINGS)
-    return Report(name, comparison, log, link, fit, left_out, score_comparison(comparison, options), pinned)
+    return Report(scan.where, comparison, log, link, fit, left_out, score_comparison(comparison, options), pinned)
 
 
 def report_html(report: Report) -> str:

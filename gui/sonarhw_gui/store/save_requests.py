@@ -82,6 +82,7 @@ class ReportPage:
 
     def write(self, file: BinaryIO, ending: str) -> None:
         """Compute the report, which takes some seconds, and write it."""
+        from sonarhw_compare.imports.given_scan import GivenScan
         from sonarhw_compare.report.html_report import (  # loads matplotlib, which the window does not need
             report_html,
             report_of,
@@ -90,13 +91,11 @@ class ReportPage:
         log, scene = _log_of(self.recorded), self.scene
         room, place = room_and_place(scene)
         report = report_of(
-            self.name,
-            log.readings,
+            GivenScan(self.name, log.readings, log),
             room,
             place,
             scene.board,
             scene.options,
-            log=log,
             link=tuple(self.link),
             notes=_notes_in(log, self.notes),
         )

@@ -16,6 +16,7 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.explain.details import region_details
 from sonarhw_compare.explain.sentences import explain_reading
+from sonarhw_compare.imports.given_scan import GivenScan
 from sonarhw_compare.report import html_report as report_module
 from sonarhw_compare.report.html_report import Report, report_html, report_of
 from sonarhw_compare.report.report_regions import regions_table
@@ -23,7 +24,6 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import load_room, parse_room
 
-from sonarhw.errors import InputError
 from sonarhw.log import read_log
 
 PICTURE = re.compile(r'src="data:image/([a-z]+)[^;]*;base64,([^"]+)"')
@@ -72,7 +72,8 @@ def report(log: Path) -> Report:
     room = load_room("rooms/simple.toml")
     place = replace(room.place("figure9"), position=(0.754, 0.085))
     options = PredictionOptions()
-    return report_of(log.name, read_log(log).readings, room, place, load_board("paper"), options, log=read_log(log))
+    scan = GivenScan(log.name, read_log(log).readings, read_log(log))
+    return report_of(scan, room, place, load_board("paper"), options)
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +119,7 @@ def test_measured_regions_are_listed_beside_predicted_ones(report: Report, log: 
         replace(one, echo_times=(0.002,)) if 95 < math.degrees(one.angle) < 145 else one
         for one in read_log(log).readings  # an object that the room lacks, at 0.34 m
     ]
-    with_object = report_of("x", readings, scene.room, scene.place, scene.board, PredictionOptions())
+    with_object = report_of(GivenScan("x", tuple(readings)), scene.room, scene.place, scene.board, PredictionOptions())
     listed = region_rows(with_object)
     found = region_details(with_object.comparison)
     assert found["pairs"]
@@ -140,15 +141,17 @@ def test_a_false_wall_is_a_region_and_a_silent_region_is_only_predicted(report: 
     scene = (room, room.place("figure9"), prediction.board, PredictionOptions())
     way = "three reflections, bottom, top, bottom"
     row = ["260.0 to 280.0", "0.827", "260.0 to 280.0", "0.827", "0", f"in both: {way}"]
-    assert row in region_rows(report_of("x", readings, *scene))
+    assert row in region_rows(report_of(GivenScan("x", readings), *scene))
     silent = [replace(one, echo_times=()) if 255 < math.degrees(one.angle) < 285 else one for one in readings]
-    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in region_rows(report_of("x", silent, *scene))
+    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in region_rows(
+        report_of(GivenScan("x", tuple(silent)), *scene)
+    )
 
 
 def test_a_scan_without_regions_has_no_table_of_regions(report: Report, log: Path) -> None:
     prediction = report.comparison.prediction
     scene = (prediction.room, prediction.place, prediction.board, PredictionOptions())
-    short = report_of("x", read_log(log).readings[:1], *scene)
+    short = report_of(GivenScan("x", read_log(log).readings[:1]), *scene)
     listed = "".join(regions_table(short.comparison))
     assert "0 in both, 0 only in the scan, 0 only predicted" in listed
     assert "<table" not in listed
@@ -175,7 +178,9 @@ def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(
             assert b64decode(content).startswith(b"\x89PNG")
     silent = [replace(reading, trace=None) for reading in read_log(log).readings]
     prediction = report.comparison.prediction
-    without = report_of("x", silent, prediction.room, prediction.place, prediction.board, PredictionOptions())
+    without = report_of(
+        GivenScan("x", tuple(silent)), prediction.room, prediction.place, prediction.board, PredictionOptions()
+    )
     assert [kind for kind, _ in PICTURE.findall(report_html(without))] == ["svg", "svg"]
 
 
@@ -183,7 +188,7 @@ def test_report_scores_the_probabilities_and_draws_their_calibration_for_a_board
     prediction = report.comparison.prediction
     silent = [replace(row.reading, echo_times=(), trace=None) for row in report.comparison.rows]
     board = replace(prediction.board, threshold_db=0.0, threshold_sd_db=2.0, range_sd=0.01)
-    made = report_of("x", silent, prediction.room, prediction.place, board, PredictionOptions())
+    made = report_of(GivenScan("x", tuple(silent)), prediction.room, prediction.place, board, PredictionOptions())
     page, score = report_html(made), made.score
     assert [kind for kind, _ in PICTURE.findall(page)] == ["svg", "svg", "svg"]
     assert score is not None
@@ -197,7 +202,9 @@ def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
     text = prediction.room.text.replace('name = "Simple room"', 'name = "<script>alert(1)</script>"')
     room = parse_room(text, "room")
     readings = read_log(log).readings
-    page = report_html(report_of("<b>.mcap", readings, room, prediction.place, prediction.board, PredictionOptions()))
+    page = report_html(
+        report_of(GivenScan("<b>.mcap", readings), room, prediction.place, prediction.board, PredictionOptions())
+    )
     assert "<script>" not in page
     assert "<b>" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt;, place" in page
@@ -209,16 +216,12 @@ def test_only_the_newest_of_many_readings_are_listed(
     monkeypatch.setattr(report_module, "MOST_READINGS", 10)
     prediction = report.comparison.prediction
     readings = read_log(log).readings
-    short = report_of("x", readings, prediction.room, prediction.place, prediction.board, PredictionOptions())
+    short = report_of(
+        GivenScan("x", readings), prediction.room, prediction.place, prediction.board, PredictionOptions()
+    )
     page = report_html(short)
     assert [row.reading.number for row in short.comparison.rows] == [*range(26, 36)]
     assert "The newest 10; 26 older ones are left out." in page
-
-
-def test_a_report_without_readings_is_rejected(report: Report) -> None:
-    prediction = report.comparison.prediction
-    with pytest.raises(InputError, match=r"a\.mcap: no readings"):
-        report_of("a.mcap", [], prediction.room, prediction.place, prediction.board, PredictionOptions())
 
 
 def test_the_command_reports_the_figures_of_compare_and_overwrites_only_with_force(

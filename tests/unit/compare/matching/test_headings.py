@@ -13,6 +13,7 @@ from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
 from sonarhw_compare.fit.fit_warnings import warnings_of
 from sonarhw_compare.headings import estimate_degrees, heading_text, in_degrees
+from sonarhw_compare.imports.given_scan import GivenScan
 from sonarhw_compare.report.html_report import report_html, report_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
@@ -42,7 +43,7 @@ def test_other_headings_are_in_0_to_360_degrees() -> None:
 def test_report_sentence_and_summary_have_the_same_heading() -> None:
     place = replace(PLACE, heading=math.radians(-0.01))
     reading = Reading(0, 0, 0, 0.0, 0.0, (0.001,), 340.0)
-    report = report_of("log", [reading], ROOM, place, PAPER, PredictionOptions())
+    report = report_of(GivenScan("log", (reading,)), ROOM, place, PAPER, PredictionOptions())
     page = report_html(report)
     assert "<td>turntable step 0 at</td><td>0.0°</td>" in page
     assert "<td>0.0</td>" in page
