@@ -63,15 +63,14 @@ def rows() -> Iterator[Row]:
     place, targets = np.array(PLACE.position), np.array([PLACE.position])
     longest = np.array([LONGEST])
 
-    def every_arrival() -> set[tuple[int, int]]:
+    def every_arrival() -> set[tuple[int, ...]]:
         no_limits = all_rays(len(HALF_CIRCLE), len(targets))
         found = follow_fan(place, HALF_CIRCLE, small.surfaces, small.reflectances, targets, longest, BOUNCES, no_limits)
-        return {(int(ray), int(bounces)) for ray, bounces, _ in found.candidates}
+        return {tuple(found.touched[row, :bounces].tolist()) for row, bounces, _ in found.candidates.tolist()}
 
-    def with_numpy() -> set[tuple[int, int]]:
+    def with_numpy() -> set[tuple[int, ...]]:
         return follow_with_numpy(place, HALF_CIRCLE, small.walls, LONGEST, BOUNCES)
 
-    # the kernel notes a sequence of walls once, NumPy every ray that follows it
     assert every_arrival() <= with_numpy()
     numpy_time = seconds(with_numpy)
     yield at_least("one heading, every arrival, 64 walls: times NumPy", 9, numpy_time / seconds(every_arrival))

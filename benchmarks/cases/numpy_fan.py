@@ -8,16 +8,16 @@ from sonarhw.readings import FloatArray
 
 def follow_with_numpy(
     place: FloatArray, directions: FloatArray, walls: FloatArray, max_length: float, max_bounces: int
-) -> set[tuple[int, int]]:
-    """Return ray and number of reflections of every arrival near `place` (2,), as in `kernel.follow_fan`."""
+) -> set[tuple[int, ...]]:
+    """Return the walls touched before every arrival near `place` (2,), as in `kernel.follow_fan`."""
     spacing = directions[1] - directions[0]
     along = walls[:, 2:] - walls[:, :2]
     at = np.tile(place, (len(directions), 1))
     heading = np.column_stack((np.cos(directions), np.sin(directions)))
     travelled = np.zeros(len(directions))
     leaving = np.full(len(directions), -1)
-    rows = np.arange(len(directions))
-    arrivals: set[tuple[int, int]] = set()
+    touched = np.full((len(directions), max_bounces + 1), -1)
+    arrivals: set[tuple[int, ...]] = set()
     for bounces in range(max_bounces + 1):
         # find the next wall of every ray
         distance, wall = _first_hits(at, heading, leaving, walls, along)
@@ -29,7 +29,7 @@ def follow_with_numpy(
             aside = np.abs(_cross(place - at, heading))
             near = ALLOWANCE * spacing * (travelled + np.maximum(ahead, 0))
             passes = (-near <= ahead) & (ahead <= reach + near) & (aside <= near)
-            arrivals.update((int(ray), bounces) for ray in rows[passes & (travelled <= max_length)])
+            arrivals.update(map(tuple, touched[passes & (travelled <= max_length), :bounces].tolist()))
 
         # reflect
         travelled = travelled + distance
@@ -37,7 +37,7 @@ def follow_with_numpy(
         surface = along[wall]
         scale = 2 * (heading * surface).sum(axis=1) / (surface**2).sum(axis=1)
         heading = scale[:, None] * surface - heading
-        leaving = wall
+        leaving, touched[:, bounces] = wall, wall
     return arrivals
 
 
