@@ -87,13 +87,14 @@ def climb(
     return at(np.asarray(found.x)) if found.fun < loss(np.zeros(len(rows))) else values
 
 
-def widths_of(objective: Objective, top: FloatArray, units: FloatArray | None = None) -> FloatArray:
-    """Return the number of steps of each of `units` (k, size) that lowers the log-likelihood by 0.5, (k,).
+def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
+    """Return the change of each value alone that lowers the log-likelihood by 0.5, (size,)."""
+    steps = objective.problem.steps
+    return _multiples(objective, top, np.diag(steps)) * steps
 
-    Without `units`, return the change of each value alone that does so, (size,).
-    """
-    if units is None:
-        return widths_of(objective, top, np.diag(objective.problem.steps)) * objective.problem.steps
+
+def _multiples(objective: Objective, top: FloatArray, units: FloatArray) -> FloatArray:
+    """Return how many times each of `units` (k, size) lowers the log-likelihood by 0.5, (k,)."""
     best, widths = objective(top), np.full(len(units), 0.05)
     wider = np.ones(len(units), np.bool_)
     while wider.any():
@@ -119,8 +120,8 @@ def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
     shortened if the log-likelihood is lower by 0.5 before a fifth of it.
     """
     directions = directions_of(objective, top)
-    directions = _principal(objective, top, directions * widths_of(objective, top, directions)[:, None])
-    widths = widths_of(objective, top, directions)
+    directions = _principal(objective, top, directions * _multiples(objective, top, directions)[:, None])
+    widths = _multiples(objective, top, directions)
     directions *= np.where(widths < _HIDDEN, widths, 1.0)[:, None]
     return np.asarray(directions.T @ directions)
 
