@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from sonarhw_sim.board.profile import Board
@@ -104,7 +105,11 @@ def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float
     count = len(problem.scans)
     if not options.global_search:
         return [[Candidate(problem.start(), 0.0)] for _ in range(count)]
-    return [starting_poses(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
+
+    def tick_of(scan: int) -> Callable[[float], None]:
+        return lambda share: tick((scan + share) / count)
+
+    return [starting_poses(problem, scan, tick_of(scan)) for scan in range(count)]
 
 
 def _solutions(
@@ -123,7 +128,7 @@ def _solutions(
         ):
             # the noise does not depend on the solution, so that of the best one is the start for all
             begin = np.concatenate((one.values[:count], (tops or rough)[0].values[count:]))
-            tops.append(_maximum(problem, begin, lambda done=done: tick(done / len(rough))))  # type: ignore[misc]
+            tops.append(_maximum(problem, begin, partial(tick, done / len(rough))))
     tops.sort(key=lambda one: -one.score)
     scored = [Candidate(one.values, weighted.near(one.values)(one.values)) for one in tops]
     return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
