@@ -20,7 +20,7 @@ RAY_FOLLOWING = PaperScene("kuc_siegel", "figure6", (0.0, 360.0, 3.0))
 
 
 def single_reflections(scene: PaperScene) -> FloatArray:
-    """Return the ranges by single reflections at the headings of a scene, m; NaN: no echo."""
+    """Return the ranges by single reflections at the headings of a scene, (n,) m; NaN: no echo."""
     scan = scene.scan
     return single_reflection_ranges(scan.room, scan.board, scan.place.position, scan.headings)
 

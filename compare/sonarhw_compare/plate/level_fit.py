@@ -103,24 +103,24 @@ class _Problem:
     scatter: float | None  # dB; None: it is an unknown
 
     def residuals(self, values: FloatArray) -> FloatArray:
-        """Return all residuals that are used, in standard deviations."""
+        """Return all residuals that are used, in standard deviations, (k,)."""
         of_peaks = np.concatenate(self.peak_residuals(values)) / self.deviation
         return np.concatenate((of_peaks, self.hearing_residuals(values)[self.counted], self._weak(values)))
 
     def peak_residuals(self, values: FloatArray) -> list[FloatArray]:
-        """Return measured minus expected peaks of each scan that are used, dB."""
+        """Return measured minus expected peaks of each scan that are used, dB, (k,) each."""
         expected = self.expected_peaks(values)
         return [scan.peaks[used] - one[used] for scan, one, used in zip(self.scans, expected, self.used, strict=True)]
 
     def expected_peaks(self, values: FloatArray) -> list[FloatArray]:
-        """Return the expected peak at every heading of each scan, dB of full scale."""
+        """Return the expected peak at every heading of each scan, dB of full scale, (n,) each."""
         level = self.unknowns.trace_level(values)
         return [
             levels.peaks_at(scan.angles - scan.middle - turn) + level for scan, levels, turn in self._modelled(values)
         ]
 
     def hearing_residuals(self, values: FloatArray) -> FloatArray:
-        """Return the signed roots of the deviance of hearing at all headings, used or not."""
+        """Return the signed roots of the deviance of hearing at all headings of all scans, used or not, (n,)."""
         heard = np.concatenate([scan.heard for scan in self.scans]).astype(np.float64)
         return _deviance_roots(heard, self._pings, self._chances(values))
 

@@ -57,7 +57,7 @@ class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         self.setData()
 
     def getData(self) -> tuple[FloatArray, FloatArray]:
-        """Return the coordinates of the points."""
+        """Return the coordinates of the points, (n,) each, in units of the axes."""
         return self._x, self._y
 
     def setPen(self, pen: QPen) -> None:

@@ -116,7 +116,7 @@ def decibels_text(level: float) -> str:
 
 
 def bounce_labels(corners: FloatArray) -> list[tuple[str, FloatArray]]:
-    """Return the numbers of a path's bounces with their positions.
+    """Return the numbers of a path's bounces with their positions, (2,) m; `corners` (n, 2) m are the whole path.
 
     A path that returns on itself has several bounces at one point; their numbers are joined.
     """

@@ -33,7 +33,7 @@ class ReadingRows:
 
     @property
     def residuals(self) -> FloatArray:
-        """Measured minus predicted, m; NaN if either has no echo."""
+        """Measured minus predicted, (n,) m; NaN if either has no echo."""
         return self.measured - self.predicted
 
     def path(self, row: int) -> str:

@@ -124,7 +124,10 @@ class Arm:
         return np.column_stack((along * cosines - self.left * sines, along * sines + self.left * cosines))
 
     def headings_and_ranges(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return heading, rad, and range, m, of points relative to the axis; NaN for a point that no heading covers."""
+        """Return headings, rad, and ranges, m, of points x, y (m) relative to the axis, of the same shape.
+
+        NaN for a point that no heading covers.
+        """
         with np.errstate(invalid="ignore"):
             along = np.sqrt(x**2 + y**2 - self.left**2)
         return np.arctan2(y, x) - np.arctan2(self.left, along), along - self.ahead

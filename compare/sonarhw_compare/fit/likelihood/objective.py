@@ -160,7 +160,7 @@ class Problem:
         return replace(self, parameters=(*self.parameters, *tolerated))
 
     def with_values_of(self, tolerated: Sequence[Parameter], values: FloatArray) -> FloatArray:
-        """Return a vector of the problem before `with_tolerated` as one after it, with present values."""
+        """Return a vector of the problem before `with_tolerated` as one after it, with present values, (size,)."""
         count, present = len(self.parameters), [parameter.expected or 0.0 for parameter in tolerated]
         return np.concatenate((values[:count], present, values[count:]))
 
