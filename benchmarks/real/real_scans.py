@@ -13,6 +13,7 @@ prints other variants that were tried.
 """
 
 import math
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -64,7 +65,11 @@ def main() -> None:
         tested = chosen.sensors.split(",") if chosen.sensors else list(sensors)
         if unknown := set(tested).difference(sensors):
             raise SystemExit(f"--sensors {sorted(unknown)[0]}: no such sensor; expected some of {', '.join(sensors)}")
-        print_sensors(sensors, tested, FIGURE if chosen.figure else None)
+        try:
+            print_sensors(sensors, tested, FIGURE if chosen.figure else None)
+        except KeyboardInterrupt:
+            print("stopped; the places that are done are kept, and the same command goes on", file=sys.stderr)
+            raise SystemExit(130) from None
         return
     scans, board = load_scans(chosen.folder), load_board("lego-nxt")
     if chosen.models:
