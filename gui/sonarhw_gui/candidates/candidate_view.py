@@ -11,7 +11,7 @@ from sonarhw_gui.candidates.candidate_list import COLUMNS, CandidateList
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
-from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.shown.shown import Shown, is_same_question
 from sonarhw_gui.view import Gestures, ViewEntry
 
 _WIDEST = ("00.000 m", "−00.0 dB", "00.0 dB too weak, 0.000 m behind")
@@ -63,10 +63,9 @@ class CandidateView(QWidget):
             self.title.setText("")
             self.note.setText(_NO_ROOM if shown.scene.room is None else _NOTHING_YET)
             return
-        listed = CandidateList(*question, shown.look.unit)
-        if self.list is None or not _same(self.list, listed) or before is None or before.look != shown.look:
-            self.list = listed
-            self._fill(listed, shown)
+        if before is None or before.look != shown.look or not is_same_question(before.question, question):
+            self.list = CandidateList(*question, shown.look.unit)
+            self._fill(self.list, shown)
 
     def fit(self) -> None:
         """Do nothing: a table has no range."""
@@ -150,7 +149,3 @@ class _EchoTable(QTableWidget):
         """Report that the focus has left."""
         super().focusOutEvent(event)
         self.left.emit()
-
-
-def _same(one: CandidateList, other: CandidateList) -> bool:
-    return one.prediction is other.prediction and one.index == other.index

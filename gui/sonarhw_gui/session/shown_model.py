@@ -26,7 +26,7 @@ from sonarhw_gui.shown.choice import Choice
 from sonarhw_gui.shown.found_drawing import FoundDrawing
 from sonarhw_gui.shown.overlaid_scan import OverlaidScan, ScanPair
 from sonarhw_gui.shown.proposal import Proposal
-from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment
+from sonarhw_gui.shown.shown import Cursor, Shown, SoundMoment, is_same_question
 from sonarhw_gui.store.note_store import NoteStore
 from sonarhw_gui.work.bscan_picture import BScanSettings
 from sonarhw_gui.work.forecast import Forecast
@@ -313,11 +313,7 @@ class ShownModel(QObject):
         bscan = None if self.traces.bscan is None else ref(self.traces.bscan)
         after = replace(shown, trace=self.traces.trace, answer=self.traces.answer, bscan_ref=bscan)
         # rows of paths differ between predictions
-        self.shown = replace(after, pointed_path=None) if _asks_another(before, after) else after
+        same = is_same_question(before.question, after.question)
+        self.shown = after if same else replace(after, pointed_path=None)
         self._update_due = False
         self.changed.emit(self.shown)
-
-
-def _asks_another(before: Shown, shown: Shown) -> bool:
-    one, other = before.question, shown.question
-    return one is None or other is None or one[0] is not other[0] or one[1] != other[1]

@@ -5,6 +5,7 @@ A view compares the parts with those that it drew last. It redraws a part only i
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeAlias
 from weakref import ref
 
 import numpy as np
@@ -30,6 +31,13 @@ from sonarhw_gui.work.outline_chances import OutlineChances
 
 _HINT = "No reading yet: open a log or a room, or scan (F5) with a connected scanner."
 _HINT_IN_A_ROOM = "No reading yet. Click the predicted outline to see what the sonar would read there, and why."
+
+Question: TypeAlias = tuple[PredictedScan, int]  # a prediction, and the row of a heading in it
+
+
+def is_same_question(one: Question | None, other: Question | None) -> bool:
+    """Return whether both are on one heading of one prediction; not if there is none."""
+    return one is not None and other is not None and one[0] is other[0] and one[1] == other[1]
 
 
 @dataclass(frozen=True)
@@ -114,7 +122,7 @@ class Shown:
         return stretch.comparison.prediction if stretch else None
 
     @property
-    def question(self) -> tuple[PredictedScan, int] | None:
+    def question(self) -> Question | None:
         """The prediction, and the row of the heading in it, that sentence, trace and list of echoes explain."""
         if self.asked is not None:
             return None if self.answer is None else (self.answer, 0)

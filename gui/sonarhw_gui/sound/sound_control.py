@@ -7,7 +7,7 @@ from sonarhw_compare.sound.captions import caption_at
 from sonarhw_compare.sound.moments import PlayedPing
 
 from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.shown.shown import Shown, SoundMoment
+from sonarhw_gui.shown.shown import Question, Shown, SoundMoment, is_same_question
 
 SLOWNESSES = (500.0, 1000.0, 2000.0, 5000.0)  # seconds for each second of sound
 _STEP = 1e-6  # s, of the slider
@@ -40,7 +40,7 @@ class SoundControl(QObject):
         super().__init__(parent)
         self.state: SoundState | None = None
         self._every = False
-        self._question: tuple[object, int] | None = None
+        self._question: Question | None = None
         self._held = 0.0  # s since the end
 
     @property
@@ -55,8 +55,7 @@ class SoundControl(QObject):
         if self.state is None:
             return
         before, self._question = self._question, shown.question
-        same = before is not None and self._question is not None and before[0] is self._question[0]
-        if not (same and before is not None and self._question is not None and before[1] == self._question[1]):
+        if not is_same_question(before, self._question):
             self._load()
 
     def open(self, shown: Shown) -> None:
@@ -127,7 +126,7 @@ class SoundControl(QObject):
     def _load(self) -> None:
         assert self.state is not None
         question = self._question
-        ping = None if question is None else PlayedPing(*question, every=self._every)  # type: ignore[arg-type]
+        ping = None if question is None else PlayedPing(*question, every=self._every)
         self._held = 0.0
         self._set(replace(self.state, ping=ping, time=0.0, playing=True))
 
