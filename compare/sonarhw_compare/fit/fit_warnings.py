@@ -42,7 +42,7 @@ def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> 
         ]
     warnings += result.mismatches
     if result.noise["stray_per_m"] > _MANY_STRAYS:
-        warnings.append(ManyStrays(result.noise["stray_per_m"]))
+        warnings.append(ManyStrays())
     return tuple(warnings)
 
 

@@ -90,9 +90,7 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class ManyStrays:
-    """Many echoes match no path of the model."""
-
-    stray_per_m: float  # echoes
+    """Many echoes match no path of the model, as `FitResult.noise` says."""
 
     def __str__(self) -> str:
         return "many echoes match no path of the model; an object may be missing in the room file"
