@@ -35,6 +35,15 @@ def new_plot(
     return plot
 
 
+class _Scene(pg.GraphicsScene):  # type: ignore[misc]  # pyqtgraph has no types
+    """A scene in which nothing is hovered over during a drag: to search for it takes half of the time of a move."""
+
+    def sendHoverEvents(self, ev: QEvent, exitOnly: bool = False) -> None:
+        """Send what pyqtgraph sends, except during a drag."""
+        if exitOnly or self.dragItem is None:
+            super().sendHoverEvents(ev, exitOnly)
+
+
 class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no types
     """The widget that contains the plots of one view."""
 
@@ -45,12 +54,16 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
     def __init__(self, *plots: pg.PlotItem) -> None:
         """Arrange `plots` in one column. A single plot fills the canvas to its edges."""
         super().__init__()
+        self.scene().removeItem(self.centralWidget)
+        self.centralWidget, self.sceneObj = None, _Scene(parent=self)
+        self.setScene(self.sceneObj)
         # a scatter paints more than the area it reports, so partial updates would leave old points on the screen
         self.setViewportUpdateMode(QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
         self._plots = plots
         if len(plots) == 1:
             self.setCentralItem(plots[0])  # in a layout it would be resized one paint late
         else:
+            self.setCentralItem(self.ci)
             for row, plot in enumerate(plots):
                 self.addItem(plot, row=row, col=0)
         self.scene().sigMouseClicked.connect(self._click)
