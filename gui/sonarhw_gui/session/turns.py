@@ -29,6 +29,11 @@ class Turns(QObject):
         if not self._timer.isActive():
             self._timer.start()
 
+    def advance(self) -> None:
+        """Update each part once more, in turns, the first at once: one part with each frame, the last by the timer."""
+        self._due = len(self._parts)
+        self._take_turn()
+
     @Slot()
     def _take_turn(self) -> None:
         part = self._parts[self._next]
@@ -36,4 +41,6 @@ class Turns(QObject):
         self._due -= 1
         if self._due > 0:
             self._timer.start()
+        else:
+            self._timer.stop()
         part()

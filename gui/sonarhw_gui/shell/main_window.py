@@ -1,5 +1,6 @@
 """The main window: creates its parts, connects them, and updates them when the session changes."""
 
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -61,7 +62,9 @@ _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _LOW = 640  # pixels
 _NO_PAINT = 500  # ms
-_TEXT_INTERVAL = 33  # ms between updates of one third of the text during a scan or a drag, because text takes long
+# ms. During a scan or a drag, each frame updates the large view, one of the plots beside it and a third of the text.
+# So much later, the next part follows if there is no other frame.
+_TURN = 33
 
 
 class MainWindow(TabbedWindow):
@@ -92,7 +95,9 @@ class MainWindow(TabbedWindow):
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
-        self._texts = Turns((self._show_texts, self._show_sentence, self._show_figures), _TEXT_INTERVAL, self)
+        plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
+        self._plots = Turns(plots, _TURN, self)
+        self._texts = Turns((self._show_texts, self._show_sentence, self._show_figures), _TURN, self)
         # once for all tabs and plots that are created when they are first visible
         self._names_timer = QTimer(self, singleShot=True, interval=0)
         self._names_timer.timeout.connect(self._name_tab_stops)
@@ -194,7 +199,11 @@ class MainWindow(TabbedWindow):
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
             self._show_look(shown.look)
-        self.views.show_state(shown)
+        self.views.show_large(shown)
+        if self._is_busy:
+            self._plots.advance()
+        else:
+            self._plots.all_now()
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
@@ -202,7 +211,10 @@ class MainWindow(TabbedWindow):
         self.hint.show_state(shown)
         self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
-        self._update_texts_soon()
+        if self._is_busy:
+            self._texts.advance()
+        else:
+            self._texts.all_now()
 
     @Slot()
     def _show_title(self) -> None:
@@ -216,11 +228,13 @@ class MainWindow(TabbedWindow):
         if session.unsaved.changed is not self.isWindowModified():
             self.setWindowModified(session.unsaved.changed)
 
-    def _update_texts_soon(self) -> None:
-        if not (self.session.status.scanning or self.session.showing.forecast.dragging):
-            self._texts.all_now()
-        else:
-            self._texts.soon()
+    @property
+    def _is_busy(self) -> bool:
+        """Whether frames follow each other so fast that there is no time to update all parts with each."""
+        return self.session.status.scanning or self.session.showing.forecast.dragging
+
+    def _show_plot(self, place: int) -> None:
+        self.views.show_plot_beside(place, self.session.shown)
 
     def _show_texts(self) -> None:
         self.views.show_texts(self.session.shown)
@@ -265,7 +279,10 @@ class MainWindow(TabbedWindow):
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:
-        self._update_texts_soon()
+        if self._is_busy:
+            self._texts.soon()
+        else:
+            self._texts.all_now()
         self.banner.show_state(status)
         show_scanner(self.commands, status)
         self.files.shipped.setEnabled(not status.scanning)

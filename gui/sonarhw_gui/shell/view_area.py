@@ -105,13 +105,26 @@ class ViewArea(TabbedWindow):
             gestures.path_pointed.connect(showing.point_at_path)
             gestures.bscan_requested.connect(showing.request_bscan)
 
-    def show_state(self, shown: Shown) -> None:
-        """Update the visible plots. `show_texts` updates the views of text."""
-        self._show(shown, text=False)
+    def show_large(self, shown: Shown) -> None:
+        """Update the visible large view."""
+        self.large_view.show_state(shown)
+
+    def show_plot_beside(self, place: int, shown: Shown) -> None:
+        """Update a plot beside the large view if it is visible; `place`: below `plots_beside`, from the top."""
+        dock = [dock for dock in self.docks if not dock.view.entry.is_text][place]
+        if dock.in_front:
+            dock.view.show_state(shown)
+
+    @property
+    def plots_beside(self) -> int:
+        """The number of small views that are plots, visible or not."""
+        return sum(not dock.view.entry.is_text for dock in self.docks)
 
     def show_texts(self, shown: Shown) -> None:
         """Update the visible views of text."""
-        self._show(shown, text=True)
+        for dock in self.docks:
+            if dock.view.entry.is_text and dock.in_front:
+                dock.view.show_state(shown)
 
     def show_look(self, look: Look) -> None:
         """Use the text size of `look` for the title bars."""
@@ -205,14 +218,6 @@ class ViewArea(TabbedWindow):
         if beside and now > 0:
             widths = [round(dock.width() * self._width_beside / now) for dock in beside]
             self.resizeDocks(beside, widths, Qt.Orientation.Horizontal)
-
-    def _show(self, shown: Shown, text: bool) -> None:
-        for view in self._visible():
-            if view.entry.is_text is text:
-                view.show_state(shown)
-
-    def _visible(self) -> list[View]:
-        return [self.large_view, *(dock.view for dock in self.docks if dock.in_front)]
 
     def _large(self, view: _V) -> _V:
         self.large.append(view)
