@@ -60,6 +60,17 @@ def test_texts_take_turns_and_each_shows_the_last_change(qtbot: QtBot) -> None:
     assert len(drawn) == 7  # without a change, nothing is due
 
 
+def test_each_frame_updates_one_part_and_the_others_follow_the_last_frame(qtbot: QtBot) -> None:
+    owner, drawn = QObject(), []
+    turns = Turns([partial(drawn.append, part) for part in range(3)], 1, owner)
+    turns.advance()
+    turns.advance()
+    assert drawn == [0, 1]
+    until(qtbot, lambda: len(drawn) >= 4)
+    qtbot.wait(20)
+    assert drawn == [0, 1, 2, 0]  # each part was updated after the last frame
+
+
 class LayoutRequests(QObject):
     """Counts the layouts of a widget."""
 
