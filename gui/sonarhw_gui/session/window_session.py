@@ -49,6 +49,7 @@ from sonarhw_gui.store.open_requests import (
 from sonarhw_gui.store.torn_log import TornLog
 
 TICK = 30  # ms
+_SCAN_TICK = 24  # ms: a reading that arrives just after a tick waits for the next one, and for two paints
 _DRAG_TICK = 5  # ms: a draft that waits for its tick is late for the hand; a tick without news takes 0.3 ms
 _BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
@@ -341,7 +342,11 @@ class WindowSession(QObject):
         self.unsaved.tick(now)
         self._report_messages()
         self._update_status()
-        interval = _DRAG_TICK if self.showing.forecast.dragging else TICK
+        self._set_interval()
+
+    def _set_interval(self) -> None:
+        dragging, scanning = self.showing.forecast.dragging, self.live.running
+        interval = _DRAG_TICK if dragging else _SCAN_TICK if scanning else TICK
         if self._timer.interval() != interval:
             self._timer.setInterval(interval)
 
