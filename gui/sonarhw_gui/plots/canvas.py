@@ -54,7 +54,7 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
     def __init__(self, *plots: pg.PlotItem) -> None:
         """Arrange `plots` in one column. A single plot fills the canvas to its edges."""
         super().__init__()
-        self.scene().removeItem(self.centralWidget)
+        self.scene().removeItem(self.ci)
         self.centralWidget, self.sceneObj = None, _Scene(parent=self)
         self.setScene(self.sceneObj)
         # a scatter paints more than the area it reports, so partial updates would leave old points on the screen
