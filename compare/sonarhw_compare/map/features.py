@@ -7,8 +7,9 @@ with all arcs, and the best supported ones are accepted first.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,16 +77,37 @@ class _ArcArrays:
     bearings: FloatArray
     spreads: FloatArray
 
-    def misfits_of_wall(self, normal: float, distance: float) -> FloatArray:
-        """Return the misfit of each arc to touching the line n·p = distance, in standard deviations, (n,)."""
-        away = (distance - self.centres @ direction(normal) - self.ranges) / RANGE_SPREAD
-        return np.hypot(away, _turn(self.bearings, normal) / self.spreads)
+    def of(self, members: NDArray[np.intp]) -> "_ArcArrays":
+        """Return some of the arcs."""
+        return _ArcArrays(self.centres[members], self.ranges[members], self.bearings[members], self.spreads[members])
 
-    def misfits_of_point(self, point: FloatArray) -> FloatArray:
-        """Return the misfit of each arc to passing through a point (2,), in standard deviations, (n,)."""
-        dx, dy = (point - self.centres).T
-        away = (np.hypot(dx, dy) - self.ranges) / RANGE_SPREAD
-        return np.asarray(np.hypot(away, _turn(self.bearings, np.arctan2(dy, dx)) / self.spreads))
+
+@dataclass(frozen=True)
+class _Line:
+    """A wall on the line n·p = distance."""
+
+    values: FloatArray  # (2,): direction of n, rad, and distance, m
+    weight: ClassVar[float] = _WALLS_FIRST
+
+    def misfits(self, arcs: _ArcArrays) -> FloatArray:
+        """Return the misfit of each arc to touching the line, in standard deviations, (n,)."""
+        normal, distance = self.values.tolist()
+        away = (distance - arcs.centres @ direction(normal) - arcs.ranges) / RANGE_SPREAD
+        return np.asarray(np.hypot(away, _turn(arcs.bearings, normal) / arcs.spreads))
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """A point."""
+
+    values: FloatArray  # (2,), m
+    weight: ClassVar[float] = 1.0
+
+    def misfits(self, arcs: _ArcArrays) -> FloatArray:
+        """Return the misfit of each arc to passing through the point, in standard deviations, (n,)."""
+        dx, dy = (self.values - arcs.centres).T
+        away = (np.hypot(dx, dy) - arcs.ranges) / RANGE_SPREAD
+        return np.asarray(np.hypot(away, _turn(arcs.bearings, np.arctan2(dy, dx)) / arcs.spreads))
 
 
 def _turn(one: FloatArray, other: FloatArray | float) -> FloatArray:
@@ -101,40 +123,33 @@ def find_features(arcs: Sequence[Arc]) -> Features:
         np.array([arc.spread for arc in arcs], dtype=np.float64),
     )
     walls, points = [], []
-    for is_wall, values, members in _agreed(arcs, columns):
-        if is_wall:
-            walls.append(_wall(arcs, members, float(values[0]), float(values[1])))
+    for found, members in _agreed(arcs, columns):
+        if isinstance(found, _Line):
+            walls.append(_wall(arcs, members, *found.values.tolist()))
         else:
-            points.append((values, members))
+            points.append((found.values, members))
     made = tuple(Point((float(at[0]), float(at[1])), _is_corner(at, walls), members) for at, members in points)
     return Features(tuple(arcs), tuple(walls), made)
 
 
-def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[bool, FloatArray, tuple[int, ...]]]:
-    """Yield features, best supported first: whether it is a wall, its values, and its arcs."""
+def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[_Line | _Spot, tuple[int, ...]]]:
+    """Yield features with the rows of their arcs, best supported first."""
     hypotheses = list(_hypotheses(arcs))
     if not hypotheses:
         return
-    misfits = np.array([_misfits(columns, *hypothesis) for hypothesis in hypotheses])
-    weights = np.array([_WALLS_FIRST if is_wall else 1.0 for is_wall, _ in hypotheses])
+    misfits = np.array([hypothesis.misfits(columns) for hypothesis in hypotheses])
+    weights = np.array([hypothesis.weight for hypothesis in hypotheses])
     free = np.ones(len(arcs), dtype=np.bool_)
     least = min(CONFIRMING, count_places(columns.centres))
     while (best := _best(misfits, weights, free, columns.centres, least)) is not None:
-        is_wall, values = hypotheses[best]
         members = np.flatnonzero(free & (misfits[best] < _FARTHEST))
-        fitted = _fitted(columns, is_wall, values, members)
-        agreed = np.flatnonzero(free & (_misfits(columns, is_wall, fitted) < _FARTHEST))
+        fitted = _fitted(columns.of(members), hypotheses[best])
+        agreed = np.flatnonzero(free & (fitted.misfits(columns) < _FARTHEST))
         # after the fit, an arc may no longer belong
         if count_places(columns.centres[agreed]) < least:
-            agreed, fitted = members, values
+            agreed, fitted = members, hypotheses[best]
         free[agreed] = False
-        yield is_wall, fitted, tuple(agreed.tolist())
-
-
-def _misfits(columns: _ArcArrays, is_wall: bool, values: FloatArray) -> FloatArray:
-    if is_wall:
-        return columns.misfits_of_wall(float(values[0]), float(values[1]))
-    return columns.misfits_of_point(values)
+        yield fitted, tuple(agreed.tolist())
 
 
 def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: FloatArray, least: int) -> int | None:
@@ -159,8 +174,8 @@ def count_places(centres: Iterable[Sequence[float]] | FloatArray) -> int:
     return len(apart)
 
 
-def _hypotheses(arcs: Sequence[Arc]) -> Iterator[tuple[bool, FloatArray]]:
-    """Yield the walls (normal rad, distance m from the origin) and points (x, y) of each pair of arcs."""
+def _hypotheses(arcs: Sequence[Arc]) -> Iterator[_Line | _Spot]:
+    """Yield the lines and points of each pair of arcs."""
     for one, other in combinations(arcs, 2):
         apart = np.subtract(other.centre, one.centre)
         distance = float(np.hypot(*apart))
@@ -172,23 +187,22 @@ def _hypotheses(arcs: Sequence[Arc]) -> Iterator[tuple[bool, FloatArray]]:
         if abs(cosine) <= 1:
             for side in (1, -1):
                 normal = towards + side * math.acos(cosine)
-                yield True, np.array([normal, float(np.dot(one.centre, direction(normal))) + one.range])
+                yield _Line(np.array([normal, float(np.dot(one.centre, direction(normal))) + one.range]))
         # a point on both: the circles cross
         along = (distance**2 + one.range**2 - other.range**2) / (2 * distance)
         if abs(along) <= one.range:
             for side in (1, -1):
                 angle = towards + side * math.acos(along / one.range)
-                yield False, np.array(one.centre) + one.range * direction(angle)
+                yield _Spot(np.array(one.centre) + one.range * direction(angle))
 
 
-def _fitted(columns: _ArcArrays, is_wall: bool, values: FloatArray, members: NDArray[np.intp]) -> FloatArray:
-    """Return the wall or point with the smallest misfit to its arcs, (2,)."""
-    chosen = _ArcArrays(*(getattr(columns, name)[members] for name in ("centres", "ranges", "bearings", "spreads")))
+def _fitted(arcs: _ArcArrays, start: _Line | _Spot) -> _Line | _Spot:
+    """Return the line or point with the smallest misfit to arcs."""
 
-    def misfits(moved: FloatArray) -> FloatArray:
-        return _misfits(chosen, is_wall, moved)
+    def misfits(values: FloatArray) -> FloatArray:
+        return replace(start, values=values).misfits(arcs)
 
-    return np.asarray(least_squares(misfits, values).x)
+    return replace(start, values=least_squares(misfits, start.values).x)
 
 
 def _wall(arcs: Sequence[Arc], members: tuple[int, ...], normal: float, distance: float) -> Wall:
