@@ -6,6 +6,7 @@ only find which surfaces sound may touch in which order: the heights of the exac
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -78,12 +79,12 @@ class Passing:
             climbs, self.low, self.passable, self.spans, self.height, self.floor, self.ceiling, self.max_length
         )
 
-    @property
+    @cached_property
     def blocking(self) -> Surfaces:
         """The surfaces with a grid that lists only those that no sound passes."""
         return only(self.surfaces, ~self.low)
 
-    @property
+    @cached_property
     def passable(self) -> Surfaces:
         """The surfaces with a grid that lists only those that sound may pass."""
         return only(self.surfaces, self.low)

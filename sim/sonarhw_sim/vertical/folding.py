@@ -36,6 +36,15 @@ class Obstacles(NamedTuple):
     levels: KernelLevels
 
 
+class Rise(NamedTuple):
+    """What sound that touches a sequence of levels goes up and down."""
+
+    heights: FloatArray  # (k,), m: of the departure, of each level, and of the arrival
+    climbs: FloatArray  # (k,), m: up and down travelled until there
+    levels: IntArray  # (k,): these levels
+    number: int  # of these levels; what follows them has no meaning
+
+
 class Ways(NamedTuple):
     """Ways in the plan, one row each."""
 
@@ -214,7 +223,7 @@ def _fold_along(
         if home <= 0.0 or not lower - _CLOSE <= total <= upper + _CLOSE:
             continue
         heights[depth + 1], climbs[depth + 1] = height, total
-        if _is_clear(ways, row, passages, passed, heights, climbs, sequence, depth, obstacles):
+        if can_take(ways, row, passages, passed, Rise(heights, climbs, sequence, depth), obstacles):
             if found < folded.rows.shape[0]:
                 folded.rows[found], folded.totals[found] = row, total
                 for j in range(folded.levels.shape[1]):
@@ -234,28 +243,6 @@ def _first_reached(visits: _Visits, k: int, steepness: float, largest: float) ->
     while k < behind and steepness / max(visits.leaves[k], _CLOSE) > largest + _CLOSE:
         k += 1
     return k
-
-
-@compiled_part
-def can_take(
-    ways: Ways,
-    row: int,
-    passages: Passages,
-    passed: int,
-    heights: FloatArray,
-    climbs: FloatArray,
-    sequence: IntArray,
-    obstacles: Obstacles,
-) -> bool:
-    """Return whether sound can take a way, which passes so many `passages`, with a sequence of levels (k,).
-
-    `heights` and `climbs` (k + 2,) m are those of the departure, of each level, and of the arrival.
-    """
-    count = 0
-    while count < sequence.shape[0] and sequence[count] >= 0:
-        count += 1
-    far = ways.at[row, ways.lasts[row]] > _CLOSE
-    return far and _is_clear(ways, row, passages, passed, heights, climbs, sequence, count, obstacles)
 
 
 @array_part
@@ -296,31 +283,23 @@ def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -
 
 
 @compiled_part
-def _is_clear(
-    ways: Ways,
-    row: int,
-    passages: Passages,
-    passed: int,
-    heights: FloatArray,
-    climbs: FloatArray,
-    sequence: IntArray,
-    count: int,
-    obstacles: Obstacles,
-) -> bool:
-    """Return whether sound that touches the first `count` levels of a sequence touches and passes what its way says."""
+def can_take(ways: Ways, row: int, passages: Passages, passed: int, rise: Rise, obstacles: Obstacles) -> bool:
+    """Return whether sound with this rise touches and passes what its way says, with so many `passages`."""
     last = ways.lasts[row]
-    slope = climbs[count + 1] / ways.at[row, last]
+    if ways.at[row, last] <= _CLOSE:
+        return False
+    slope = rise.climbs[rise.number + 1] / ways.at[row, last]
     for k in range(1, last):
         surface = ways.met[row, k]
         if surface >= 0 and obstacles.low[surface]:
-            height = _height_at(ways.at[row, k] * slope, heights, climbs, count)
+            height = _height_at(ways.at[row, k] * slope, rise)
             lower, upper = obstacles.spans[surface]
             if not lower - _ON_END <= height <= upper + _ON_END:
                 return False
-            if _is_at_rim(ways.at[row, k] * slope, lower, upper, climbs, sequence, count, obstacles.levels):
+            if _is_at_rim(ways.at[row, k] * slope, lower, upper, rise, obstacles.levels):
                 return False
     if ways.edges[row] >= 0:
-        height, band = _height_at(ways.at[row, ways.bends[row] + 1] * slope, heights, climbs, count), 0
+        height, band = _height_at(ways.at[row, ways.bends[row] + 1] * slope, rise), 0
         while band < obstacles.bounds.shape[0] and obstacles.bounds[band] < height:
             band += 1
         if not obstacles.at_bands[ways.edges[row], band]:
@@ -328,34 +307,26 @@ def _is_clear(
     for k in range(passed):
         lower, upper = obstacles.spans[passages.surfaces[k]]
         begin, end = passages.begins[k] * slope, passages.ends[k] * slope
-        lowest = highest = _height_at(begin, heights, climbs, count)
+        lowest = highest = _height_at(begin, rise)
         if end > begin:
-            last = _height_at(end, heights, climbs, count)
+            last = _height_at(end, rise)
             lowest, highest = min(lowest, last), max(highest, last)
-            for j in range(1, count + 1):
-                if begin < climbs[j] < end:
-                    lowest, highest = min(lowest, heights[j]), max(highest, heights[j])
+            for j in range(1, rise.number + 1):
+                if begin < rise.climbs[j] < end:
+                    lowest, highest = min(lowest, rise.heights[j]), max(highest, rise.heights[j])
             # the end of a post may be touched
             lower, upper = lower + _ON_END, upper - _ON_END
         if highest >= lower and lowest <= upper:
             return False
-    return _meets_levels(ways, row, heights, climbs, sequence, count, slope, obstacles.levels)
+    return _meets_levels(ways, row, rise, slope, obstacles.levels)
 
 
 @compiled_part
-def _is_at_rim(
-    climb: float,
-    lower: float,
-    upper: float,
-    climbs: FloatArray,
-    sequence: IntArray,
-    count: int,
-    levels: KernelLevels,
-) -> bool:
+def _is_at_rim(climb: float, lower: float, upper: float, rise: Rise, levels: KernelLevels) -> bool:
     """Return whether sound touches a lid where it touches the end of a wall behind it: an outer edge, no corner."""
-    for k in range(count):
-        level = sequence[k]
-        if levels.limited[level] and abs(climbs[k + 1] - climb) <= _CLOSE:
+    for k in range(rise.number):
+        level = rise.levels[k]
+        if levels.limited[level] and abs(rise.climbs[k + 1] - climb) <= _CLOSE:
             end = upper if levels.facing[level] > 0 else lower
             if abs(levels.heights[level] - end) <= _CLOSE:
                 return True
@@ -363,29 +334,21 @@ def _is_at_rim(
 
 
 @compiled_part
-def _meets_levels(
-    ways: Ways,
-    row: int,
-    heights: FloatArray,
-    climbs: FloatArray,
-    sequence: IntArray,
-    count: int,
-    slope: float,
-    levels: KernelLevels,
-) -> bool:
+def _meets_levels(ways: Ways, row: int, rise: Rise, slope: float, levels: KernelLevels) -> bool:
     """Return whether sound touches levels within their outlines, and passes beside those that it does not touch."""
-    for k in range(count):
-        level = sequence[k]
+    heights, climbs = rise.heights, rise.climbs
+    for k in range(rise.number):
+        level = rise.levels[k]
         if levels.limited[level] and not _is_over(ways, row, climbs[k + 1] / slope, level, levels):
             return False
     for level in range(levels.heights.shape[0]):
         if not levels.limited[level]:
             continue
-        for k in range(count + 1):
-            rise, gap = heights[k + 1] - heights[k], levels.heights[level] - heights[k]
-            if rise < 0.0:
-                rise, gap = -rise, -gap
-            if _CLOSE < gap < rise - _CLOSE and _is_over(ways, row, (climbs[k] + gap) / slope, level, levels):
+        for k in range(rise.number + 1):
+            whole, gap = heights[k + 1] - heights[k], levels.heights[level] - heights[k]
+            if whole < 0.0:
+                whole, gap = -whole, -gap
+            if _CLOSE < gap < whole - _CLOSE and _is_over(ways, row, (climbs[k] + gap) / slope, level, levels):
                 return False
     return True
 
@@ -403,11 +366,11 @@ def _is_over(ways: Ways, row: int, along: float, level: int, levels: KernelLevel
 
 
 @compiled_part
-def _height_at(climb: float, heights: FloatArray, climbs: FloatArray, count: int) -> float:
-    """Return the height (m) after going up and down by `climb` m, past the first `count` levels."""
+def _height_at(climb: float, rise: Rise) -> float:
+    """Return the height (m) after going up and down by `climb` m."""
     k = 0
-    while k < count and climbs[k + 1] < climb:
+    while k < rise.number and rise.climbs[k + 1] < climb:
         k += 1
-    on = climb - climbs[k]
-    height: float = heights[k] + (on if heights[k + 1] >= heights[k] else -on)
+    on = climb - rise.climbs[k]
+    height: float = rise.heights[k] + (on if rise.heights[k + 1] >= rise.heights[k] else -on)
     return height

@@ -14,7 +14,7 @@ from sonarhw_sim.rays.passing import pass_low, room_for_passages
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
 from sonarhw_sim.room.grid import IntArray, Surfaces
-from sonarhw_sim.vertical.folding import BoolArray, Folded, Obstacles, Ways, can_take
+from sonarhw_sim.vertical.folding import BoolArray, Folded, Obstacles, Rise, Ways, can_take
 from sonarhw_sim.vertical.in_space import loudest_at, with_levels
 from sonarhw_sim.vertical.level_sequences import LevelSequence, level_sequences
 from sonarhw_sim.vertical.plan import Plan
@@ -148,8 +148,11 @@ def _find(
             if free:
                 passed = pass_low(ways.points[k], ways.at[k], ways.lasts[k], obstacles.surfaces, passages)
         if free:
-            heights, climbs, levels = sequences.heights[chosen], sequences.climbs[chosen], sequences.levels[chosen]
-            clear[k] = can_take(ways, k, passages, passed, heights, climbs, levels, obstacles)
+            levels, count = sequences.levels[chosen], 0
+            while count < levels.shape[0] and levels[count] >= 0:
+                count += 1
+            rise = Rise(sequences.heights[chosen], sequences.climbs[chosen], levels, count)
+            clear[k] = can_take(ways, k, passages, passed, rise, obstacles)
 
 
 @compiled_part
