@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "start.toml").write_text(changed({"blanking": 0.0008}))
     for name in PLACES:
         url = f"fake:{folder / 'wall.toml'}?place={name}&board={folder / 'hidden.toml'}&pace=max&seed=1"
-        sector = ["--from", "-40", "--to", "40", "--step", "1", "--pings", "3", "--traces"]
+        sector = ["--from", "-40", "--to", "40", "--step", "2", "--pings", "3", "--traces"]
         log, start = str(folder / f"{name}.mcap"), str(folder / "start.toml")
         assert run(["scan", url, *sector, "--board", start, "--out", log]) == 0
     return folder

@@ -139,7 +139,7 @@ def test_wrong_options_give_an_error_of_one_line(
 
 def test_fitted_room_and_board_are_written_and_comments_kept(tmp_path: Path) -> None:
     log = str(tmp_path / "p3.mcap")  # of a board that hears faint echoes, which show its threshold
-    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--step", "6", "--out", log]) == 0
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--step", "10", "--out", log]) == 0
     text = Path("rooms/arena.toml").read_text(encoding="utf-8")
     room, found, board = (tmp_path / f"{name}.toml" for name in ("room", "found", "mine"))
     room.write_text("# as measured in spring\n" + text.replace("1.38, 0.54", "1.36, 0.55"), encoding="utf-8")
