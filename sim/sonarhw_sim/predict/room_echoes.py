@@ -15,7 +15,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import Trace
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time, echo_times
-from sonarhw_sim.board.traces import Signal, received
+from sonarhw_sim.board.traces import Arrivals, Signal, received
 from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.predicted_scan import PredictedScan, whole_microdegrees
 from sonarhw_sim.predict.prediction import (
@@ -31,6 +31,7 @@ from sonarhw_sim.room.model import Place, Room, with_post
 
 MAX_ECHOES = 5  # per ping
 _FIRST_LISTEN = 0.01  # s, of the ping in `prepare`
+_FIRST_SIGNAL = 0.02  # s; twice as long, until it contains the echoes, because most arrivals are late
 _HEADINGS_KEPT = 720  # headings whose paths are cached, if each has its own
 
 
@@ -138,27 +139,38 @@ class RoomEchoes:
 
     def _heard(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> PingResult:
         if scan.receiver is Receiver.BOARD:
-            signal = self._signal(scan, ping, random)
-            times = self._detected(signal, scan.room.air.speed_of_sound, ping.listen)
-            return PingResult(times, self._trace(signal, random) if ping.trace else None)
+            arrivals, speed = self._arrivals(scan, random), scan.room.air.speed_of_sound
+            if not ping.trace:
+                return PingResult(self._echoes_without_trace(arrivals, speed, ping.listen))
+            signal = received(arrivals, self._board, speed, ping.listen, Receiver.BOARD)
+            return PingResult(self._detected(signal, speed, ping.listen), self._trace(signal, random))
         times = self._first_echo_times(scan, ping, random)
         return PingResult(times, self._trace(scan.ping(0).signal(ping.listen), random) if ping.trace else None)
+
+    def _echoes_without_trace(self, arrivals: Arrivals, speed_of_sound: float, listen: float) -> tuple[float, ...]:
+        """Return what `_detected` returns for the whole signal, from a shorter one if it has as many echoes."""
+        duration = min(_FIRST_SIGNAL, listen)
+        while True:
+            signal = received(arrivals, self._board, speed_of_sound, duration, Receiver.BOARD)
+            times = self._detected(signal, speed_of_sound, listen)
+            if len(times) == MAX_ECHOES or duration == listen:
+                return times
+            duration = min(2 * duration, listen)
 
     def _detected(self, signal: Signal, speed_of_sound: float, listen: float) -> tuple[float, ...]:
         times = counted_time(echo_times(signal.samples, self._board, speed_of_sound), self._board)
         return tuple((times[times <= listen] + 2 * self._board.range_offset / speed_of_sound)[:MAX_ECHOES].tolist())
 
-    def _signal(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Signal:
-        """Return the receive signal of the board's own receiver, with the disturbance of each arrival."""
+    def _arrivals(self, scan: PredictedScan, random: np.random.Generator) -> Arrivals:
+        """Return the arrivals at the board's own receiver, each with its disturbance."""
         arrivals = scan.ping(0).sound
-        count, speed = len(arrivals), scan.room.air.speed_of_sound
-        level_db, timing = self._spreads(speed)
+        count = len(arrivals)
+        level_db, timing = self._spreads(scan.room.air.speed_of_sound)
         levels = 10 ** (random.normal(0, level_db, count) / 20)
         later = random.normal(0, timing, count)
         # the phase of the carrier stays, so that arrivals add up as without the disturbance
         phasors = np.exp(1j * math.tau * self._board.frequency * later)
-        disturbed = replace(arrivals, times=arrivals.times + later, amplitudes=arrivals.amplitudes * levels * phasors)
-        return received(disturbed, self._board, speed, ping.listen, Receiver.BOARD)
+        return replace(arrivals, times=arrivals.times + later, amplitudes=arrivals.amplitudes * levels * phasors)
 
     def _spreads(self, speed_of_sound: float) -> tuple[float, float]:
         """Return the standard deviations of the level, dB, and of the time, s, of every echo."""

@@ -2,10 +2,13 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.board.traces import Signal, received
+from sonarhw_sim.predict import room_echoes
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, MAX_ECHOES, RoomEchoes, with_furniture
 from sonarhw_sim.room.model import load_room
@@ -47,6 +50,27 @@ def test_an_echo_within_the_rearming_time_of_a_reported_one_is_not_reported() ->
         left_out += len(arrivals) - len(expected)
         assert ping(source, degrees).echo_times == pytest.approx(expected[:MAX_ECHOES], abs=1e-7)
     assert left_out > 100
+
+
+def test_without_a_trace_the_same_echoes_come_from_a_shorter_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = RoomEchoes(ROOM, PLACE, load_board("polaroid-6500"), seed=3)
+    durations: list[float] = []
+
+    def recorded(*arguments: Any) -> Signal:
+        durations.append(arguments[3])
+        return received(*arguments)
+
+    monkeypatch.setattr(room_echoes, "received", recorded)
+    for degrees in range(0, 360, 40):
+        echoes = ping(source, degrees).echo_times
+        assert max(durations) < LISTEN
+        assert source.receive(Ping(math.radians(degrees), 0, 0, LISTEN, trace=True)).echo_times == echoes
+        durations.clear()
+    # a ping with fewer echoes than the board reports needs the whole signal
+    quiet = RoomEchoes(ROOM, PLACE, load_board("polaroid-6500"), seed=3)
+    short = quiet.receive(Ping(0.0, 0, 0, 0.006, trace=False)).echo_times
+    assert 0 < len(short) < MAX_ECHOES
+    assert short == quiet.receive(Ping(0.0, 0, 0, LISTEN, trace=True)).echo_times[: len(short)]
 
 
 def test_echoes_do_not_depend_on_the_order_of_pings() -> None:
