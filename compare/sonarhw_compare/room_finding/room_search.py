@@ -32,7 +32,7 @@ from sonarhw_compare.room_finding.refining.squaring import squared, squared_toge
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
-from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_gaps
+from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_free_ends_moved, with_gaps
 
 _ROUNDS = 3  # of growth and refinement
 _LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
@@ -106,6 +106,7 @@ def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: 
         best = squared(evidence, best)
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, with_better_ends(evidence, best), scans, board)
+        best = with_free_ends_moved(evidence, best)
     end, deviations = _finished(evidence, best, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")

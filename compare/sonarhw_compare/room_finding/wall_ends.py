@@ -17,6 +17,7 @@ _BESIDE, _AT_END = 0.1, 0.3  # m: from a corner to the line of its wall, and fro
 _BEGUN = 0.3  # m, length of a wall of which only the corner shows
 _AT_TOUCH = 0.02  # m, between an end and a touch of this end
 _MOVES = (0.4, 0.2, 0.1, 0.05, 0.025)  # m, in turn, of a free end that is searched
+_SHORTER = (0.2, 0.4, 0.6)  # m, of a wall whose free end may be far from its true place
 _CLOSED = 1.0  # log-likelihood by which an end at another wall may be worse than one beyond or before it
 
 
@@ -93,6 +94,24 @@ def with_end_moved(evidence: Evidence, best: Scored, key: int, which: int) -> Sc
         tried = [best.draft.with_wall(key, wall.with_end(which, DraftEnd(at + by))) for by in (move, -move)]
         moved = _better_of(evidence, tried)
         best = moved if moved.score > best.score else best
+    return best
+
+
+def with_free_ends_moved(evidence: Evidence, best: Scored) -> Scored:
+    """Return the draft with shorter walls whose free ends explain more there, if this is worth a wall.
+
+    A wall that is joined to a far one early, when this explains more than a short wall, ends there for good otherwise:
+    once the far wall is divided, the end is free, touched by the sound that it bends, and too far from its true place
+    for the refinement.
+    """
+    for key in sorted(best.draft.walls.keys() - evidence.first.walls.keys()):
+        for which in (0, 1):
+            if best.draft.is_free(key, which):
+                wall, at, inwards = best.draft.walls[key], best.draft.extent(key)[which], -1 if which else 1
+                ends = [DraftEnd(at + inwards * by) for by in _SHORTER]
+                shorter = _better_of(evidence, [best.draft.with_wall(key, wall.with_end(which, end)) for end in ends])
+                if shorter.score > best.score + PRICE:
+                    best = with_end_moved(evidence, shorter, key, which)
     return best
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -10,7 +11,7 @@ from sonarhw_compare.room_finding import wall_ends
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import Evidence, Scored
 from sonarhw_compare.room_finding.touches import Touches, trimmed
-from sonarhw_compare.room_finding.wall_ends import continued, cornered, with_better_ends
+from sonarhw_compare.room_finding.wall_ends import continued, cornered, with_better_ends, with_free_ends_moved
 from sonarhw_sim.room.model import Place
 
 SOUTH = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(1.0)))  # from x = 0 to 2 m
@@ -80,3 +81,28 @@ def test_an_end_moves_to_another_wall_alone_where_the_scans_contradict_a_corner(
     moved = with_better_ends(evidence, Scored(draft, 0.0)).draft
     np.testing.assert_allclose(moved.segment(0), [0.0, 0.0, 2.4, 0.0], atol=1e-9)
     np.testing.assert_allclose(moved.segment(1), [2.4, 0.2, 2.4, 1.4], atol=1e-9)
+
+
+@pytest.mark.parametrize(("per_metre", "expected"), [(30.0, 1.4), (10.0, 2.0)])
+def test_a_free_end_far_from_its_place_moves_there_if_this_is_worth_a_wall(
+    per_metre: float, expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH})
+
+    def all_scored(_evidence: object, drafts: Iterable[RoomDraft]) -> list[Scored]:
+        ends = [tried.segment(0)[[0, 2]] for tried in drafts]
+        return [
+            Scored(tried, -per_metre * (abs(x) + abs(x2 - 1.4))) for tried, (x, x2) in zip(drafts, ends, strict=True)
+        ]
+
+    monkeypatch.setattr(wall_ends, "all_scored", all_scored)
+    evidence = cast(Evidence, SimpleNamespace(first=RoomDraft(())))
+    moved = with_free_ends_moved(evidence, Scored(draft, -per_metre * 0.6)).draft
+    np.testing.assert_allclose(moved.segment(0), [0.0, 0.0, expected, 0.0], atol=0.03)
+
+
+def test_an_end_of_a_wall_at_which_the_search_began_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH})
+    monkeypatch.setattr(wall_ends, "all_scored", lambda _, drafts: [Scored(draft, 1000.0) for draft in drafts])
+    best = Scored(draft, 0.0)
+    assert with_free_ends_moved(cast(Evidence, SimpleNamespace(first=draft)), best) is best
