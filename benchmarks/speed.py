@@ -41,14 +41,17 @@ VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
 
 
 def seconds(work: Callable[[], object], least: float = 0.5, clock: Callable[[], float] = time.process_time) -> float:
-    """Return the median time of `work` by a clock, s, over at least `least` s and three runs, after one to compile."""
+    """Return the least time of `work` by a clock, s, of at least three runs and `least` s, after one run to compile.
+
+    Other programs can only lengthen a run, so the least time is the one that repeats best.
+    """
     work()
     taken: list[float] = []
     while sum(taken) < least or len(taken) < 3:
         began = clock()
         work()
         taken.append(clock() - began)
-    return statistics.median(taken)
+    return min(taken)
 
 
 def per_single_headings(floor: Room, clock: Callable[[], float]) -> float:
