@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from sonarhw_cli.app import run
 from sonarhw_compare.fit.plain_fit import fit_scan
 from sonarhw_compare.imports.mean_ranges import are_means, likely_pings
-from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, compare_readings, roc_area
+from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, headings_of, match_readings, roc_area
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Room, load_room
 
@@ -181,9 +182,8 @@ def judge(
 ) -> Comparison:
     """Compare one scan with one model, with the `free` parameters fitted."""
     fit = fit_scan(scan.readings, room, room.place(scan.spot), board, free, model=model, options=options)
-    return compare_readings(
-        scan.readings, room, fit.place, board, heading=fit.heading, offset=fit.offset, model=model, options=options
-    )
+    prediction = predict_with(model, room, fit.place, board, headings_of(scan.readings, fit.place, board), options)
+    return match_readings(scan.readings, prediction, fit.offset)
 
 
 def judged_of(comparison: Comparison) -> Judged:

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import uniform_filter
 from sonarhw_compare.fit.plain_fit import all_round, best_agreement, places_near
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.matching.match import headings_of, match_readings
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths
@@ -108,11 +108,9 @@ def judge_all(scans: Sequence[RealScan], board: Board, known: Known) -> dict[str
     judged = {}
     for scan in scans:
         fit = best_agreement(scan.readings, tables[scan.spot], NEARBY, board)
-        paths = next(paths for place, paths in known[scan.spot] if place == fit.place)
-        comparison = compare_readings(
-            scan.readings, ROOM, fit.place, board, heading=fit.heading, offset=fit.offset, paths=paths
-        )
-        judged[scan.name] = judged_of(comparison)
+        paths = next(paths for place, paths in known[scan.spot] if place.position == fit.place.position)
+        prediction = weigh_paths(ROOM, fit.place, board, headings_of(scan.readings, fit.place, board), paths)
+        judged[scan.name] = judged_of(match_readings(scan.readings, prediction, fit.offset))
     return judged
 
 

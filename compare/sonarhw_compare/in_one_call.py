@@ -11,6 +11,7 @@ from typing import cast
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Model, Receiver
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.doubts import place_doubts
 from sonarhw_sim.room.model import Place, Room
@@ -27,7 +28,7 @@ from sonarhw_compare.fit.values.quantities import ROOM_TOLERANCE
 from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput, ScanInput, given_scan
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.matching.few_explained import few_explained
-from sonarhw_compare.matching.match import Comparison, compare_readings
+from sonarhw_compare.matching.match import Comparison, headings_of, match_readings
 from sonarhw_compare.notes.placed_notes import PlacedNotes, notes_of_log
 from sonarhw_compare.report.html_report import Report, report_html, report_of
 
@@ -73,22 +74,12 @@ def fitted_comparison(
     tick: Callable[[float], None],
 ) -> tuple[Comparison, Fit | None]:
     """Return what `compare` returns, and the fit; None if `fit` names no quantity. Raises InputError."""
-    heading, offset, found = board.heading_at(0.0, place.heading), 0.0, None
+    fitted, offset, found = board.faced(place), 0.0, None
     if free := frozenset(_words(fit)):
         found = fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=tick)
-        heading, offset, place = found.heading, found.offset, found.place
-    comparison = compare_readings(
-        scan.readings,
-        room,
-        place,
-        board,
-        heading=heading,
-        offset=offset,
-        model=model,
-        options=options,
-        origin=scan.log.origin if scan.log else None,
-    )
-    return comparison, found
+        fitted, offset = found.place, found.offset
+    prediction = predict_with(model, room, fitted, board, headings_of(scan.readings, fitted, board), options)
+    return replace(match_readings(scan.readings, prediction, offset), origin=scan.origin), found
 
 
 def write_report(

@@ -1,5 +1,6 @@
 """`sonarhw serve`: scan, and publish the readings to viewers while they are measured."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -155,11 +156,13 @@ class _Prediction:
 
     def ranges(self, readings: "Sequence[Reading]") -> list[float | None]:
         """Return the predicted range at the heading of each reading, m; None: no echo."""
-        from sonarhw_compare.matching.match import compare_readings
+        from sonarhw_compare.matching.match import headings_of
+        from sonarhw_sim.predict.prediction import predict_scan
 
-        comparison = compare_readings(readings, self._room, self._place, self._board, paths=self._paths)
-        self._paths = comparison.prediction.paths
-        return [row.predicted for row in comparison.rows]
+        headings = headings_of(readings, self._place, self._board)
+        prediction = predict_scan(self._room, self._place, self._board, headings, paths=self._paths)
+        self._paths = prediction.paths
+        return [None if math.isnan(distance) else distance for distance in prediction.ranges.tolist()]
 
 
 class _Publisher:

@@ -254,8 +254,7 @@ class _Search:
                 yield prediction.paths.via(winner, prediction.room)
 
     def _compared(self, room: Room) -> Comparison:
-        heading = self._board.heading_at(0.0, self._place.heading)
-        return compare_readings(self._readings, room, self._place, self._board, heading=heading)
+        return compare_readings(self._readings, room, self._board.faced(self._place), self._board)
 
     def _draft(self, room: Room) -> RoomDraft:
         return RoomDraft((self._place,), base=room)

@@ -233,7 +233,7 @@ def _mode(problem: Problem, solution: Candidate, best: float) -> Mode:
 def _agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: PredictionOptions) -> tuple[Summary, ...]:
     """Return one summary for each scan, compared with the prediction from its fitted place, room and board."""
     return tuple(
-        compare_readings(_ranged(scan.readings, result), result.room, place, result.board, options=prediction).summary()
+        compare_readings(_ranged(scan.readings, result), result.room, place, result.board, prediction).summary()
         for scan, place in zip(scans, result.places, strict=True)
     )
 

@@ -31,11 +31,15 @@ _CLOSER = 0.5  # of the mean error, below which a fit wins over one with a few m
 class Fit:
     """The result of the grid search."""
 
-    heading: float  # rad, of turntable step 0 in the room
     offset: float  # m, added to every measured range
-    place: Place  # as given, except for a fitted position
+    place: Place  # fitted; its heading is the actual one of turntable step 0
     free: tuple[str, ...] = ()  # names of the fitted quantities, in the order of PARAMETERS
     moved: float = 0.0  # m from the given position
+
+    @property
+    def heading(self) -> float:
+        """Heading of turntable step 0 in the room, rad."""
+        return self.place.heading
 
     @property
     def at_edge(self) -> tuple[str, ...]:
@@ -151,7 +155,8 @@ def best_agreement(
     if not places:
         raise ValueError("no places to choose from")
     chosen, turn, offset = _chosen(np.array(counts), np.array(means), offsets, int(np.isfinite(measured).sum()))
-    return Fit(starts[chosen] + turn * math.tau / HEADINGS, float(offsets[offset]), places[chosen])
+    heading = starts[chosen] + turn * math.tau / HEADINGS
+    return Fit(float(offsets[offset]), replace(places[chosen], heading=heading))
 
 
 def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: int) -> tuple[int, int, int]:

@@ -13,7 +13,7 @@ from sonarhw_sim.room.model import Place, Room, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import Log, read_log
-from sonarhw.readings import Reading
+from sonarhw.readings import Origin, Reading
 from sonarhw_compare.imports.recorded_setting import board_of_log, place_of_log, room_of_log
 
 RoomInput: TypeAlias = Room | Path | str
@@ -41,6 +41,11 @@ class GivenScan:
                     f"{self.where}: the range or angle of reading {reading.number} is unknown; a log without "
                     "Settings has no speed of sound; give another log, or `sonarhw log export` it for its echo times"
                 )
+
+    @property
+    def origin(self) -> Origin:
+        """The origin of the readings: that of the log, else that of the first reading."""
+        return self.log.origin if self.log else self.readings[0].origin or Origin.MEASURED
 
     def room(self, given: RoomInput | None = None) -> Room:
         """Return the given room, else the one inside the log. Raises InputError if there is neither."""

@@ -206,9 +206,7 @@ def _compared(
     figures = []
     for scan in scans:
         fit = fit_scan(scan.readings, room, scan.place, board, frozenset({"heading", "offset", "position"}))
-        figures.append(
-            ScanFigures(compare_readings(scan.readings, room, fit.place, board, heading=fit.heading, offset=fit.offset))
-        )
+        figures.append(ScanFigures(compare_readings(scan.readings, room, fit.place, board, offset=fit.offset)))
     return tuple(figures)
 
 
@@ -218,8 +216,7 @@ def _find_own_body(
     """Find the carrier's body among the echoes that the room does not explain, and apply it."""
     board = replace(start, own_body=(), turntable_scale=first.scale)
     compared = [
-        compare_readings(scan.readings, room, place, board, heading=heading)
-        for scan, place, heading in zip(scans, first.places, first.headings, strict=True)
+        compare_readings(scan.readings, room, place, board) for scan, place in zip(scans, first.places, strict=True)
     ]
     positions = [scan.place.position for scan in scans]
     if place_numbers(positions).max() == 0:

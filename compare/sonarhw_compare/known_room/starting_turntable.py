@@ -32,8 +32,7 @@ class StartingTurntable:
     scale: float
     scale_deviation: float  # from a bootstrap of blocks of readings
     threshold_db: float
-    headings: tuple[float, ...]  # rad, actual one of the turntable's zero, of each scan
-    places: tuple[Place, ...]  # within 3 cm of those given
+    places: tuple[Place, ...]  # within 3 cm of those given; the heading is the actual one of the turntable's zero
 
 
 def starting_turntable(
@@ -57,9 +56,7 @@ def starting_turntable(
         tick(k / len(scans))
         near = ((place, predict_scan(room, place, turned, all_round()).ranges) for place in places_near(scan.place))
         fits.append(best_agreement(scan.readings, near, _FREE | {"position"}, turned))
-    return StartingTurntable(
-        scale, deviation, plain.threshold_db, tuple(fit.heading for fit in fits), tuple(fit.place for fit in fits)
-    )
+    return StartingTurntable(scale, deviation, plain.threshold_db, tuple(fit.place for fit in fits))
 
 
 def _matches(scans: Sequence[PlacedScan], room: Room, board: Board) -> BoolArray:

@@ -109,11 +109,11 @@ def fit_turntable(
 def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: StartingTurntable) -> Problem:
     parameters: list[Parameter] = []
     placed = []
-    for k, (scan, heading) in enumerate(zip(scans, start.headings, strict=True)):
+    for k, (scan, found) in enumerate(zip(scans, start.places, strict=True)):
         for quantity, at in zip((X, Y), scan.place.position, strict=True):
             parameters.append(Parameter(quantity, "", k, at - _REACH, at + _REACH, at, POSITION_SD, str(k)))
-        parameters.append(Parameter(HEADING, "", k, heading - _TURN, heading + _TURN, label=str(k)))
-        placed.append(replace(scan, place=replace(scan.place, heading=heading)))
+        parameters.append(Parameter(HEADING, "", k, found.heading - _TURN, found.heading + _TURN, label=str(k)))
+        placed.append(replace(scan, place=replace(scan.place, heading=found.heading)))
     begin = {SCALE: start.scale, THRESHOLD: start.threshold_db}
     for shared, deviation in SHARED:
         lower, upper = shared.bounds(room, board)

@@ -50,8 +50,7 @@ def judged_readings(
 
 def _points_of_readings(scan: PlacedScan, room: Room, board: Board) -> NDArray[np.intp]:
     """Return the number of points at which the path of each reading is reflected, (n,); 0 without a path."""
-    heading = board.heading_at(0.0, scan.place.heading)
-    comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading)
+    comparison = compare_readings(scan.readings, room, board.faced(scan.place), board)
     points = _reflection_points(comparison.prediction.paths)
     return np.array([0 if row.path is None else max(1, points[row.path]) for row in comparison.rows], dtype=np.intp)
 

@@ -3,18 +3,15 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from sonarhw_sim.board.mount import is_own_body
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Model
-from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.nearest_echo import nearest_paths
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, weigh_paths
-from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray, Origin, Reading
@@ -87,9 +84,13 @@ class Comparison:
 
     prediction: PredictedScan  # at exactly the readings' headings
     rows: tuple[Matched, ...]
-    heading: float  # rad, of turntable step 0 in the room
     offset: float  # m, added to every measured range
-    origin: Origin = Origin.MEASURED  # of the readings
+    origin: Origin = Origin.MEASURED  # of the readings, in texts and pictures
+
+    @property
+    def heading(self) -> float:
+        """Heading of turntable step 0 in the room, rad."""
+        return self.prediction.place.heading
 
     def summary(self) -> Summary:
         """Return the figures of the whole scan."""
@@ -122,32 +123,31 @@ def compare_readings(
     room: Room,
     place: Place,
     board: Board,
-    *,
-    heading: float | None = None,
-    offset: float = 0.0,
-    model: Model = Model.RAY_FOLLOWING,
     options: PredictionOptions | None = None,
-    paths: Paths | None = None,
-    origin: Origin | None = None,
+    *,
+    offset: float = 0.0,
 ) -> Comparison:
     """Return each reading with the prediction at its heading.
 
-    `heading` (rad in the room) is that of turntable step 0, by default the heading of the place. `offset` (m) is added
-    to every measured range. Known `paths` of this place and board are reused if one search serves all headings.
-    `origin` names the readings in texts and pictures; by default it is that of the first reading.
-    Raises InputError if the board is a ring and no sensor points along a reading.
+    The heading of the place is the actual one of the turntable's zero (`Board.faced`). `offset` (m) is added to every
+    measured range. Raises InputError if the board is a ring and no sensor points along a reading.
     """
-    heading = place.heading if heading is None else heading
-    headings = np.array([heading + board.turned(reading.angle) for reading in readings], dtype=np.float64)
-    options = options or PredictionOptions()
-    place = replace(place, heading=heading)
-    if paths is not None and paths_serve_all_headings(board, options.unit):
-        prediction = weigh_paths(room, place, board, headings, paths, options)
-    else:
-        prediction = predict_with(model, room, place, board, headings, options)
-    rows = _matched(prediction, readings, offset)
-    origin = origin or (readings[0].origin if readings else None) or Origin.MEASURED
-    return Comparison(prediction, rows, heading, offset, origin)
+    prediction = predict_scan(room, place, board, headings_of(readings, place, board), options)
+    return match_readings(readings, prediction, offset)
+
+
+def headings_of(readings: Sequence[Reading], place: Place, board: Board) -> FloatArray:
+    """Return the heading of each reading in the room, (n,) rad; that of the place is the actual one of step 0."""
+    return np.array([place.heading + board.turned(reading.angle) for reading in readings], dtype=np.float64)
+
+
+def match_readings(readings: Sequence[Reading], prediction: PredictedScan, offset: float = 0.0) -> Comparison:
+    """Return each of n readings beside its row of a prediction at their headings; `offset` (m) is added to its range.
+
+    The origin is that of the first reading.
+    """
+    origin = (readings[0].origin if readings else None) or Origin.MEASURED
+    return Comparison(prediction, _matched(prediction, readings, offset), offset, origin)
 
 
 def _matched(prediction: PredictedScan, readings: Sequence[Reading], offset: float) -> tuple[Matched, ...]:

@@ -97,8 +97,7 @@ def _draw_known(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Boar
 
 def _touched(scan: PlacedScan, room: Room, board: Board) -> FloatArray:
     """Return where the paths that explain readings touch a room, (n, 2) m."""
-    heading = board.heading_at(0.0, scan.place.heading)
-    comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading)
+    comparison = compare_readings(scan.readings, room, board.faced(scan.place), board)
     paths = comparison.prediction.paths
     points = [paths.outline(row.path)[1:-1] for row in comparison.rows if row.path is not None]
     return np.vstack([np.empty((0, 2)), *points])

@@ -3,7 +3,7 @@
 import math
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
@@ -71,13 +71,12 @@ def report_of(
     comparison = compare_readings(
         readings[-MOST_READINGS:],
         room,
-        place if fit is None else fit.place,
+        board.faced(place) if fit is None else fit.place,
         board,
-        heading=board.heading_at(0.0, place.heading) if fit is None else fit.heading,
+        options,
         offset=0.0 if fit is None else fit.offset,
-        options=options,
-        origin=None if log is None else log.origin,
     )
+    comparison = replace(comparison, origin=scan.origin)
     pinned = [(place, readings[place], text) for place, text in sorted((notes or {}).items())]
     left_out = max(0, len(readings) - MOST_READINGS)
     return Report(scan.where, comparison, log, link, fit, left_out, score_comparison(comparison, options), pinned)

@@ -32,8 +32,7 @@ def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air:
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, echoes, unexplained = [0] * len(draft.posts), [], []
     for scan, place in zip(scans, draft.places, strict=True):
-        heading = board.heading_at(0.0, place.heading)
-        comparison = compare_readings(scan.readings, room, place, board, heading=heading, options=FOLLOWED)
+        comparison = compare_readings(scan.readings, room, board.faced(place), board, FOLLOWED)
         paths = comparison.prediction.paths
         echoes.append(sum(row.measured is not None for row in comparison.rows))
         unexplained.append(sum(row.measured is not None and row.path is None for row in comparison.rows))

@@ -98,7 +98,7 @@ class FitRequest:
 
     def _within_5cm(self, scene: Scene) -> float | None:
         room, _ = room_and_place(scene)
-        compared = compare_readings(self.readings, room, scene.pose, scene.board, options=scene.options)
+        compared = compare_readings(self.readings, room, scene.pose, scene.board, scene.options)
         return compared.summary().within_5cm
 
 

@@ -1,7 +1,7 @@
 """Requests to save pictures, data and reports; each file is written completely or not at all."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -153,5 +153,5 @@ def _summary(log: Log, scene: Scene) -> str:
     from sonarhw_compare.matching.match import compare_readings
 
     room, _ = room_and_place(scene)
-    compared = compare_readings(log.readings, room, scene.pose, scene.board, options=scene.options, origin=log.origin)
-    return json_text(asdict(compared.summary())) + "\n"
+    compared = compare_readings(log.readings, room, scene.pose, scene.board, scene.options)
+    return json_text(asdict(replace(compared, origin=log.origin).summary())) + "\n"

@@ -13,7 +13,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Signal, is_stepped
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
-from sonarhw_sim.predict.prediction import paths_serve_all_headings, predict_scan, weigh_paths
+from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw_gui.scene.scene import Scene
@@ -213,9 +213,5 @@ class HeadingAsked:
         if scene.board.ring is not None:
             sensors = scene.board.ring.headings(scene.pose)
             heading = sensors[[np.argmin(np.abs(np.angle(np.exp(1j * (sensors - self.heading)))))]]
-        if paths_serve_all_headings(scene.board, scene.options.unit):
-            paths = self.outline.paths
-            prediction = weigh_paths(room, scene.pose, scene.board, heading, paths, scene.options)
-        else:
-            prediction = predict_scan(room, scene.pose, scene.board, heading, scene.options)
+        prediction = predict_scan(room, scene.pose, scene.board, heading, scene.options, self.outline.paths)
         return HeadingAnswered(self.generation, prediction, chosen_trace(scene, None, prediction, 0))

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.matching.match import Comparison, Kind, Matched, compare_readings
-from sonarhw_sim.predict.prediction import paths_serve_all_headings
+from sonarhw_compare.matching.match import Comparison, Kind, Matched, headings_of, match_readings
+from sonarhw_sim.predict.prediction import paths_serve_all_headings, predict_scan
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.scene.scene_edit import room_and_place
@@ -121,12 +121,12 @@ class CompareRequest:
     def _compared(self, first: int, readings: tuple[Reading, ...]) -> Stretch:
         found, scene = self.found, self.found.scene
         room, _ = room_and_place(scene)
-        comparison = compare_readings(readings, room, scene.pose, scene.board, options=found.options, paths=found.paths)
-        prediction = comparison.prediction
+        headings = headings_of(readings, scene.pose, scene.board)
+        prediction = predict_scan(room, scene.pose, scene.board, headings, found.options, found.paths)
         if prediction.only_at is None and len(prediction.paths) == len(found.paths):
             # all stretches share one table of paths; their copies would fill the memory
-            comparison = replace(comparison, prediction=replace(prediction, paths=found.paths))
-        stretch = Stretch(first, comparison, found.draft, found.generation)
+            prediction = replace(prediction, paths=found.paths)
+        stretch = Stretch(first, match_readings(readings, prediction), found.draft, found.generation)
         _ = stretch.predicted, stretch.kinds, stretch.paths  # computed here, not in the thread that draws
         return stretch
 

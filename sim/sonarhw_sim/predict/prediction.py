@@ -52,18 +52,25 @@ class PredictionOptions:
 
 
 def predict_scan(
-    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions | None = None
+    room: Room,
+    place: Place,
+    board: Board,
+    headings: FloatArray,
+    options: PredictionOptions | None = None,
+    paths: Paths | None = None,
 ) -> PredictedScan:
     """Return the scan that `board` would report at `place` and at `headings` (n,) rad in the room.
 
-    The heading of the place is the actual one of the turntable's zero (`Board.faced`).
+    The heading of the place is the actual one of the turntable's zero (`Board.faced`). Known `paths` of this place and
+    board are reused if one search serves all headings.
 
     Raises InputError if the board is a ring and has no sensor at one of the headings.
     """
     options = options or PredictionOptions()
     if len(headings) and not paths_serve_all_headings(board, options.unit):
         return received_by(_scan_by_heading(room, place, board, headings, options), options)
-    return weigh_paths(room, place, board, headings, paths_for(room, place, board, options), options)
+    paths = paths_for(room, place, board, options) if paths is None else paths
+    return weigh_paths(room, place, board, headings, paths, options)
 
 
 def weigh_paths(

@@ -121,11 +121,9 @@ def test_the_carrier_is_found_without_any_one_place(scans: list[RealScan], left_
     kept = [scan for scan in scans if scan.sensor == "A" and (scan.x, scan.y) != left_out]
     fits = [fit_scan(scan.readings, ROOM, ROOM.place(scan.spot), BOARD, NEARBY) for scan in kept]
     placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name) for scan in kept]
-    headings, places = tuple(fit.heading for fit in fits), tuple(fit.place for fit in fits)
+    places = tuple(fit.place for fit in fits)
     result = calibration._Result(BOARD)
-    calibration._find_own_body(
-        result, placed, ROOM, StartingTurntable(1.0, 0.01, BOARD.threshold_db, headings, places), BOARD
-    )
+    calibration._find_own_body(result, placed, ROOM, StartingTurntable(1.0, 0.01, BOARD.threshold_db, places), BOARD)
     assert [part.spans(math.radians(degrees)) for part in result.own_body for degrees in (93, 216)] == [
         True,
         False,

@@ -163,12 +163,12 @@ def test_the_sentence_about_a_reading_and_the_row_of_the_winner_state_what_the_r
     scan = predict_scan(ROOM, PLACE, board, np.radians([270.0]))
     range_ = float(scan.ranges[0])
     reading = Reading(0, 0, 0, math.radians(270.0), 0.0, (2 * range_ / speed,), speed)
-    said = explain_reading(compare_readings([reading], ROOM, PLACE, board, heading=0.0), 0)
+    said = explain_reading(compare_readings([reading], ROOM, PLACE, board), 0)
     added = f"{range_ - 0.827:.3f} m"
     assert range_ > 0.828
     assert f"; half of the path is 0.827 m, and the receiver of the board adds {added}; the near wall" in said
     longer = replace(reading, echo_times=(2 * (range_ + 0.01) / speed,))
-    said = explain_reading(compare_readings([longer], ROOM, PLACE, board, heading=0.0), 0)
+    said = explain_reading(compare_readings([longer], ROOM, PLACE, board), 0)
     assert f" adds {added}; {range_:.3f} m is predicted; the near wall" in said  # so that the sum is not the reading
     assert outcome_text(candidates(scan, 0)[0]) == f"wins, receiver adds {added}"
 

@@ -33,7 +33,7 @@ def compared(ranges: FloatArray, receiver: Receiver = Receiver.FIRST_ECHO) -> Co
         Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(one) else (2 * float(one) / SPEED,), SPEED)
         for k, (angle, one) in enumerate(zip(HEADINGS, ranges, strict=True))
     ]
-    return compare_readings(readings, ROOM, PLACE, BOARD, heading=0.0, options=PredictionOptions(receiver=receiver))
+    return compare_readings(readings, ROOM, PLACE, BOARD, options=PredictionOptions(receiver=receiver))
 
 
 def test_a_higher_or_lower_threshold_gives_the_stated_range() -> None:

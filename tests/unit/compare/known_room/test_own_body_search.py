@@ -85,7 +85,7 @@ def test_a_wall_in_front_of_three_of_four_places_does_not_hide_the_body() -> Non
         PlacedScan(scan_at(at, body, whole=True).readings, Place(str(k), at), str(k)) for k, at in enumerate(PLACES[1:])
     ]
     places = tuple(scan.place for scan in scans)
-    first = StartingTurntable(1.0, 0.01, NXT.threshold_db, (0.0,) * len(scans), places)
+    first = StartingTurntable(1.0, 0.01, NXT.threshold_db, places)
     result = calibration._Result(NXT)
     calibration._find_own_body(result, scans, ROOM, first, NXT)
     assert [(part.from_deg, part.to_deg) for part in result.own_body] == [

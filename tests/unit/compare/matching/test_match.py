@@ -178,7 +178,7 @@ def test_fit_moves_only_for_clearly_more_readings(more: int, moved: bool) -> Non
 
 def test_fit_changes_only_free_parameters() -> None:
     fit = fit_scan(predicted_readings(6, 1.0, 0.02), ROOM, PLACE, PAPER, frozenset({"heading"}))
-    assert (fit.offset, fit.place) == (0.0, PLACE)
+    assert (fit.offset, fit.place.position) == (0.0, PLACE.position)
 
 
 def test_fit_rejects_unknown_parameters() -> None:
@@ -189,7 +189,7 @@ def test_fit_rejects_unknown_parameters() -> None:
 def test_no_heading_corrects_a_reversed_turntable() -> None:
     def share(readings: list[Reading]) -> float:
         fit = fit_scan(readings, ROOM, PLACE, PAPER, frozenset({"heading", "offset"}))
-        comparison: Comparison = compare_readings(readings, ROOM, PLACE, PAPER, heading=fit.heading, offset=fit.offset)
+        comparison: Comparison = compare_readings(readings, ROOM, fit.place, PAPER, offset=fit.offset)
         return comparison.summary().within_5cm or 0.0
 
     readings = predicted_readings(6, 0.5)
@@ -198,15 +198,15 @@ def test_no_heading_corrects_a_reversed_turntable() -> None:
 
 
 def test_the_plain_fit_states_its_grid_and_a_value_at_its_edge() -> None:
-    fit = Fit(0.0, 0.01, PLACE, ("heading", "offset", "position"), 0.02)
+    fit = Fit(0.01, PLACE, ("heading", "offset", "position"), 0.02)
     assert fit.search == (
         "heading in steps of 0.5°; offset within 60 mm in steps of 5 mm; position within 3 cm in steps of 1 cm"
     )
     assert fit.at_edge == ()
     assert len(fit.lines()) == 2
-    edge = Fit(0.0, -0.06, PLACE, ("offset", "position"), 0.03)
+    edge = Fit(-0.06, PLACE, ("offset", "position"), 0.03)
     assert edge.at_edge == ("offset", "position")
     assert fit.doubts == ()
     assert edge.doubts == ("offset and position at the edge of the grid; a better fit may lie beyond",)
-    assert Fit(0.0, 0.06, PLACE, ("heading",), 0.03).at_edge == ()
-    assert Fit(0.0, 0.055, PLACE, ("offset", "position"), 0.024).at_edge == ()
+    assert Fit(0.06, PLACE, ("heading",), 0.03).at_edge == ()
+    assert Fit(0.055, PLACE, ("offset", "position"), 0.024).at_edge == ()

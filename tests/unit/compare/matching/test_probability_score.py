@@ -6,10 +6,11 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from sonarhw_compare.matching.match import Comparison, compare_readings
+from sonarhw_compare.matching.match import Comparison, compare_readings, match_readings
 from sonarhw_compare.matching.probability_score import calibration, score_comparison
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Model
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.model import Place, parse_room
@@ -104,6 +105,6 @@ def test_readings_with_the_stated_spread_are_calibrated_and_score_best() -> None
 
 def test_simpler_models_are_scored_without_a_spread_of_the_threshold() -> None:
     which = board(threshold_sd_db=3.0)
-    comparison = compare_readings([reading(1.5)], WALL, HERE, which, model=Model.NEAREST)
+    comparison = match_readings([reading(1.5)], predict_with(Model.NEAREST, WALL, HERE, which, np.zeros(1)))
     score = score_comparison(comparison, PredictionOptions(), model=Model.NEAREST)
     assert [(one.stated, one.observed) for one in score.calibration] == [(pytest.approx(1.0), 1.0)]

@@ -46,12 +46,12 @@ def readings_of(board: Board) -> list[Reading]:
 @pytest.mark.parametrize("board", [CROOKED, AHEAD])
 def test_the_prediction_of_a_board_explains_what_this_board_measures(board: Board) -> None:
     readings = readings_of(board)
-    comparison = compare_readings(readings, ROOM, PLACE, board, heading=board.heading_at(0.0, PLACE.heading))
+    comparison = compare_readings(readings, ROOM, board.faced(PLACE), board)
     residuals = [row.residual for row in comparison.rows if row.measured is not None or row.predicted is not None]
     assert len(residuals) > 80
     assert residuals == pytest.approx([0.0] * len(residuals), abs=1e-9)
     straight = replace(board, turntable_scale=1.0, axis_x=0.0, axis_y=0.0, clock_error=0.0)
-    other = compare_readings(readings, ROOM, PLACE, straight, heading=board.heading_at(0.0, PLACE.heading))
+    other = compare_readings(readings, ROOM, board.faced(PLACE), straight)
     assert other.summary().within_5cm is not None
     assert other.summary().within_5cm < 0.9
 

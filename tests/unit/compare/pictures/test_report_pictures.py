@@ -36,7 +36,7 @@ def comparison() -> Comparison:
         added = ADDED[number] if number < len(ADDED) else 0.0
         times = () if added is None else (2 * (float(ranges[row]) + added) / SPEED,)
         readings.append(Reading(number, 0, 0, float(angles[row]), 0.1 * number, times, SPEED))
-    return compare_readings(readings, ROOM, PLACE, BOARD, heading=0.0)
+    return compare_readings(readings, ROOM, PLACE, BOARD)
 
 
 @pytest.fixture
@@ -116,7 +116,7 @@ def test_measured_traces_are_drawn_above_predicted_ones_on_the_same_scale(
         samples[200 + 100 * number] = 0.5
         trace = Trace(samples, rate, 0.0)
         readings.append(Reading(number, 0, 0, float(angle), 0.0, (0.004,), SPEED, trace=trace))
-    comparison = compare_readings(readings, ROOM, PLACE, BOARD, heading=0.0)
+    comparison = compare_readings(readings, ROOM, PLACE, BOARD)
     measured, predicted, bar = drawn(bscan_png, comparison).axes
     reach = 600 / rate * SPEED / 2
     for axes in (measured, predicted):
