@@ -14,11 +14,10 @@ from sonarhw_sim.room.model import Room
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
-from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Problem, make_problem
 from sonarhw_compare.fit.marginals import Marginals, marginals_of
 from sonarhw_compare.fit.mismatches import shown_mismatches
-from sonarhw_compare.fit.search.refine import refined
+from sonarhw_compare.fit.search.refine import Peak, highest, peak_at, refined
 from sonarhw_compare.fit.search.ridges import underestimated
 from sonarhw_compare.fit.search.starting_poses import Candidate, is_same, starting_poses
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
@@ -117,9 +116,10 @@ def _solutions(
 ) -> list[Candidate]:
     """Return the best solution, followed by others that are about as good according to `weighted`."""
     starts = list(_starts(weighted, found))
-    rough = [_refined(problem, start, (COARSE, MODERATE), lambda: tick(0.0)) for start in starts]
+    stages = COARSE, MODERATE
+    rough = [peak_at(problem, refined(problem, start, stages=stages, tick=lambda: tick(0.0))) for start in starts]
     rough.sort(key=lambda one: -one.score)
-    tops: list[Candidate] = []
+    tops: list[Peak] = []
     count, promising = len(problem.parameters), _PROMISING * max(weighted.redundancies)
     for done, one in enumerate(rough):
         tick(done / len(rough))
@@ -128,27 +128,10 @@ def _solutions(
         ):
             # the noise does not depend on the solution, so that of the best one is the start for all
             begin = np.concatenate((one.values[:count], (tops or rough)[0].values[count:]))
-            tops.append(_maximum(problem, begin, partial(tick, done / len(rough))))
+            tops.append(highest(problem, begin, _CLIMBS, partial(tick, done / len(rough))))
     tops.sort(key=lambda one: -one.score)
     scored = [Candidate(one.values, weighted.near(one.values)(one.values)) for one in tops]
     return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
-
-
-def _maximum(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Candidate:
-    """Return the maximum after repeated refinement: with little noise, one refinement may end at a step."""
-    top = _refined(problem, values, (None,), tick)
-    for _ in range(_CLIMBS):
-        before, top = top, _refined(problem, top.values, (None,), tick)
-        if top.score - before.score < 1.0:
-            break
-    return max(before, top, key=lambda one: one.score)
-
-
-def _refined(
-    problem: Problem, values: FloatArray, stages: tuple[ReadingNoise | None, ...], tick: Callable[[], None]
-) -> Candidate:
-    top = refined(problem, values, None, stages, tick=tick)
-    return Candidate(top, problem.near(top)(top))
 
 
 def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArray]:

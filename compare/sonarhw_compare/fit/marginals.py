@@ -17,7 +17,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem
 from sonarhw_compare.fit.search.averaging import averaged
 from sonarhw_compare.fit.search.posterior import CREDIBLE_INTERVAL, samples_of
-from sonarhw_compare.fit.search.refine import covariance_of, refined
+from sonarhw_compare.fit.search.refine import Peak, covariance_of, peak_at, refined, repeated
 from sonarhw_compare.fit.values.fit_result import FitOptions
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.tolerances import tolerated_parameters
@@ -103,15 +103,13 @@ def _swept(problem: Problem, values: FloatArray) -> FloatArray:
 
 
 def _maximum(problem: Problem, values: FloatArray) -> FloatArray:
-    """Return the maximum near `values` after repeated refinement."""
+    """Return the maximum near `values` after repeated refinement, of few iterations each."""
+
+    def refine(values: FloatArray) -> Peak:
+        return peak_at(problem, refined(problem, values, None, (None,), searches=1, iterations=_ITERATIONS))
+
     top = refined(problem, values, None, (MODERATE, None), searches=_SEARCHES, iterations=_ITERATIONS)
-    score = problem.near(top)(top)
-    for _ in range(_CLIMBS):
-        before, top = score, refined(problem, top, None, (None,), searches=1, iterations=_ITERATIONS)
-        score = problem.near(top)(top)
-        if score - before < 1.0:
-            break
-    return top
+    return repeated(peak_at(problem, top), refine, _CLIMBS)[-1].values
 
 
 def _rows_named(problem: Problem, name: str) -> list[int]:

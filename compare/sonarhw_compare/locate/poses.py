@@ -29,10 +29,9 @@ from sonarhw.errors import InputError
 from sonarhw.harmless_text import counted
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
-from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.objective import MODERATE, Objective, Problem, make_problem
+from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_problem
 from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, maxima, score_positions
-from sonarhw_compare.fit.search.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, refined
+from sonarhw_compare.fit.search.refine import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.free_space import find_free_space
@@ -111,15 +110,6 @@ class Located:
                 shares[name] += pose.probability
         whole = sum(shares.values())
         return {name: share / whole if whole else 0.0 for name, share in shares.items()}
-
-
-@dataclass(frozen=True)
-class _Top:
-    """A peak of the likelihood."""
-
-    score: float  # natural logarithm
-    values: FloatArray  # of the problem: x, y, heading, offset, noise
-    objective: Objective
 
 
 def locate_scan(
@@ -208,7 +198,7 @@ def _nearest(scores: Scores, position: tuple[float, float]) -> int:
 
 def _tops(
     problem: Problem, starts: list[tuple[float, float, float]], redundancy: float, tick: Callable[[float], None]
-) -> list[_Top]:
+) -> list[Peak]:
     """Return the maxima near these poses. All are refined roughly, and the promising ones fully."""
     rough = []
     for k, start in enumerate(starts):
@@ -216,39 +206,20 @@ def _tops(
         values = problem.start()
         values[: len(start)] = start
         values = problem.with_noise(values, MODERATE)
-        rough.append(_climb(problem, values, QUICK, MODERATE))
+        values = refined(problem, values, QUICK, (MODERATE,), searches=2, iterations=15)
+        rough.append(peak_at(problem, values, QUICK))
     best = max(rough, key=lambda top: top.score)
     promising = _different([top for top in rough if best.score - top.score < _PROMISING * redundancy])
     tops = []
     for k, top in enumerate(promising):
         tick(0.5 + 0.5 * k / len(promising))
-        tops.append(_maximum(problem, top.values))
+        tops.append(highest(problem, top.values, _CLIMBS))
     return tops
 
 
-def _maximum(problem: Problem, values: FloatArray) -> _Top:
-    """Return the maximum after repeated refinement, as a fit: with little noise, one refinement may end at a step."""
-    top = _climb(problem, values, None, None)
-    for _ in range(_CLIMBS):
-        before, top = top, _climb(problem, top.values, None, None)
-        if top.score - before.score < 1.0:
-            break
-    return max(before, top, key=lambda one: one.score)
-
-
-def _climb(
-    problem: Problem, values: FloatArray, prediction: PredictionOptions | None, noise: ReadingNoise | None
-) -> _Top:
-    """Return the maximum near `values`, refined fully, or roughly with a given `noise`."""
-    searches, iterations = (MOST_SEARCHES, MOST_ITERATIONS) if noise is None else (2, 15)
-    values = refined(problem, values, prediction, (noise,), searches=searches, iterations=iterations)
-    objective = problem.near(values, prediction)
-    return _Top(objective(values), values, objective)
-
-
-def _different(tops: list[_Top]) -> list[_Top]:
+def _different(tops: list[Peak]) -> list[Peak]:
     """Return different maxima, best first."""
-    kept: list[_Top] = []
+    kept: list[Peak] = []
     for top in sorted(tops, key=lambda one: -one.score):
         same = (
             math.dist(top.values[:2], other.values[:2]) < _SAME
@@ -260,7 +231,7 @@ def _different(tops: list[_Top]) -> list[_Top]:
     return kept
 
 
-def _clear(tops: list[_Top], room: Room, board: Board) -> list[_Top]:
+def _clear(tops: list[Peak], room: Room, board: Board) -> list[Peak]:
     """Return the maxima at which the sensor touches no wall and no post; all if it does so everywhere."""
     mount = board.mount
     radius = max(math.hypot(mount.ahead, abs(mount.aside) + mount.separation / 2), board.aperture_radius)
@@ -280,7 +251,7 @@ def _within(room: Room, spread: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.inv(spread) + np.diag(12 / sides**2)))
 
 
-def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
+def _weighed(tops: list[Peak], redundancy: float) -> tuple[Pose, ...]:
     """Return the poses at the maxima, most probable first; probabilities are volumes under peaks of the posterior."""
     promising = [top for top in tops if (tops[0].score - top.score) / redundancy < -math.log(_LEAST)]
     room = tops[0].objective.problem.room
@@ -294,7 +265,7 @@ def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
     return tuple(sorted((pose for pose in poses if pose.probability >= _LEAST), key=lambda pose: -pose.probability))
 
 
-def _bagged(tops: list[_Top], volumes: FloatArray, redundancy: float) -> FloatArray:
+def _bagged(tops: list[Peak], volumes: FloatArray, redundancy: float) -> FloatArray:
     """Return the probability of each peak (k,), from logarithms of volumes (k,); the mean over bootstrap samples."""
     by_reading = np.array([top.objective.by_reading(top.values, 0) for top in tops])
     priors = np.array([top.score for top in tops]) - by_reading.sum(axis=1)

@@ -6,6 +6,7 @@ sensor has moved.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,9 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Objective, Problem
 
-MOST_SEARCHES = 6  # of paths, in one stage
-MOST_ITERATIONS = 8
+_SEARCHES = 6  # of paths, in one stage
+_ITERATIONS = 8
+_GAIN = 1.0  # of the log-likelihood; a refinement that gains less is the last
 _SETTLED = 0.5  # steps; a smaller change needs no new search of paths
 _ENOUGH = 1e-4  # tolerance of the log-likelihood
 _NARROW = 0.05  # tolerance of a parameter, in widths
@@ -29,6 +31,43 @@ _WIDEST = 30.0  # steps, largest width, for a flat likelihood
 BoolArray = NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class Peak:
+    """A maximum of the likelihood."""
+
+    score: float  # log-likelihood and prior, natural logarithm
+    values: FloatArray  # (size,) of the problem
+    objective: Objective  # with the paths there
+
+
+def peak_at(problem: Problem, values: FloatArray, prediction: PredictionOptions | None = None) -> Peak:
+    """Return the maximum at `values` (size,)."""
+    objective = problem.near(values, prediction)
+    return Peak(objective(values), values, objective)
+
+
+def highest(problem: Problem, values: FloatArray, most: int, tick: Callable[[], None] = lambda: None) -> Peak:
+    """Return the highest maximum of one complete refinement from `values` and up to `most` further ones."""
+
+    def refine(values: FloatArray) -> Peak:
+        return peak_at(problem, refined(problem, values, None, (None,), tick=tick))
+
+    return max(repeated(refine(values), refine, most), key=lambda peak: peak.score)
+
+
+def repeated(first: Peak, refine: Callable[[FloatArray], Peak], most: int) -> list[Peak]:
+    """Return `first` and up to `most` maxima, each refined from the one before, until one gains little.
+
+    With little noise, one refinement may end at a step of the likelihood.
+    """
+    peaks = [first]
+    for _ in range(most):
+        peaks.append(refine(peaks[-1].values))
+        if peaks[-1].score - peaks[-2].score < _GAIN:
+            break
+    return peaks
+
+
 def refined(
     problem: Problem,
     values: FloatArray,
@@ -36,8 +75,8 @@ def refined(
     stages: tuple[ReadingNoise | None, ...] = (COARSE, MODERATE, None),
     free: BoolArray | None = None,
     tick: Callable[[], None] = lambda: None,
-    searches: int = MOST_SEARCHES,
-    iterations: int = MOST_ITERATIONS,
+    searches: int = _SEARCHES,
+    iterations: int = _ITERATIONS,
 ) -> FloatArray:
     """Return the values (size,) at the maximum near `values`, after one stage for each noise in `stages`.
 
@@ -59,9 +98,7 @@ def refined(
     return values
 
 
-def climb(
-    objective: Objective, values: FloatArray, movable: BoolArray, iterations: int = MOST_ITERATIONS
-) -> FloatArray:
+def climb(objective: Objective, values: FloatArray, movable: BoolArray, iterations: int = _ITERATIONS) -> FloatArray:
     """Return the values at the maximum of an objective near `values`; only those `movable` (size,) change.
 
     Powell's method needs no derivatives, and its line searches pass over small steps of the likelihood.

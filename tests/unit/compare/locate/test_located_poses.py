@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from sonarhw_compare.fit.search.pose_search import Scores
+from sonarhw_compare.fit.search.refine import Peak
 from sonarhw_compare.locate.locate_picture import draw_located
-from sonarhw_compare.locate.poses import Located, Pose, _bagged, _clear, _different, _Top, _within, locate_scan
+from sonarhw_compare.locate.poses import Located, Pose, _bagged, _clear, _different, _within, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room, parse_room
 
@@ -20,9 +21,9 @@ SCORES = Scores(
 )
 
 
-def top(x: float, y: float, degrees: float, score: float) -> _Top:
+def top(x: float, y: float, degrees: float, score: float) -> Peak:
     """Return a maximum of the likelihood; its objective is not used here."""
-    return _Top(score, np.array([x, y, math.radians(degrees), 0.0, 1.0]), None)  # type: ignore[arg-type]
+    return Peak(score, np.array([x, y, math.radians(degrees), 0.0, 1.0]), None)  # type: ignore[arg-type]
 
 
 def test_maxima_less_than_3_centimetres_and_10_degrees_apart_are_one_pose() -> None:
@@ -114,7 +115,7 @@ def first_probability(differences: list[float], redundancy: float = 1.0) -> floa
     """Return the probability of the first of two equally wide peaks with these differences of log-likelihoods."""
     by_reading = (np.array(differences), np.zeros(len(differences)))
     tops = [
-        _Top(float(one.sum()), np.zeros(4), SimpleNamespace(by_reading=lambda _values, _scan, one=one: one))  # type: ignore[arg-type]
+        Peak(float(one.sum()), np.zeros(4), SimpleNamespace(by_reading=lambda _values, _scan, one=one: one))  # type: ignore[arg-type]
         for one in by_reading
     ]
     return float(_bagged(tops, np.zeros(2), redundancy)[0])
