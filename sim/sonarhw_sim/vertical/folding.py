@@ -23,6 +23,7 @@ BoolArray = NDArray[np.bool_]
 
 _ON_END = 1e-9  # m: a surface is touched this far beyond its upper or lower end
 _CLOSE = 1e-9  # m: heights that differ less are equal
+_NEARLY = 1e-8  # m: nearer to the end of a surface, only the exact heights decide
 
 
 class Obstacles(NamedTuple):
@@ -76,10 +77,12 @@ def ways_of(paths: Paths) -> Ways:
     return Ways(np.ascontiguousarray(paths.points), at, met, lasts.astype(np.int32), paths.edges, paths.bends)
 
 
-def fold(ways: Ways, bounces: IntArray, height: float, search: PathSearch, obstacles: Obstacles) -> Folded:
+def fold(
+    ways: Ways, bounces: IntArray, steepest: FloatArray, height: float, search: PathSearch, obstacles: Obstacles
+) -> Folded:
     """Return each sequence of levels that sound from a height back to it (m) can touch along each way.
 
-    `bounces` (n,) are the reflections of the ways.
+    `bounces` (n,) are the reflections of the ways, `steepest` (n,) the slopes beyond which they need not be followed.
     """
     deepest = _most_levels(obstacles.levels, search)
     capacity = 4 * len(ways.at) + 16
@@ -90,6 +93,7 @@ def fold(ways: Ways, bounces: IntArray, height: float, search: PathSearch, obsta
         found = _fold(
             ways,
             bounces,
+            steepest,
             height,
             search.max_length + SLACK,
             search.max_bounces,
@@ -123,6 +127,14 @@ class _Visits(NamedTuple):
     leaves: FloatArray  # (v,), m
 
 
+class _Touches(NamedTuple):
+    """Room for the low surfaces that a way touches, one row each, in order along the way."""
+
+    shares: FloatArray  # (t,): of the length of the way, up to each
+    lowers: FloatArray  # (t,), m: lower end of each
+    uppers: FloatArray  # (t,), m
+
+
 class _Work(NamedTuple):
     """Room for one sequence of levels while it grows."""
 
@@ -138,6 +150,7 @@ class _Work(NamedTuple):
 def _fold(
     ways: Ways,
     bounces: IntArray,
+    steepest: FloatArray,
     height: float,
     max_length: float,
     max_bounces: int,
@@ -147,6 +160,7 @@ def _fold(
     """Fill in `folded` (m,), and return how many rows it should have."""
     deepest, most_visits = folded.levels.shape[1], obstacles.levels.heights.shape[0] * ways.at.shape[1]
     passages, visits = room_for_passages(ways.at.shape[1], obstacles.low), _no_visits(most_visits)
+    touches = _no_touches(ways.at.shape[1])
     numbers, choices = np.empty((4, deepest + 2)), np.empty((2, deepest + 2), np.int32)
     work = _Work(numbers[0], numbers[1], numbers[2], numbers[3], choices[0], choices[1])
     found = 0
@@ -156,9 +170,11 @@ def _fold(
             continue
         passed = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, passages)
         visited = _visit_levels(ways, row, obstacles.levels, visits)
-        largest, most = math.sqrt(max_length * max_length - length * length), min(deepest, max_bounces - bounces[row])
+        touched = _touch_low(ways, row, obstacles, touches)
+        largest = min(math.sqrt(max_length * max_length - length * length), steepest[row] * length)
+        most = min(deepest, max_bounces - bounces[row])
         for first in range(2):
-            seen = passages, passed, visits, visited
+            seen = passages, passed, visits, visited, touches, touched
             found = _fold_along(ways, row, first, height, largest, most, seen, obstacles, work, folded, found)
     return found
 
@@ -171,7 +187,7 @@ def _fold_along(
     height: float,
     largest_climb: float,
     most_levels: int,
-    seen: tuple[Passages, int, _Visits, int],
+    seen: tuple[Passages, int, _Visits, int, _Touches, int],
     obstacles: Obstacles,
     work: _Work,
     folded: Folded,
@@ -179,9 +195,9 @@ def _fold_along(
 ) -> int:
     """Add the sequences along one way that first go down (`first` 0) or up (1); return how many rows there are now.
 
-    `seen` is what the way passes, with the number of rows.
+    `seen` is what the way passes and touches, each with the number of rows.
     """
-    (passages, passed, visits, visited), levels = seen, obstacles.levels
+    (passages, passed, visits, visited, touches, touched), levels = seen, obstacles.levels
     length = ways.at[row, ways.lasts[row]]
     heights, climbs, least, largest, sequence, choice = work
     depth = 0
@@ -198,9 +214,10 @@ def _fold_along(
         going = -1.0 if (first + depth) % 2 == 0 else 1.0
         gap = (levels.heights[level] - heights[depth]) * going
         climb = climbs[depth] + gap
-        lower, upper = max(least[depth], climb), largest[depth]
         # it has to return from there, with any levels in between
-        too_far = climb + abs(height - levels.heights[level]) > upper + 2.0 * _CLOSE
+        returned = climb + abs(height - levels.heights[level])
+        lower, upper = max(least[depth], returned), largest[depth]
+        too_far = returned > upper + 2.0 * _CLOSE
         if levels.facing[level] * going > 0.0 or gap <= _CLOSE or too_far:
             continue
         if levels.limited[level]:
@@ -214,8 +231,11 @@ def _fold_along(
             continue
         choice[depth] = k + 1
         sequence[depth] = level
+        heights[depth + 1], climbs[depth + 1] = levels.heights[level], climb
+        lower, upper = _narrowed(lower, upper, heights, climbs, depth + 1, touches, touched)
+        if lower > upper:
+            continue
         depth += 1
-        heights[depth], climbs[depth] = levels.heights[level], climb
         least[depth], largest[depth], choice[depth] = lower, upper, 0
         # from here back to the height of departure
         home = (height - heights[depth]) * -going
@@ -233,6 +253,43 @@ def _fold_along(
     return found
 
 
+@compiled_part
+def _narrowed(
+    lower: float, upper: float, heights: FloatArray, climbs: FloatArray, depth: int, touches: _Touches, touched: int
+) -> tuple[float, float]:
+    """Return the least and the largest climb in all, m, with which sound can touch the low surfaces of its way.
+
+    Sound has touched `depth` levels so far, and further ones are unknown. The first result exceeds the second if sound
+    cannot touch all.
+    """
+    lower, upper = lower - _NEARLY, upper + _NEARLY
+    for k in range(touched):
+        share = touches.shares[k]
+        begin, end = share * lower, share * upper
+        if begin > climbs[depth]:
+            break
+        first, last = np.inf, -np.inf
+        for j in range(depth):
+            if climbs[j + 1] < begin:
+                continue
+            if climbs[j] > end:
+                break
+            # where on its way up or down it is at the height of the surface
+            if heights[j + 1] < heights[j]:
+                enters, leaves = heights[j] - touches.uppers[k], heights[j] - touches.lowers[k]
+            else:
+                enters, leaves = touches.lowers[k] - heights[j], touches.uppers[k] - heights[j]
+            enters, leaves = max(enters + climbs[j], climbs[j], begin), min(leaves + climbs[j], climbs[j + 1], end)
+            if enters <= leaves:
+                first, last = min(first, enters), max(last, leaves)
+        if end > climbs[depth]:
+            first, last = min(first, climbs[depth]), end
+        lower, upper = max(lower, first / share), min(upper, last / share)
+        if lower > upper:
+            break
+    return lower, upper
+
+
 @inlined
 def _first_reached(visits: _Visits, k: int, steepness: float, largest: float) -> int:
     """Return the first visit from row `k` on that the largest climb in all allows; the first of the next level: none.
@@ -248,6 +305,25 @@ def _first_reached(visits: _Visits, k: int, steepness: float, largest: float) ->
 @array_part
 def _no_visits(most: int) -> _Visits:
     return _Visits(np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most), np.empty(most))
+
+
+@array_part
+def _no_touches(most: int) -> _Touches:
+    return _Touches(np.empty(most), np.empty(most), np.empty(most))
+
+
+@compiled_part
+def _touch_low(ways: Ways, row: int, obstacles: Obstacles, touches: _Touches) -> int:
+    """Fill in the low surfaces that a way touches, and return their number."""
+    last, found = ways.lasts[row], 0
+    for k in range(1, last):
+        surface = ways.met[row, k]
+        if surface >= 0 and obstacles.low[surface]:
+            touches.shares[found] = max(ways.at[row, k], _CLOSE) / ways.at[row, last]
+            lower, upper = obstacles.spans[surface]
+            touches.lowers[found], touches.uppers[found] = lower - _NEARLY, upper + _NEARLY
+            found += 1
+    return found
 
 
 @compiled_part

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
 from sonarhw_sim.rays.partial_paths import first_of_kind, hashes_of
@@ -28,13 +29,13 @@ _TOGETHER = 1e-9  # m: touches this near to each other in the plan are in the or
 
 def raised_paths(plan: Plan, levels: Levels, paths: Paths, height: float, search: PathSearch) -> Paths:
     """Return the paths in space from a height (m) back to it, by paths of the plan and levels."""
-    ways = ways_of(paths)
-    folded = fold(ways, paths.bounces, height, search, plan.obstacles)
+    ways, at_edges = ways_of(paths), _at_edges(plan.room, paths, search)
+    folded = fold(ways, paths.bounces, _steepest(paths, at_edges, search), height, search, plan.obstacles)
     if plan.passing is not None:
         kept = _once(paths, folded)
         folded = Folded._make(column[kept] for column in folded)
     elevations = np.arctan2(folded.totals, paths.lengths[folded.rows])
-    gains, phases = _bent(plan.room, paths, folded.rows, elevations, search)
+    gains, phases = _bent(plan.room, paths, at_edges, folded.rows, elevations, search)
     gains *= np.append(plan.room.reflectances[levels.surfaces], 1.0)[folded.levels].prod(axis=1)
     bent = paths.edges[folded.rows] >= 0
     kept = np.flatnonzero(~bent | (gains * loudest_at(elevations, search) >= search.faintest_diffraction))
@@ -66,22 +67,53 @@ def _once(paths: Paths, folded: Folded) -> NDArray[np.intp]:
     return np.flatnonzero(kept)
 
 
+def _at_edges(room: Room, paths: Paths, search: PathSearch) -> ComplexArray:
+    """Return the amplitudes of the edges of paths in the plan, (n,); 1 without an edge."""
+    amplitudes = np.ones(len(paths), np.complex128)
+    bent = np.flatnonzero(paths.edges >= 0)
+    if len(bent):
+        amplitudes[bent] = _amplitudes(room, paths, bent, np.full(len(bent), search.wavelength), search)
+    return amplitudes
+
+
+def _amplitudes(
+    room: Room, paths: Paths, rows: NDArray[np.intp], wavelengths: FloatArray, search: PathSearch
+) -> ComplexArray:
+    """Return the amplitudes of the edges of these rows (m,) of paths, for wavelengths (m,), m."""
+    at_edges = paths.edges[rows], paths.bends[rows], paths.points[rows]
+    return amplitudes_at_edges(room, *at_edges, wavelengths, search.edge_strength)
+
+
+def _steepest(paths: Paths, at_edges: ComplexArray, search: PathSearch) -> FloatArray:
+    """Return the slopes beyond which the edges of paths are too faint, (n,); inf without an edge."""
+    table = search.loudest_by_elevation
+    # no edge has an amplitude over 1
+    most = paths.gains / np.maximum(np.abs(at_edges), 1e-300)
+    loud = np.searchsorted(-table, -search.faintest_diffraction / np.maximum(most, 1e-300), side="right")
+    # the last value of the table is that of upright sound only
+    limited = (paths.edges >= 0) & (loud < len(table) - 1)
+    slopes = np.tan(math.pi / 2 * np.where(limited, loud, 0) / max(len(table) - 1, 1))
+    return np.where(limited, slopes, np.inf)
+
+
 def _bent(
-    room: Room, paths: Paths, rows: NDArray[np.intp], elevations: FloatArray, search: PathSearch
+    room: Room,
+    paths: Paths,
+    at_edges: ComplexArray,
+    rows: NDArray[np.intp],
+    elevations: FloatArray,
+    search: PathSearch,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return gains and phases (n,) of rows of paths with these elevations (n,).
+    """Return gains and phases (m,) of rows (m,) of paths with these elevations (m,).
 
     Sound that meets an upright edge at an elevation e is diffracted as in the plan by a wave 1/cos e times as long: the
-    field along the edge is a factor exp(jkz sin e).
+    field along the edge is a factor exp(jkz sin e). `at_edges` (n,) are the amplitudes in the plan.
     """
     gains, phases = paths.gains[rows], paths.phases[rows]
     bent = np.flatnonzero(paths.edges[rows] >= 0)
     if len(bent):
-        chosen = rows[bent]
-        at_edges = room, paths.edges[chosen], paths.bends[chosen], paths.points[chosen]
-        flat = np.full(len(bent), search.wavelength)
-        was = amplitudes_at_edges(*at_edges, flat, search.edge_strength)
-        now = amplitudes_at_edges(*at_edges, flat / np.cos(elevations[bent]), search.edge_strength)
+        was = at_edges[rows[bent]]
+        now = _amplitudes(room, paths, rows[bent], search.wavelength / np.cos(elevations[bent]), search)
         gains[bent] *= np.abs(now) / np.maximum(np.abs(was), 1e-300)
         phases[bent] += np.angle(now * was.conj())
     return gains, phases
