@@ -81,7 +81,7 @@ class _Search(NamedTuple):
     max_length: float  # m, of the longest path to any target
     max_return: float  # m, of the longest path to any target and straight on to the receiver
     faintest: float  # amplitude of the faintest path to any target
-    steepest: float
+    steepest: FloatArray
 
 
 class _Workspace(NamedTuple):
@@ -113,14 +113,14 @@ def follow_fan(
     detectable: Detectable,
     radii: FloatArray | None = None,
     passing: Passing | None = None,
-    steepest: float = math.inf,
+    steepest: FloatArray | None = None,
 ) -> Fan:
     """Follow every ray until its path is too long or too faint for every target.
 
     `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges or the centres of
     posts; `longest` (t,) m; `radii` (t,) m of the targets, None for points. A ray that meets one of the surfaces of
     `passing` touches or passes it, and there are several for each direction, with different slopes. Those that rise or
-    fall more than `steepest` lead to the receiver only.
+    fall more than `steepest` lead to the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit.
 
     Returns each sequence of surfaces to a target once.
 
@@ -158,7 +158,7 @@ def follow_fan(
         max_length,
         float(np.append(longest[1:] + to_receiver, longest[0]).max()),
         float(detectable.least.min()),
-        steepest,
+        np.full(2, math.inf) if steepest is None else steepest,
     )
 
     def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
@@ -236,7 +236,8 @@ def _follow_direction(
             distance, following = first_among(
                 leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
             )
-            found = _note_targets(leg, distance, branch, flattest <= search.steepest, found, search, space, table)
+            edges_too = flattest <= search.steepest[_step(leg.amplitude, search.steepest.shape[0])]
+            found = _note_targets(leg, distance, branch, edges_too, found, search, space, table)
             if is_full(table, found, known):
                 break
             going = _can_return(leg, distance, search)
@@ -348,6 +349,12 @@ def _whole_branch(direction: int, space: _Workspace) -> _Branch:
     for k in range(count):
         space.order[k] = k
     return _Branch(direction, 0, count, 0, 0)
+
+
+@inlined
+def _step(amplitude: float, steps: int) -> int:
+    """Return the first of so many steps from 0 to 1 that is not below an amplitude."""
+    return min(int(math.ceil(amplitude * (steps - 1))), steps - 1)
 
 
 @compiled_part

@@ -51,12 +51,12 @@ def find_partial_paths(
     max_bounces: int,
     detectable: Detectable,
     passing: Passing | None,
-    steepest: float,
+    steepest: FloatArray,
 ) -> PartialPaths:
     """Return every detectable path from `place` (2,) to targets (t, 2), not longer than their `longest` (t,) m.
 
     Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
-    `edges` (t - 1,), to which sound is too faint with a slope over `steepest`.
+    `edges` (t - 1,), to which sound is too faint with a slope over `steepest` (k,), for amplitudes from 0 to 1.
     """
     found = follow_fan(
         place,

@@ -38,6 +38,7 @@ from sonarhw_sim.room.model import Room
 RAYS = 5760
 _RAYS_FROM_POSTS = 1440  # over two walls at most
 MAX_BOUNCES = 64
+_AMPLITUDES = 33  # steps from 0 to 1
 _LOUDEST_EDGE = 2.0  # amplitude: more than the uniform theory gives of any edge
 SLACK = 1e-9  # m: a path longer than the limit by rounding only is kept
 
@@ -71,11 +72,17 @@ class PathSearch:
         return np.ones(1) if self.ka is None or self.axes is not None else _loudest_by_elevation(self.ka)
 
     @property
-    def steepest_bent(self) -> float:
-        """The slope in space beyond which no sound past an upright edge is loud enough; inf: none."""
-        loud = np.flatnonzero(_LOUDEST_EDGE * self.loudest_by_elevation >= self.faintest_diffraction)
-        steps = len(self.loudest_by_elevation) - 1
-        return math.tan(math.pi / 2 * (loud[-1] + 1) / steps) if len(loud) and loud[-1] < steps - 1 else math.inf
+    def steepest_bent(self) -> FloatArray:
+        """The slopes in space beyond which no sound past an upright edge is loud enough, (33,); inf: none.
+
+        For sound of amplitudes from 0 to 1 before the edge.
+        """
+        table = self.loudest_by_elevation
+        least = self.faintest_diffraction / (_LOUDEST_EDGE * np.maximum(np.linspace(0, 1, _AMPLITUDES), 1e-300))
+        loud = np.searchsorted(-table, -least, side="right")
+        # the last value of the table is that of upright sound only
+        slopes = np.tan(math.pi / 2 * np.minimum(loud, len(table) - 1) / max(len(table) - 1, 1))
+        return np.where(loud < len(table) - 1, slopes, math.inf)
 
 
 @lru_cache(maxsize=16)
