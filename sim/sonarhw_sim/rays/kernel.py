@@ -354,7 +354,7 @@ def _whole_branch(direction: int, space: _Workspace) -> _Branch:
 @inlined
 def _step(amplitude: float, steps: int) -> int:
     """Return the first of so many steps from 0 to 1 that is not below an amplitude."""
-    return min(int(math.ceil(amplitude * (steps - 1))), steps - 1)
+    return min(math.ceil(amplitude * (steps - 1)), steps - 1)
 
 
 @compiled_part

@@ -239,15 +239,21 @@ def _comes_before(one: int, other: int, edges: IntArray, surfaces: IntArray) -> 
 
 
 def first_of_kind(
-    lengths: FloatArray, edges: IntArray, points: FloatArray, order: NDArray[np.intp] | None = None
+    lengths: FloatArray,
+    kinds: NDArray[np.integer],
+    points: FloatArray,
+    order: NDArray[np.intp] | None = None,
+    rows: NDArray[np.intp] | None = None,
 ) -> NDArray[np.bool_]:
-    """Return which paths have no earlier one of equal length, departure, arrival and edge, in this order, (n,).
+    """Return which paths have no earlier one of equal length, departure, arrival and kind, in this order, (n,).
 
-    `lengths` (n,) m, `edges` (n,), `points` (n, p, 2) m, padded with NaN. Without an `order` (n,) of the rows, they are
-    in order of length.
+    `kinds` (n,) are their edges, or numbers that distinguish more. `lengths` (p,) m and `points` (p, b, 2) m, padded
+    with NaN, belong to `rows` (n,) of these tables, by default to all in turn. Without an `order` (n,), paths are in
+    order of length.
     """
-    kept = np.ones(len(lengths), dtype=np.bool_)
-    _drop_repeated(np.arange(len(lengths)) if order is None else order, lengths, edges, points, kept)
+    each, kept = np.arange(len(kinds)), np.ones(len(kinds), dtype=np.bool_)
+    order, rows = (each if chosen is None else chosen for chosen in (order, rows))
+    _drop_repeated(order, rows, lengths, kinds.astype(np.int64), points, kept)
     return kept
 
 
@@ -266,14 +272,20 @@ def _find_last(points: FloatArray, last: NDArray[np.intp]) -> None:
 
 @compiled
 def _drop_repeated(
-    order: NDArray[np.intp], lengths: FloatArray, edges: IntArray, points: FloatArray, kept: NDArray[np.bool_]
+    order: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    lengths: FloatArray,
+    kinds: NDArray[np.int64],
+    points: FloatArray,
+    kept: NDArray[np.bool_],
 ) -> None:
     """Set `kept` (n,) to False where the path is equal to an earlier one in `order` (n,) that is kept."""
     for k in range(order.shape[0]):
-        row, before = order[k], k - 1
-        while before >= 0 and lengths[row] - lengths[order[before]] <= _SAME:
+        path, before = order[k], k - 1
+        row = rows[path]
+        while before >= 0 and lengths[row] - lengths[rows[order[before]]] <= _SAME:
             other = order[before]
-            if kept[before] and edges[row] == edges[other] and _ends_alike(points[row], points[other]):
+            if kept[before] and kinds[path] == kinds[other] and _ends_alike(points[row], points[rows[other]]):
                 kept[k] = False
                 break
             before -= 1

@@ -68,13 +68,35 @@ class Folded(NamedTuple):
 
 def ways_of(paths: Paths) -> Ways:
     """Return the ways of paths in the plan."""
-    legs = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), -1, 0))
-    at = np.hstack((np.zeros((len(paths), 1)), np.cumsum(legs, axis=1)))
-    met = np.full(at.shape, -1, np.int32)
-    row, touch = np.nonzero(paths.surfaces >= 0)
-    met[row, touch + 1 + ((paths.edges[row] >= 0) & (touch >= paths.bends[row]))] = paths.surfaces[row, touch]
-    lasts = np.isfinite(at).sum(axis=1).astype(np.int32) - 1
-    return Ways(np.ascontiguousarray(paths.points), at, met, lasts.astype(np.int32), paths.edges, paths.bends)
+    at = np.empty(paths.points.shape[:2])
+    met, lasts = np.empty(at.shape, np.int32), np.empty(len(paths), np.int32)
+    points = np.ascontiguousarray(paths.points)
+    _fill_ways(points, paths.surfaces, paths.edges, paths.bends, at, met, lasts)
+    return Ways(points, at, met, lasts, paths.edges, paths.bends)
+
+
+@compiled
+def _fill_ways(
+    points: FloatArray,
+    surfaces: IntArray,
+    edges: IntArray,
+    bends: IntArray,
+    at: FloatArray,
+    met: IntArray,
+    lasts: IntArray,
+) -> None:
+    """Fill in the columns `at`, `met` and `lasts` of ways; the others are those of paths."""
+    for row in range(points.shape[0]):
+        last, at[row, 0], met[row] = 0, 0.0, -1
+        for k in range(1, points.shape[1]):
+            leg = math.hypot(points[row, k, 0] - points[row, k - 1, 0], points[row, k, 1] - points[row, k - 1, 1])
+            at[row, k] = at[row, k - 1] + leg
+            # what follows the last point is NaN
+            last += int(at[row, k] == at[row, k])
+        lasts[row] = last
+        for touch in range(surfaces.shape[1]):
+            if surfaces[row, touch] >= 0:
+                met[row, touch + 1 + int(edges[row] >= 0 and touch >= bends[row])] = surfaces[row, touch]
 
 
 def fold(

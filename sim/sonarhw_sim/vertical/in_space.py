@@ -58,13 +58,8 @@ def raised_paths(plan: Plan, levels: Levels, paths: Paths, height: float, search
 def _once(paths: Paths, folded: Folded) -> NDArray[np.intp]:
     """Return which of these rows differ in space: through a vertex, several sequences describe one path."""
     rows = folded.rows
-    sequences = hashes_of(folded.levels)
-    kept = np.zeros(len(rows), np.bool_)
-    for each in np.unique(sequences):
-        of_it = np.flatnonzero(sequences == each)
-        some = rows[of_it]
-        kept[of_it[first_of_kind(paths.lengths[some], paths.edges[some], paths.points[some])]] = True
-    return np.flatnonzero(kept)
+    kinds = hashes_of(np.column_stack((folded.levels, paths.edges[rows])))
+    return np.flatnonzero(first_of_kind(paths.lengths, kinds, paths.points, rows=rows))
 
 
 def _at_edges(room: Room, paths: Paths, search: PathSearch) -> ComplexArray:
@@ -183,7 +178,7 @@ def straight_paths(room: Room, place: Place, levels: Levels, height: float, sear
         _straight(room, place, levels, sequence)
         for sequence in _up_and_down(levels, place, height, search)
         # no post stands in the way
-        if not ((lower < sequence.heights.max()) & (upper > sequence.heights.min())).any()
+        if not ((lower < max(sequence.heights)) & (upper > min(sequence.heights))).any()
     ]
 
 
@@ -198,7 +193,7 @@ def _up_and_down(levels: Levels, place: Place, height: float, search: PathSearch
         rows: tuple[int, ...] = ()
         while len(rows) < search.max_bounces and (following := (first, second)[len(rows) % 2]):
             rows = (*rows, *following)
-            sequence = LevelSequence(rows, np.array([height, *heights[list(rows)], height]))
+            sequence = LevelSequence(rows, (height, *heights[list(rows)].tolist(), height))
             if sequence.climb > search.max_length + SLACK:
                 break
             yield sequence

@@ -7,10 +7,8 @@ folded at each of them (image sources).
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 
-import numpy as np
-
-from sonarhw.readings import FloatArray
 from sonarhw_sim.vertical.reflecting_levels import Levels
 
 _CLOSE = 1e-9  # m: heights that differ less are equal
@@ -21,22 +19,24 @@ class LevelSequence:
     """The levels that sound touches between its departure at one height and its arrival at another."""
 
     levels: tuple[int, ...]  # rows of `Levels`
-    heights: FloatArray  # (k + 2,), m: of the departure, of each level, and of the arrival
+    heights: tuple[float, ...]  # m: of the departure, of each level, and of the arrival
 
     @cached_property
-    def climbs(self) -> FloatArray:
-        """Up and down travelled until each of the heights, (k + 2,) m."""
-        return np.append(0.0, np.cumsum(np.abs(np.diff(self.heights))))
+    def climbs(self) -> tuple[float, ...]:
+        """Up and down travelled until each of the heights, m."""
+        return (0.0, *accumulate(abs(after - before) for before, after in pairwise(self.heights)))
 
     @property
     def climb(self) -> float:
         """Up and down travelled in all, m."""
-        return float(self.climbs[-1])
+        return self.climbs[-1]
 
     @property
     def signs(self) -> tuple[float, float]:
         """The signs of the elevation at departure and of that from which sound arrives."""
-        return float(np.sign(self.heights[1] - self.heights[0])), float(np.sign(self.heights[-2] - self.heights[-1]))
+        start, first, *_ = self.heights
+        *_, last, end = self.heights
+        return float((first > start) - (first < start)), float((last > end) - (last < end))
 
 
 def level_sequences(
@@ -70,5 +70,5 @@ def _continued(
             continue
         rows, touched = (*begun, level), (*heights, height)
         if (end - height) * -going > _CLOSE and climb + gap + abs(end - height) <= longest:
-            yield LevelSequence(rows, np.array([*touched, end]))
+            yield LevelSequence(rows, (*touched, end))
         yield from _continued(each, rows, touched, climb + gap, -going, end, longest, most - 1, lids - limited)

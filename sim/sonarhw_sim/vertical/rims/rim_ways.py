@@ -72,19 +72,17 @@ def sequences_to(levels: Levels, heights: FloatArray, height: float, search: Pat
     ranges = []
     for end in rim_heights.tolist():
         begin = len(found)
-        found += [LevelSequence((), np.array([height, end])), *level_sequences(levels, height, end, longest, most, 1)]
+        found += [LevelSequence((), (height, end)), *level_sequences(levels, height, end, longest, most, 1)]
         ranges.append((begin, len(found)))
     width = max((len(sequence.levels) for sequence in found), default=0)
-    rows = np.full((len(found), width), -1, np.int32)
-    at, climbs = np.zeros((2, len(found), width + 2))
-    for row, sequence in enumerate(found):
-        count = len(sequence.levels)
-        rows[row, :count] = sequence.levels
-        at[row, : count + 2], climbs[row, : count + 2] = sequence.heights, sequence.climbs
+    missing = [width - len(sequence.levels) for sequence in found]
+    rows = [(*sequence.levels, *[-1] * few) for sequence, few in zip(found, missing, strict=True)]
+    at = [(*sequence.heights, *[0.0] * few) for sequence, few in zip(found, missing, strict=True)]
+    climbs = [(*sequence.climbs, *[0.0] * few) for sequence, few in zip(found, missing, strict=True)]
     return RimSequences(
-        rows,
-        at,
-        climbs,
+        np.array(rows, dtype=np.int32).reshape(len(rows), width),
+        np.array(at).reshape(len(rows), width + 2),
+        np.array(climbs).reshape(len(rows), width + 2),
         np.array([sequence.climb for sequence in found]),
         np.array([sequence.signs for sequence in found]).reshape(-1, 2),
         np.array(ranges, dtype=np.int32).reshape(-1, 2)[which.ravel()],
@@ -246,4 +244,4 @@ def _audible(paths: Paths, search: PathSearch) -> Paths:
     # through a vertex, several sequences describe one path
     angles = np.round(paths.elevations / _SAME_ANGLE)
     _, kind = np.unique(np.column_stack((paths.edges, angles)), axis=0, return_inverse=True)
-    return paths.select(np.flatnonzero(first_of_kind(paths.lengths, kind.ravel().astype(np.int32), paths.points)))
+    return paths.select(np.flatnonzero(first_of_kind(paths.lengths, kind.ravel(), paths.points)))
