@@ -4,6 +4,7 @@ Every change emits `Shown`, at once or with the next tick.
 """
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,8 @@ from sonarhw_gui.store.note_store import NoteStore
 from sonarhw_gui.work.bscan_picture import BScanSettings
 from sonarhw_gui.work.forecast import Forecast
 
+_NEXT_READING = 0.04  # s after the last readings, within which a fast scan delivers the next
+
 
 class ShownModel(QObject):
     """The content of the views, and the actions that change it."""
@@ -50,6 +53,8 @@ class ShownModel(QObject):
         self._source = source
         self._choice = Choice()
         self._update_due = False  # whether something has changed since the last update of the views
+        self._results_due = False  # likewise, for results of the threads
+        self._read_at = -math.inf  # time of the last new readings
 
     @Slot(object, str, object)
     def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
@@ -280,8 +285,13 @@ class ShownModel(QObject):
 
     def tick(self, new_readings: bool) -> None:
         """Fetch finished predictions and traces, and update the views if anything has changed."""
-        traced = self.traces.take()
-        if self.forecast.take() or new_readings or traced or self._update_due:
+        traced, now = self.traces.take(), time.monotonic()
+        self._results_due = self.forecast.take() or traced or self._results_due
+        if new_readings:
+            self._read_at = now
+        # each update repaints the window, so results of a fast scan are shown together with its next readings
+        waits = now - self._read_at < _NEXT_READING and not self.forecast.dragging
+        if new_readings or self._update_due or (self._results_due and not waits):
             self.refresh()
 
     def close(self) -> None:
@@ -315,5 +325,5 @@ class ShownModel(QObject):
         # rows of paths differ between predictions
         same = is_same_question(before.question, after.question)
         self.shown = after if same else replace(after, pointed_path=None)
-        self._update_due = False
+        self._update_due = self._results_due = False
         self.changed.emit(self.shown)

@@ -64,7 +64,7 @@ _LOW = 640  # pixels
 _NO_PAINT = 500  # ms
 # ms. During a scan or a drag, each frame updates the large view, one of the plots beside it and a third of the text.
 # So much later, the next part follows if there is no other frame.
-_TURN = 33
+_TURN = 50
 
 
 class MainWindow(TabbedWindow):
