@@ -35,4 +35,7 @@ class LabelSlot(QWidget):
         self._label.setGeometry(self.rect())
 
     def _needed_height(self) -> int:
-        return max(self._label.minimumHeight(), self._label.minimumSizeHint().height())
+        least = self._label.minimumHeight()
+        if least == self._label.maximumHeight():
+            return least  # the size hint of a wrapped text lays it out for another width, which paints it twice
+        return max(least, self._label.minimumSizeHint().height())

@@ -72,7 +72,7 @@ class SensorLayer:
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
-        self._beam = PlotLine(pen=None, fillLevel="enclosed")
+        self._beam = PlotLine(pen=None, filled=True)
         self._axis, self._turntable, self._zero = PlotLine(), PlotLine(), PlotLine()
         self._handle = Spots(size=11, symbol="o")
         self._sensor = Spots(size=_SENSOR, symbol="d")

@@ -20,7 +20,7 @@ class SoundLayer:
     """The burst of each path with its wavefront, the disc of blanking, and the range counted so far."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._deaf = PlotLine(fillLevel="enclosed")
+        self._deaf = PlotLine(filled=True)
         self._ways = PlotLine(connect="finite")
         self._others, self._winner = (PlotLine(connect="finite") for _ in range(2))
         self._fronts = PlotLine(connect="finite")

@@ -10,7 +10,7 @@ from PySide6.QtGui import QPainter, QPen, QPolygonF
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette
 from sonarhw_gui.plots.plot_look import cosmetic_pen
-from sonarhw_gui.plots.spots import Spots, TipSpots
+from sonarhw_gui.plots.spots import PlotLine, Spots, TipSpots
 from sonarhw_gui.shown.shown import ClassPoints
 
 _SIZE, _SMALL = 9, 7  # pixels
@@ -26,7 +26,7 @@ ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # z value above dots and scatters,
 NO_MARKS: Placed = (NO_POINTS, NO_POSITIONS)
 
 
-class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
+class Outline(PlotLine):
     """The predicted ranges: points and a thin line, broken where no echo is predicted."""
 
     def __init__(self) -> None:

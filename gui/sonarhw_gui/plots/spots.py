@@ -1,4 +1,4 @@
-"""Points of equal look, and lines, fast enough for 30 repaints per second.
+"""Points of equal look, and lines, fast enough for 30 repaints per second of a whole window.
 
 A scatter of pyqtgraph gives each of its points a symbol, a pen and a row of a table. With those, new points took longer
 than their drawing.
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pyqtgraph.graphicsItems.ScatterPlotItem import renderSymbol
 from pyqtgraph.GraphicsScene.mouseEvents import HoverEvent
 from pyqtgraph.Qt.internals import PrimitiveArray
-from PySide6.QtCore import QPointF, QRectF
+from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainter, QPainterPath, QPen, QPixmap, QTransform
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
@@ -26,7 +26,95 @@ _FIELDS = 10  # of a pixmap fragment: x, y, source x, y, width, height, scale x,
 _MOST_TIPS = 3
 
 
-class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
+class _Points(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
+    """Points in units of the axes; what is drawn at them reaches some pixels around them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._x, self._y = _NONE, _NONE
+        self._extent: QRectF | None = None  # of the points alone; None until it is needed
+        self._around: QRectF | None = None  # likewise, with the pixels around them
+        self._pixel: tuple[float, float] | None = None  # width and height in units of the axes; None until needed
+        self._show_contents(False)
+
+    def getData(self) -> tuple[FloatArray, FloatArray]:
+        """Return the coordinates of the points, (n,) each, in units of the axes."""
+        return self._x, self._y
+
+    def setData(self, x: ArrayLike = (), y: ArrayLike = ()) -> None:
+        """Draw these points, (n,) each."""
+        x, y = np.asarray(x, float), np.asarray(y, float)
+        if len(x) or len(self._x):
+            self._set(x, y)
+
+    def clear(self) -> None:
+        """Draw no point."""
+        self.setData()
+
+    def boundingRect(self) -> QRectF:
+        """Return the area that is drawn."""
+        if self._around is None:
+            padding, (width, height) = self.pixelPadding(), self._pixel_size()
+            across, along = width * padding, height * padding
+            self._around = self._bounds.adjusted(-across, -along, across, along)
+        return self._around
+
+    # for the automatic zoom of pyqtgraph
+
+    def dataBounds(self, axis: int, frac: float = 1.0, orthoRange: object = None) -> tuple[float | None, float | None]:
+        """Return the extent along an axis."""
+        if not np.isfinite(self._x + self._y).any():
+            return None, None
+        bounds = self._bounds
+        return (bounds.left(), bounds.right()) if axis == 0 else (bounds.top(), bounds.bottom())
+
+    def pixelPadding(self) -> float:
+        """Return how far the drawing reaches from a point, pixels."""
+        raise NotImplementedError
+
+    def viewTransformChanged(self) -> None:
+        """Note that a pixel has another size."""
+        self.prepareGeometryChange()
+        super().viewTransformChanged()
+        self._around = self._pixel = None
+
+    def _pixel_size(self) -> tuple[float, float]:
+        """Return width and height of a pixel; 0 while the item is in no view."""
+        if self._pixel is None:
+            across, along = self.pixelVectors()
+            if across is None or along is None:
+                return 0.0, 0.0
+            self._pixel = across.length(), along.length()
+        return self._pixel
+
+    @property
+    def _bounds(self) -> QRectF:
+        if self._extent is None:
+            known = np.isfinite(self._x) & np.isfinite(self._y)
+            x, y = self._x[known], self._y[known]
+            self._extent = QRectF(QPointF(x.min(), y.min()), QPointF(x.max(), y.max())) if len(x) else QRectF()
+        return self._extent
+
+    def _set(self, x: FloatArray, y: FloatArray) -> None:
+        self.prepareGeometryChange()
+        self._x, self._y, self._extent, self._around = x, y, None, None
+        self._show_contents(len(x) > 0)
+        self.informViewBoundsChanged()
+        self.update()
+
+    def _show_contents(self, any_point: bool) -> None:
+        """Let Qt skip an item without points, which would take time at every repaint."""
+        flag = self.GraphicsItemFlag.ItemHasNoContents
+        if bool(self.flags() & flag) is any_point:
+            self.setFlag(flag, not any_point)
+
+    def _restyle(self) -> None:
+        self.prepareGeometryChange()
+        self._around = None
+        self.update()
+
+
+class Spots(_Points):
     """Points with one symbol, size, pen and brush, in pixels."""
 
     def __init__(self, size: float, symbol: str | QPainterPath, pen: object = "d", brush: object = None) -> None:
@@ -34,31 +122,13 @@ class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         super().__init__()
         self._size, self._symbol = size, symbol
         self._pen, self._brush = pg.mkPen(pen), pg.mkBrush(brush)
-        self._x, self._y = _NONE, _NONE
-        self._extent: QRectF | None = None  # of the points, without their size; None until it is needed
-        self._around: QRectF | None = None  # likewise, with their size
         self._symbol_pixels: tuple[float, QPixmap] | None = None  # device pixels per pixel, and the symbol
         self._fragments = PrimitiveArray(QPainter.PixmapFragment, _FIELDS)
         self._placed: tuple[QTransform, float] | None = None  # for which the fragments are placed
-        self._show_contents(False)
-
-    def setData(self, x: ArrayLike = (), y: ArrayLike = ()) -> None:
-        """Draw points at these coordinates, (n,) each."""
-        x, y = np.asarray(x, float), np.asarray(y, float)
-        if len(x) or len(self._x):
-            self._set(x, y)
 
     def addPoints(self, x: ArrayLike, y: ArrayLike) -> None:
         """Draw more points."""
         self._set(np.concatenate((self._x, x)), np.concatenate((self._y, y)))
-
-    def clear(self) -> None:
-        """Draw no point."""
-        self.setData()
-
-    def getData(self) -> tuple[FloatArray, FloatArray]:
-        """Return the coordinates of the points, (n,) each, in units of the axes."""
-        return self._x, self._y
 
     def setPen(self, pen: QPen) -> None:
         """Draw the outlines with another pen."""
@@ -75,15 +145,6 @@ class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         self._size = size
         self._restyle()
 
-    def boundingRect(self) -> QRectF:
-        """Return the area of the spots, including their size in pixels."""
-        if self._around is None:
-            across, along = (0.0 if vector is None else vector.length() for vector in self.pixelVectors())
-            padding = self.pixelPadding()
-            across, along = across * padding, along * padding
-            self._around = self._bounds.adjusted(-across, -along, across, along)
-        return self._around
-
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None) -> None:
         """Draw the spots, at the places of the last time if nothing has moved."""
         placing, ratio = painter.transform(), 1.0 if widget is None else widget.devicePixelRatioF()
@@ -94,24 +155,9 @@ class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         painter.resetTransform()
         painter.drawPixmapFragments(*self._fragments.drawargs(), pixels)  # type: ignore[call-arg]  # of C++
 
-    # for the automatic zoom of pyqtgraph
-
-    def dataBounds(self, axis: int, frac: float = 1.0, orthoRange: object = None) -> tuple[float | None, float | None]:
-        """Return the extent along an axis."""
-        if not len(self._x):
-            return None, None
-        bounds = self._bounds
-        return (bounds.left(), bounds.right()) if axis == 0 else (bounds.top(), bounds.bottom())
-
     def pixelPadding(self) -> float:
         """Return how far a symbol reaches from its point, pixels."""
         return float(_DIAGONAL * (self._size + max(self._pen.widthF(), 1.0)))
-
-    def viewTransformChanged(self) -> None:
-        """Note that a pixel has another size."""
-        self.prepareGeometryChange()
-        super().viewTransformChanged()
-        self._around = None
 
     def under(self, at: QPointF) -> NDArray[np.intp]:
         """Return the points whose symbols cover a place, the topmost first."""
@@ -122,31 +168,13 @@ class Spots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         near = (np.abs(self._x - at.x()) < across) & (np.abs(self._y - at.y()) < along)
         return np.flatnonzero(near)[::-1]
 
-    @property
-    def _bounds(self) -> QRectF:
-        if self._extent is None:
-            known = np.isfinite(self._x) & np.isfinite(self._y)
-            x, y = self._x[known], self._y[known]
-            self._extent = QRectF(QPointF(x.min(), y.min()), QPointF(x.max(), y.max())) if len(x) else QRectF()
-        return self._extent
-
     def _set(self, x: FloatArray, y: FloatArray) -> None:
-        self.prepareGeometryChange()
-        self._x, self._y, self._extent, self._around, self._placed = x, y, None, None, None
-        self._show_contents(len(x) > 0)
-        self.informViewBoundsChanged()
-        self.update()
-
-    def _show_contents(self, any_point: bool) -> None:
-        """Let Qt skip an item without points, which would take time at every repaint."""
-        flag = self.GraphicsItemFlag.ItemHasNoContents
-        if bool(self.flags() & flag) is any_point:
-            self.setFlag(flag, not any_point)
+        self._placed = None
+        super()._set(x, y)
 
     def _restyle(self) -> None:
-        self.prepareGeometryChange()
-        self._symbol_pixels, self._around, self._placed = None, None, None
-        self.update()
+        self._symbol_pixels, self._placed = None, None
+        super()._restyle()
 
     def _pixels(self, ratio: float) -> QPixmap:
         """Return the symbol for a screen of `ratio` device pixels per pixel."""
@@ -200,17 +228,50 @@ class TipSpots(Spots):
         self._tells = bool(tips)
 
 
-class PlotLine(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
-    """A curve. Qt skips it at repaints while it has no points, and setting no points again has no effect."""
+class PlotLine(_Points):
+    """A line through points, or lines between pairs of them.
 
-    def __init__(self, **style: object) -> None:
-        super().__init__(np.empty(0), np.empty(0), **style)
-        self.setFlag(self.GraphicsItemFlag.ItemHasNoContents)
+    A curve of pyqtgraph does the same with many options, and took three times as long.
+    """
 
-    def setData(self, x: ArrayLike = (), y: ArrayLike = (), **style: object) -> None:
-        """Draw a line through these points, (n,) each."""
-        count, before = np.size(x), None if self.xData is None else len(self.xData)
-        if count or style or before != 0:
-            super().setData(np.asarray(x, float), np.asarray(y, float), **style)
-        if bool(count) is not bool(before):
-            self.setFlag(self.GraphicsItemFlag.ItemHasNoContents, not count)
+    def __init__(self, connect: str = "all", pen: object = "d", filled: bool = False) -> None:
+        """`connect`: "all", "finite" (a gap at each NaN) or "pairs". `filled`: fill the enclosed area."""
+        super().__init__()
+        self._connect, self._filled = connect, filled
+        self._pen, self._brush = pg.mkPen(pen), pg.mkBrush(None)
+        self._cleared: QPen | None = None
+        self._path: QPainterPath | None = None  # None until it is painted
+
+    def setPen(self, pen: QPen) -> None:
+        """Draw the line with another pen."""
+        self._pen = pen
+        self._restyle()
+
+    def setShadowPen(self, pen: QPen) -> None:
+        """Draw the line with this pen first, so that it stands out from what is below."""
+        self._cleared = pen
+        self._restyle()
+
+    def setBrush(self, brush: object) -> None:
+        """Fill the enclosed area of a `filled` line with another brush or colour."""
+        self._brush = pg.mkBrush(brush)
+        self._restyle()
+
+    def paint(self, painter: QPainter, *_: object) -> None:
+        """Draw the line."""
+        if self._path is None:
+            self._path = pg.arrayToQPath(self._x, self._y, connect=self._connect)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        if self._cleared is not None:
+            painter.strokePath(self._path, self._cleared)
+        painter.setPen(self._pen)
+        painter.setBrush(self._brush if self._filled else Qt.BrushStyle.NoBrush)
+        painter.drawPath(self._path)
+
+    def pixelPadding(self) -> float:
+        """Return how far the line reaches from its points, pixels."""
+        return float(_DIAGONAL * max(pen.widthF() for pen in (self._pen, self._cleared) if pen is not None))
+
+    def _set(self, x: FloatArray, y: FloatArray) -> None:
+        self._path = None
+        super()._set(x, y)

@@ -52,6 +52,7 @@ class Sentence(PlainLabel):
     def _fit(self) -> None:
         fitting = shortened_to_lines(self._whole, self.font(), self.width() - 2 * _MARGIN, _LINES)
         self.setText(fitting)
+        self.heightForWidth(self.width())  # lays out now: during the paint, it would ask for another one
         self.setToolTip(self._whole if fitting != self._whole else "")
 
 

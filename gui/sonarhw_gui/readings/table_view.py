@@ -69,6 +69,10 @@ class _Rows(QTableView):
         else:
             super().keyPressEvent(event)
 
+    def lay_out(self) -> None:
+        """Lay out new rows now: Qt would do it after the next paint, and paint again."""
+        self.executeDelayedItemsLayout()
+
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the selected row visible."""
         super().resizeEvent(event)
@@ -141,6 +145,7 @@ class TableView(QWidget):
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._fade_counts(shown)
         self._follow(shown.chosen)
+        self.view.lay_out()
 
     def fit(self) -> None:
         """Show the selected reading, and the columns that fit."""

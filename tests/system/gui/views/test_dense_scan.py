@@ -172,7 +172,7 @@ def test_every_entry_of_the_legend_switches_its_layer_with_a_key(
         qtbot.keyClick(entry, Qt.Key.Key_Space)
         until(qtbot, lambda layer=layer: layer in window.session.shown.hidden)
         assert not any(item.isVisible() for item in items), layer
-    rays = window.views.plan.drawing.path._rays.xData
+    rays = window.views.plan.drawing.path._rays.getData()[0]
     assert rays is None or not len(rays)
     qtbot.keyClick(entry, Qt.Key.Key_Space)
     until(qtbot, lambda: layer not in window.session.shown.hidden)
