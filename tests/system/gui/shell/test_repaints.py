@@ -100,3 +100,36 @@ def test_a_drag_of_the_sensor_lays_out_no_view(qtbot: QtBot, open_with: OpenWith
         qtbot.wait(1)  # a layout is a posted event
     qtbot.mouseRelease(plan.viewport(), Qt.MouseButton.LeftButton)
     assert (len(texts), requests.count) == (5, 0)
+
+
+class Events(QObject):
+    """Lists the paints of widgets and of their window in order."""
+
+    def __init__(self, window: QWidget, **parts: QWidget) -> None:
+        super().__init__(window)
+        self.names: list[str] = []
+        self._of = {window: "window", **{part: name for name, part in parts.items()}}
+        for widget in self._of:
+            widget.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() is (QEvent.Type.UpdateRequest if self._of[watched] == "window" else QEvent.Type.Paint):
+            self.names.append(self._of[watched])
+        return False
+
+
+def test_the_sentence_and_new_rows_are_painted_in_one_frame(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    replay, table = window.session.replay, window.views.table.view
+    replay.seek(0.9 * replay.state.duration)
+    window.session.showing.choose(0)
+    qtbot.wait(60)  # two ticks
+    events = Events(window, sentence=window.sentence, rows=table.viewport())
+    replay.step_forward()
+    until(qtbot, lambda: "rows" in events.names)
+    assert events.names[:2] == ["window", "rows"]
+    window.session.showing.choose(1)
+    until(qtbot, lambda: "sentence" in events.names)
+    qtbot.wait(60)
+    assert events.names.count("sentence") == 1

@@ -1,0 +1,53 @@
+"""When the model of the views updates them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QObject
+from sonarhw_gui.live.scanner_jobs import ScanSettings
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session import shown_model
+from sonarhw_gui.session.reading_source import ReadingSource
+from sonarhw_gui.session.scanner_choice import ScannerChoice
+from sonarhw_gui.session.shown_model import ShownModel
+from sonarhw_sim.board.profile import load_board
+
+
+class Clock:
+    """A clock that the test sets."""
+
+    now = 100.0  # s
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(shown_model, "time", clock)
+    return clock
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Iterator[ShownModel]:
+    owner = QObject()
+    source = ReadingSource(ScannerChoice(None, None, owner), ScanSettings(tmp_path), owner)
+    model = ShownModel(Scene(None, None, load_board("polaroid-6500")), Look(), source, owner)
+    yield model
+    model.close()
+
+
+def test_results_of_a_fast_scan_are_shown_with_its_next_readings(
+    model: ShownModel, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    updates: list[float] = []
+    model.changed.connect(lambda _: updates.append(clock.now))
+    finished = iter((False, True, False, True, False, False))
+    monkeypatch.setattr(model.forecast, "take", lambda: next(finished))
+    for now, readings in ((0.0, True), (0.02, False), (0.03, True), (0.05, False), (0.06, False), (0.08, False)):
+        clock.now = now
+        model.tick(readings)
+    assert updates == [0.0, 0.03, 0.08]  # the last results come without further readings
