@@ -304,8 +304,8 @@ def live(lasts: float) -> list[Figure]:
     return [
         Figure(f"{what}paints of new readings per second", len(frames) / wall, "/s", 30, True),
         Figure(f"{what}last byte to paint, median", ms(drawn, 0.5), "ms"),
-        Figure(f"{what}last byte to paint, 99 of 100", ms(drawn, 0.99), "ms", 100),
-        Figure(f"{what}GUI thread from paint to paint, 99 of 100", ms(busy, 0.99), "ms of it", 33),
+        Figure(f"{what}last byte to paint, 99 of 100", ms(drawn, 0.99), "ms", 60),
+        Figure(f"{what}GUI thread from paint to paint, 99 of 100", ms(busy, 0.99), "ms of it", 25),
         Figure(f"{what}processor, window with driver and log", process / wall, "cores", 1),
     ]
 

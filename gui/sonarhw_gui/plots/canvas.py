@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QGraphicsView
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.pick import is_plain_click
-from sonarhw_gui.plots.plot_look import remove_prefixes, style_plot
+from sonarhw_gui.plots.plot_look import PlotAxis, remove_prefixes, style_plot
 
 _WIDEST = 1e5  # m, ° or s; nothing larger is drawn, and ticks beyond are unreadable
 
@@ -25,7 +25,8 @@ def new_plot(
     # last one, and a drag whose events reach a busy window together would be a click; Qt already merges moves
     pg.setConfigOptions(antialias=True, mouseRateLimit=0)
     # the window has its own menus; pyqtgraph's would offer logarithmic headings and another export
-    plot = pg.PlotItem(axisItems=dict(axes or {}), viewBox=box, enableMenu=False)
+    own = {side: PlotAxis(side) for side in ("left", "bottom")}
+    plot = pg.PlotItem(axisItems={**own, **(axes or {})}, viewBox=box, enableMenu=False)
     remove_prefixes(plot)
     plot.hideButtons()
     plot.setLimits(maxXRange=_WIDEST, maxYRange=_WIDEST)

@@ -6,9 +6,9 @@ Plot coordinates stay in metres; only the tick values of the axes use the unit.
 from typing import cast
 
 import pyqtgraph as pg
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QGuiApplication, QPen
-from PySide6.QtWidgets import QGraphicsItem
+from PySide6.QtWidgets import QGraphicsItem, QGraphicsSceneMoveEvent, QGraphicsSceneResizeEvent
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
@@ -16,6 +16,40 @@ from sonarhw_gui.look.theme import text_font
 _AXES = ("left", "bottom", "right", "top")
 # tick values and grid take a third of a repaint, and change only with the zoom
 _CACHED = QGraphicsItem.CacheMode.DeviceCoordinateCache
+
+
+class PlotAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
+    """An axis that computes its area only when it may have changed: Qt asks for it seven times in each repaint."""
+
+    def __init__(self, side: str) -> None:
+        self._area: QRectF | None = None
+        super().__init__(side)
+
+    def boundingRect(self) -> QRectF:
+        """Return the area of axis and grid."""
+        if self._area is None:
+            self._area = super().boundingRect()
+        return self._area
+
+    def prepareGeometryChange(self) -> None:
+        """Note a change of grid or style."""
+        self._area = None
+        super().prepareGeometryChange()
+
+    def resizeEvent(self, ev: QGraphicsSceneResizeEvent | None = None) -> None:
+        """Note another size."""
+        self._area = None
+        super().resizeEvent(ev)
+
+    def moveEvent(self, event: QGraphicsSceneMoveEvent) -> None:
+        """Note another position, relative to that of the grid."""
+        self._area = None
+        super().moveEvent(event)
+
+    def linkedViewChanged(self, view: pg.ViewBox, newRange: object = None) -> None:
+        """Note another size of the grid."""
+        self._area = None
+        super().linkedViewChanged(view, newRange)
 
 
 def cosmetic_pen(colour: str, width: float = 1.0, style: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:

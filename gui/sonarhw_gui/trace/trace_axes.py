@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pyqtgraph as pg
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.plots.plot_look import label_axis
+from sonarhw_gui.plots.plot_look import PlotAxis, label_axis
 from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve, TraceCurves
 
 _ROUNDING = 1e-9
@@ -60,7 +59,7 @@ def signal_curve(sound: TraceCurves) -> Curve:
     return Curve(np.concatenate((times, gap, times)), np.concatenate((levels, gap, -levels)))
 
 
-class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
+class UnitAxis(PlotAxis):
     """An axis whose tick values include the unit, which takes less height than a label."""
 
     def __init__(self, side: str) -> None:
@@ -79,7 +78,7 @@ class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
         return [f"{text} {self.unit}" for text in super().tickStrings(values, scale, spacing)]
 
 
-class HeightAxis(pg.AxisItem):  # type: ignore[misc]
+class HeightAxis(PlotAxis):
     """Axis without tick values above `top`, where names are drawn."""
 
     def __init__(self) -> None:
@@ -99,7 +98,7 @@ class HeightAxis(pg.AxisItem):  # type: ignore[misc]
         return [text if value <= top else "" for text, value in zip(texts, values, strict=True)]
 
 
-class GainAxis(pg.AxisItem):  # type: ignore[misc]
+class GainAxis(PlotAxis):
     """Axis in dB for the gain curve, which is scaled to the height range of the traces."""
 
     def __init__(self) -> None:

@@ -2,12 +2,16 @@
 
 import gc
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.plots.canvas import Canvas
+from sonarhw_gui.plots.plot_look import PlotAxis
 from sonarhw_gui.session.turns import Turns
 
 from sonarhw.log import read_log
@@ -133,3 +137,22 @@ def test_the_sentence_and_new_rows_are_painted_in_one_frame(qtbot: QtBot, open_w
     until(qtbot, lambda: "sentence" in events.names)
     qtbot.wait(60)
     assert events.names.count("sentence") == 1
+
+
+def test_axes_cover_the_area_that_pyqtgraph_computes(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    drawing, look = window.views.plan.drawing, window.session.shown.look
+    for change in (
+        lambda: window.resize(1500, 900),
+        lambda: drawing.zoom(1e-3),
+        lambda: window.session.showing.set_look(replace(look, scale=1.5)),
+        lambda: window.views.ranges.ranges.showGrid(x=False, y=False),
+        lambda: window.resize(1024, 700),
+    ):
+        change()
+        qtbot.wait(60)  # two ticks
+        items = (item for canvas in window.findChildren(Canvas) for item in canvas.scene().items())
+        axes = [axis for axis in items if isinstance(axis, PlotAxis) and axis.isVisible()]
+        assert len(axes) >= 10
+        assert [axis.boundingRect() for axis in axes] == [pg.AxisItem.boundingRect(axis) for axis in axes]
