@@ -166,6 +166,7 @@ class _Work(NamedTuple):
     largest: FloatArray  # (k,), m
     levels: IntArray  # (k,)
     choices: IntArray  # (k,): the next visit to try at each depth
+    passed: IntArray  # (1,): number of low surfaces that the way passes; -1: not counted yet
 
 
 @compiled
@@ -184,19 +185,21 @@ def _fold(
     passages, visits = room_for_passages(ways.at.shape[1], obstacles.low), _no_visits(most_visits)
     touches = _no_touches(ways.at.shape[1])
     numbers, choices = np.empty((4, deepest + 2)), np.empty((2, deepest + 2), np.int32)
-    work = _Work(numbers[0], numbers[1], numbers[2], numbers[3], choices[0], choices[1])
-    found = 0
+    work = _Work(numbers[0], numbers[1], numbers[2], numbers[3], choices[0], choices[1], np.empty(1, np.int32))
+    found, least = 0, _least_climb(height, obstacles.levels)
     for row in range(ways.at.shape[0]):
         length = ways.at[row, ways.lasts[row]]
         if not _CLOSE < length <= max_length:
             continue
-        passed = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, passages)
+        largest = min(math.sqrt(max_length * max_length - length * length), steepest[row] * length)
+        if largest < least - _NEARLY:
+            continue
+        work.passed[0] = -1
         visited = _visit_levels(ways, row, obstacles.levels, visits)
         touched = _touch_low(ways, row, obstacles, touches)
-        largest = min(math.sqrt(max_length * max_length - length * length), steepest[row] * length)
         most = min(deepest, max_bounces - bounces[row])
         for first in range(2):
-            seen = passages, passed, visits, visited, touches, touched
+            seen = passages, visits, visited, touches, touched
             found = _fold_along(ways, row, first, height, largest, most, seen, obstacles, work, folded, found)
     return found
 
@@ -209,7 +212,7 @@ def _fold_along(
     height: float,
     largest_climb: float,
     most_levels: int,
-    seen: tuple[Passages, int, _Visits, int, _Touches, int],
+    seen: tuple[Passages, _Visits, int, _Touches, int],
     obstacles: Obstacles,
     work: _Work,
     folded: Folded,
@@ -217,11 +220,11 @@ def _fold_along(
 ) -> int:
     """Add the sequences along one way that first go down (`first` 0) or up (1); return how many rows there are now.
 
-    `seen` is what the way passes and touches, each with the number of rows.
+    `seen` is room for the low surfaces that it passes, and what else it passes and touches, with the number of rows.
     """
-    (passages, passed, visits, visited, touches, touched), levels = seen, obstacles.levels
+    (passages, visits, visited, touches, touched), levels = seen, obstacles.levels
     length = ways.at[row, ways.lasts[row]]
-    heights, climbs, least, largest, sequence, choice = work
+    heights, climbs, least, largest, sequence, choice, passed = work
     depth = 0
     heights[0], climbs[0], choice[0] = height, 0.0, 0
     least[0], largest[0] = 0.0, largest_climb
@@ -265,14 +268,23 @@ def _fold_along(
         if home <= 0.0 or not lower - _CLOSE <= total <= upper + _CLOSE:
             continue
         heights[depth + 1], climbs[depth + 1] = height, total
-        if can_take(ways, row, passages, passed, Rise(heights, climbs, sequence, depth), obstacles):
+        if passed[0] < 0:
+            # on most ways, no sequence comes so far
+            passed[0] = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, passages)
+        if can_take(ways, row, passages, passed[0], Rise(heights, climbs, sequence, depth), obstacles):
             if found < folded.rows.shape[0]:
-                folded.rows[found], folded.totals[found] = row, total
-                for j in range(folded.levels.shape[1]):
-                    folded.levels[found, j] = sequence[j] if j < depth else -1
-                    folded.climbs[found, j] = climbs[j + 1] if j < depth else np.nan
+                _enter(row, total, depth, work, folded, found)
             found += 1
     return found
+
+
+@inlined
+def _enter(row: int, total: float, depth: int, work: _Work, folded: Folded, found: int) -> None:
+    """Enter the first `depth` levels of a sequence as row `found`."""
+    folded.rows[found], folded.totals[found] = row, total
+    for j in range(folded.levels.shape[1]):
+        folded.levels[found, j] = work.levels[j] if j < depth else -1
+        folded.climbs[found, j] = work.climbs[j + 1] if j < depth else np.nan
 
 
 @compiled_part
@@ -284,16 +296,16 @@ def _narrowed(
     Sound has touched `depth` levels so far, and further ones are unknown. The first result exceeds the second if sound
     cannot touch all.
     """
-    lower, upper = lower - _NEARLY, upper + _NEARLY
+    lower, upper, reached = lower - _NEARLY, upper + _NEARLY, 0
     for k in range(touched):
         share = touches.shares[k]
         begin, end = share * lower, share * upper
         if begin > climbs[depth]:
             break
+        while climbs[reached + 1] < begin:
+            reached += 1
         first, last = np.inf, -np.inf
-        for j in range(depth):
-            if climbs[j + 1] < begin:
-                continue
+        for j in range(reached, depth):
             if climbs[j] > end:
                 break
             # where on its way up or down it is at the height of the surface
@@ -322,6 +334,17 @@ def _first_reached(visits: _Visits, k: int, steepness: float, largest: float) ->
     while k < behind and steepness / max(visits.leaves[k], _CLOSE) > largest + _CLOSE:
         k += 1
     return k
+
+
+@compiled_part
+def _least_climb(height: float, levels: KernelLevels) -> float:
+    """Return what sound from a height and back to it goes up and down at least to touch a level, m."""
+    least = np.inf
+    for level in range(levels.heights.shape[0]):
+        gap = (height - levels.heights[level]) * levels.facing[level]
+        if gap > 0.0:
+            least = min(least, 2.0 * gap)
+    return least
 
 
 @array_part
