@@ -1,26 +1,29 @@
 """Readings and paths in rooms with heights: `python -m benchmarks.heights`.
 
 Counts wrong readings, 180 in each of 24 random boxes and 24 L-shaped rooms with a table, against images in space
-(`tests/oracles/brute/spatial.py`), and compares the time of a search there with that of one in the plan: median and
-range. Then how many paths over and under low walls a search misses, and its time.
+(`tests/oracles/brute/spatial.py`), and compares the work there with that in the plan: median and range. Then how many
+paths over and under low walls a search misses, and its work.
 
 Compares mirror paths up to 21.4 m with those of a search with eight times as many slopes. This one can miss paths too,
 so the numbers are a lower bound. *loud* are those that `polaroid-6500` can detect at some heading, *changed* the
-readings at 360 headings, of each receiver, that differ by more than 1 cm with the paths of the thorough search. Number
-of paths and processor times, with edges and beam, are relative to those of a search in the plan of the same room. At
-most 6 times the plan is required.
+readings at 360 headings, of each receiver, that differ by more than 1 cm with the paths of the thorough search.
+
+The work in space is relative to that in the plan of the same room: number of all paths, of mirror paths, which no edge
+bends, and of loud ones; processor time of the search; and that of a prediction at 360 headings with `polaroid-6500`, as
+commands make it. At most 6 times the time in the plan is required.
 """
 
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.levels import loud_enough
-from sonarhw_sim.predict.prediction import PredictionOptions, weigh_paths
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
 from sonarhw_sim.rays import passing
 from sonarhw_sim.rays.paths import Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
@@ -31,6 +34,7 @@ from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape, rand
 
 ROOMS, HEADINGS = 24, 180
 SEARCH = PathSearch(21.4, 0.00695, diffraction=False)
+EDGES_TOO = replace(SEARCH, diffraction=True, ka=16.0)
 NEAR = 8.0  # m
 BOARD = load_board("polaroid-6500")
 ALL_ROUND = np.radians(np.arange(360.0))
@@ -110,19 +114,39 @@ def _changed(room: Room, place: Place, usual: Paths, thorough: Paths) -> int:
     return changed
 
 
-def beside_plan(room: Room, place: Place) -> tuple[float, float]:
-    """Return paths and processor time of a search in space with edges and beam, over those in the plan."""
-    search = replace(SEARCH, diffraction=True, ka=16.0)
-    flat = replace(place, height=None)
-    paths = len(paths_from(room, place, search)) / len(paths_from(room, flat, search))
-    in_space, in_plan = (_seconds(partial(paths_from, room, at, search)) for at in (place, flat))
-    return paths, in_space / in_plan
+class Work(NamedTuple):
+    """What a prediction needs: a number for one room, or for the same in space over that in the plan."""
+
+    paths: float
+    mirror: float  # paths that no edge bends
+    loud: float  # paths that `polaroid-6500` can detect at some heading
+    search: float  # s of processor time
+    prediction: float
 
 
-def times_beside_plan(scenes: Iterable[tuple[Room, Place]]) -> str:
-    """Return median and range of the time of searches in these rooms over that in the plan."""
-    times = [beside_plan(room, place)[1] for room, place in scenes]
-    return f"time/plan {np.median(times):.1f} ({min(times):.1f} to {max(times):.1f})"
+def work(room: Room, place: Place) -> Work:
+    """Return the work for a place."""
+    paths = paths_from(room, place, EDGES_TOO)
+    return Work(
+        len(paths),
+        int((paths.edges < 0).sum()),
+        len(loud_enough(room, BOARD, paths, 0.0)),
+        _seconds(partial(paths_from, room, place, EDGES_TOO)),
+        _seconds(partial(predict_scan, room, place, BOARD, ALL_ROUND)),
+    )
+
+
+def beside_plan(room: Room, place: Place) -> Work:
+    """Return the work in space over that in the plan."""
+    in_space, in_plan = work(room, place), work(room, replace(place, height=None))
+    return Work(*(one / other for one, other in zip(in_space, in_plan, strict=True)))
+
+
+def all_beside_plan(scenes: Iterable[tuple[Room, Place]]) -> str:
+    """Return median and range of the work in these rooms over that in the plan."""
+    each = np.array([beside_plan(room, place) for room, place in scenes])
+    columns = zip(Work._fields, np.median(each, axis=0), each.min(axis=0), each.max(axis=0), strict=True)
+    return ", ".join(f"{name} {middle:.1f} ({least:.1f} to {most:.1f})" for name, middle, least, most in columns)
 
 
 def _seconds(job: Callable[[], object]) -> float:
@@ -138,16 +162,16 @@ def main() -> None:
     """Print the counts and the table."""
     boxes, l_shapes = map(random_box, range(ROOMS)), map(random_l_shape, range(ROOMS))
     print(f"boxes: {wrong_readings(compare_in_box)}", flush=True)
-    print(f"boxes: {times_beside_plan((box.room, box.place) for box in boxes)}", flush=True)
+    print(f"boxes: over the plan: {all_beside_plan((box.room, box.place) for box in boxes)}", flush=True)
     print(f"L-shaped rooms with a table: {wrong_readings(compare_in_l_shape)}", flush=True)
-    print(f"L-shaped rooms with a table: {times_beside_plan(l_shapes)}", flush=True)
+    print(f"L-shaped rooms with a table: over the plan: {all_beside_plan(l_shapes)}", flush=True)
     heads = ("found", "missed", "to 8 m", "missed", "loud", "missed", "changed")
-    print(f"{'':22} {' '.join(f'{head:>8}' for head in heads)} paths/plan  time/plan")
+    print(f"{'':22} {' '.join(f'{head:>8}' for head in heads)}  over the plan: {', '.join(Work._fields)}")
     doorstep, furnished = load_room("doorstep"), parse_room(FURNISHED, "furnished")
     for room, name in ((furnished, "here"), (doorstep, "robot"), (doorstep, "tripod")):
         place = room.places[name]
-        paths, in_time = beside_plan(room, place)
-        print(f"{room.name + ', ' + name:22} {missed(room, place)} {paths:10.2f} {in_time:10.1f}", flush=True)
+        row = " ".join(f"{value:5.1f}" for value in beside_plan(room, place))
+        print(f"{room.name + ', ' + name:22} {missed(room, place)} {row}", flush=True)
 
 
 if __name__ == "__main__":
