@@ -189,7 +189,7 @@ class _Result:
     def add(self, key: str, found: Between, before: float, unit: str) -> None:
         """Add a value with its 95 % interval."""
         self.findings.append(CalibratedValue(key, found.value, found.low, found.high, before, unit))
-        self.board = replace(self.board, **{key: found.value})  # type: ignore[arg-type]
+        self.board = self.board.with_numbers({key: found.value})
 
     def add_measured(self, key: str, found: SharedValue, before: float, unit: str) -> None:
         """Add a value with its standard deviation."""
@@ -275,7 +275,7 @@ def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:
         else:
             half = f"{found.value:.2g} ± {_CONTRADICTED * found.deviation:.2g} {unit}".rstrip()
             result.kept[key] = f"the scans do not contradict it (99 %: {half})"
-            result.board = replace(result.board, **{key: before})  # type: ignore[arg-type]
+            result.board = result.board.with_numbers({key: before})
     result.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
 
 

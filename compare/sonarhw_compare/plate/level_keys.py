@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from enum import StrEnum
 
 from sonarhw_sim.board.profile import Board
@@ -22,4 +21,4 @@ def changed_board(board: Board, changes: Mapping[LevelKey, float]) -> Board:
     for key, change in changes.items():
         before = float(getattr(board, key))
         values[str(key)] = before * math.exp(change) if key is LevelKey.APERTURE else before + change
-    return replace(board, **values)  # type: ignore[arg-type]
+    return board.with_numbers(values)

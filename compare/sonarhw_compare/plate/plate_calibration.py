@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_sim.board.profile import Board
@@ -99,7 +99,7 @@ class _Result:
         before = getattr(self.start, key)
         before = float(self.start.rise_cycles if before is None else before)
         self.findings.append(CalibratedValue(key, value, low, high, before, unit))
-        self.board = replace(self.board, **{key: value})  # type: ignore[arg-type]
+        self.board = self.board.with_numbers({key: value})
 
 
 def _find_blanking(result: _Result, scans: Sequence[PlateReadings]) -> None:

@@ -132,7 +132,7 @@ def ring_down(board: Board, deviation: float, scans: Sequence[PlateReadings], tr
     measured = float(getattr(board, decay))
 
     def levels(cycles: float) -> FloatArray:
-        changed = replace(board, **{decay: cycles, "own_burst_db": 0.0})  # type: ignore[arg-type]
+        changed = board.with_numbers({decay: cycles, "own_burst_db": 0.0})
         return np.concatenate([_excess(changed, scan.speed_of_sound, one) for scan, one in shown])
 
     here = levels(measured)

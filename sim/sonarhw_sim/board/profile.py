@@ -1,10 +1,11 @@
 """Board profiles: all properties of a ranging board, read from an included profile or from a file."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -248,6 +249,11 @@ class Board:
     def certain(self) -> "Board":
         """The board without spreads: one sensor, whose threshold and range offset are those of the profile."""
         return replace(self, threshold_sd_db=0.0, range_sd=0.0)
+
+    def with_numbers(self, numbers: Mapping[str, float]) -> "Board":
+        """Return the board with these numbers, by key of the profile. Raises TypeError for an unknown key."""
+        changes: dict[str, Any] = dict(numbers)  # which keys is known only at run time
+        return replace(self, **changes)
 
     @property
     def blanking_end(self) -> float:

@@ -1,7 +1,6 @@
 """Scans of a wall by a fake scanner with a board whose constants the test hides."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from sonarhw_compare.plate.plate_readings import PlateReadings, plate_readings
@@ -44,7 +43,7 @@ def start_board() -> Board:
 
 def hidden_board(**constants: float) -> Board:
     """Return the board of the scanner, with these constants in place of `CONSTANTS`."""
-    return replace(start_board(), **(CONSTANTS | constants))  # type: ignore[arg-type]
+    return start_board().with_numbers(CONSTANTS | constants)
 
 
 def wall_room() -> Room:
