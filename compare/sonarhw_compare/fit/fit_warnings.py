@@ -15,8 +15,8 @@ from sonarhw_compare.fit.values.warning_kinds import (
     SeveralSolutions,
     Unconstrained,
     Underestimated,
+    pose_text,
 )
-from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.matching.few_explained import explains_few
 from sonarhw_compare.matching.match import Summary
 
@@ -56,21 +56,13 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
 
 
 def _several_solutions(result: FitResult) -> list[SeveralSolutions]:
+    shown = tuple(one for one in result.parameters if isinstance(one.quantity, PlaceQuantity))
+    poses = [tuple(mode.values[one.name] for one in shown) for mode in result.modes]
     # solutions that differ only in digits that are not printed are one
-    poses = tuple(dict.fromkeys(_pose(result, mode.values) for mode in result.modes))
-    return [SeveralSolutions(poses)] if len(poses) > 1 else []
-
-
-def _pose(result: FitResult, values: dict[str, float]) -> str:
-    shown = [parameter for parameter in result.parameters if isinstance(parameter.quantity, PlaceQuantity)]
-    best = result.modes[0].values
-    changed = [one for one in shown if values[one.name] != best[one.name]]  # none of the best solution
-    return ", ".join(
-        f"{one.name} {estimate_degrees(values[one.name], best[one.name], 1):.1f}°"
-        if one.quantity.is_angle
-        else f"{one.name} {values[one.name]:z.3f}"
-        for one in changed or shown
-    )
+    different: dict[str, tuple[float, ...]] = {}
+    for pose in poses:
+        different.setdefault(pose_text(shown, pose, poses[0]), pose)
+    return [SeveralSolutions(shown, tuple(different.values()))] if len(different) > 1 else []
 
 
 def is_unconstrained(parameter: Parameter, estimate: Estimate) -> bool:

@@ -1,9 +1,11 @@
 """The warnings of a fit as values. `str` of a warning is the line that the command prints."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import WALL, BoardQuantity, Quantity
+from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.matching.few_explained import few_explained_line
 
 
@@ -23,11 +25,13 @@ class FewExplained:
 class SeveralSolutions:
     """Several solutions explain the data about equally well."""
 
-    poses: tuple[str, ...]  # as text, the best first
+    parameters: tuple[Parameter, ...]  # of a pose
+    poses: tuple[tuple[float, ...], ...]  # values of these parameters, the best first
 
     def __str__(self) -> str:
         found = f"{len(self.poses)} solutions explain the scan about equally well, the room may be symmetric"
-        return f"{found}: {'; '.join(self.poses)}"
+        texts = (pose_text(self.parameters, pose, self.poses[0]) for pose in self.poses)
+        return f"{found}: {'; '.join(texts)}"
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,18 @@ class ManyStrays:
 FitWarning = (
     FewExplained | SeveralSolutions | Underestimated | Unconstrained | AtBound | KnownTogether | Mismatch | ManyStrays
 )
+
+
+def pose_text(parameters: Sequence[Parameter], pose: Sequence[float], best: Sequence[float]) -> str:
+    """Return the values of a pose that differ from the best pose, as text; all values of the best one."""
+    values = list(zip(parameters, pose, best, strict=True))
+    changed = [(one, value, at_best) for one, value, at_best in values if value != at_best]
+    return ", ".join(
+        f"{one.name} {estimate_degrees(value, at_best, 1):.1f}°"
+        if one.quantity.is_angle
+        else f"{one.name} {value:z.3f}"
+        for one, value, at_best in changed or values
+    )
 
 
 def _evidence(mismatch: Mismatch) -> str:

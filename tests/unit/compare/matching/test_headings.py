@@ -10,7 +10,7 @@ from sonarhw_cli.comparison.compare_command import summary_lines
 from sonarhw_cli.comparison.fit_table import fit_lines
 from sonarhw_cli.console.number_format import deviation_text, estimate_text
 from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
+from sonarhw_compare.fit import Estimate, FitResult, Mode, SeveralSolutions, free_parameters
 from sonarhw_compare.fit.fit_warnings import warnings_of
 from sonarhw_compare.headings import estimate_degrees, heading_text, in_degrees
 from sonarhw_compare.imports.given_scan import GivenScan
@@ -74,6 +74,8 @@ def test_solutions_that_print_alike_are_one() -> None:
     (several,) = warnings_of(heading_fit(0.0, 180.0))
     assert str(several).startswith("2 solutions")
     assert str(several).endswith("heading 0.0°; heading 180.0°")
+    assert isinstance(several, SeveralSolutions)
+    assert several.poses == ((0.0,), (math.pi,))
 
 
 def heading_fit(*degrees: float) -> FitResult:
