@@ -16,7 +16,6 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.quantities import REFLECTANCE
 from sonarhw_compare.known_room.room_calibration import calibrate_in_room
@@ -192,17 +191,26 @@ def gained(found: Sequence[HeldOut], sensor: str, since: str, now: str) -> tuple
 
     Both profiles are tested with the same readings, so a bootstrap draws blocks of them for both together.
     """
-    before, after = ([one.judged for one in of_title(found, title, sensor)] for title in (since, now))
-    sounding = np.concatenate([one.sounding for one in before])
+    return _with_errors(_drawn_shares(found, sensor, now) - _drawn_shares(found, sensor, since))
+
+
+def _with_errors(drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return values, (k,), and their standard errors, (k,), from the values and those of the bootstrap, (k, 1 + w)."""
+    return drawn[:, 0], np.nanstd(drawn[:, 1:], axis=1)  # a draw may have no silence
+
+
+def _drawn_shares(found: Sequence[HeldOut], sensor: str, title: str) -> FloatArray:
+    """Return share of echoes and balanced accuracy of silence of a sensor with one profile, (2, 1 + w).
+
+    The first column is that of the readings, the others are those of a bootstrap over blocks of neighbours. Equal
+    numbers of readings give equal blocks.
+    """
+    judged = [one.judged for one in of_title(found, title, sensor)]
+    matched, sounding, predicted = (
+        np.concatenate([getattr(one, name) for one in judged]) for name in ("matched", "sounding", "predicted")
+    )
     draws = drawn_blocks(len(sounding), BLOCK, np.random.default_rng(0))
-    changes = [_shares(after, sounding, rows) - _shares(before, sounding, rows) for rows in (np.ones((1, 1)), draws)]
-    errors = np.nanstd(changes[1], axis=1)  # a draw may have no silence
-    return changes[0][:, 0], errors
-
-
-def _shares(judged: Sequence[Judged], sounding: NDArray[np.bool_], weights: FloatArray) -> FloatArray:
-    """Return share of echoes and balanced accuracy of silence, (2, w), with each row of `weights` (w, n)."""
-    matched, predicted = (np.concatenate([getattr(one, name) for one in judged]) for name in ("matched", "predicted"))
+    weights = np.concatenate((np.ones((1, len(sounding))), draws))
     echoes, silent = weights * sounding, weights * ~sounding
     heard = (echoes * predicted).sum(axis=1) / echoes.sum(axis=1)
     quiet = (silent * ~predicted).sum(axis=1) / silent.sum(axis=1)
@@ -224,6 +232,7 @@ def print_sensors(
         print("  mean    " + _shown(np.nanmean(rows, axis=0)))
         print("  pooled  " + _shown(_row(of_title(found, title, None))))
         print("  stated and observed: " + calibration_text(reliability(of_title(found, title, None))))
+    print_errors(found, tested)
     print_changes(found, tested)
     print("\nfrom the other places: threshold dB, reflectance of the walls")
     for held in found:
@@ -232,6 +241,22 @@ def print_sensors(
     if picture is not None:
         with picture.open("wb") as file:
             write_picture(draw_sensors(found, tested), file, picture.suffix)
+
+
+def print_errors(found: Sequence[HeldOut], tested: Sequence[str]) -> None:
+    """Print the shares of the calibrated profiles with their standard errors, and the numbers of readings."""
+    print("\ncalibrated: share within 5 cm; balanced accuracy of silence; ± standard error; echoes, silences")
+    rows = []
+    for sensor in tested:
+        sounding = np.concatenate([one.judged.sounding for one in of_title(found, "calibrated", sensor)])
+        rows.append(_with_errors(_drawn_shares(found, sensor, "calibrated")))
+        print(f"  {sensor:8}{_with_error(*rows[-1])}{sounding.sum():9d}{(~sounding).sum():5d}")
+    shares, errors = np.swapaxes(rows, 0, 1)
+    print(f"  mean    {_with_error(shares.mean(axis=0), np.sqrt((errors**2).sum(axis=0)) / len(rows))}")
+
+
+def _with_error(shares: FloatArray, errors: FloatArray) -> str:
+    return "".join(f"{share:9.3f} ± {error:.3f}" for share, error in zip(shares.tolist(), errors.tolist(), strict=True))
 
 
 def print_changes(found: Sequence[HeldOut], tested: Sequence[str]) -> None:

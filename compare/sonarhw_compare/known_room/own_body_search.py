@@ -2,7 +2,7 @@
 
 Echoes that the room explains say nothing about the carrier, so they are not given. A run of neighbouring angles counts
 if nearly all places have the same range there, and if the other echoes, turned against each other at random, hardly
-ever have a run as long.
+ever have a run as long. At its ends an echo is as faint as the threshold, so it is detected at some places only.
 
 The room file may lack a wall that is equally far from two places. Its echoes look like those of the carrier, so scans
 from two places are not enough.
@@ -22,15 +22,13 @@ from sonarhw_compare.matching.regions import angles_and_ranges
 SAME_RANGE = 0.025  # m, largest difference of ranges that count as the same
 SAME_PLACE = 0.05  # m, between positions that count as one place
 _AGREEING = 0.7  # share of the places
-_AT_ENDS = 0.5  # the same, at the ends of a run
 _NEXT = 0.03  # m, largest difference of ranges of neighbouring angles
 _TURNS = 300  # random turns of the scans against each other
 _APART = 12  # directions from which turns are drawn, or one for each place if there are more
-_AS_FAR = 0.05  # m, between ranges of runs that are compared
+_AS_FAR = 0.05  # m, between ranges of one body, and of runs that are compared
 _SHORTEST = 2  # angles
 _CHANCE = 0.01  # of these, that have a run as long
 _FINEST = math.radians(1.0)
-_MARGIN = 0.01  # m, around the ranges of a part
 
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
@@ -64,10 +62,7 @@ def _certain_runs(
     found = [(run, float(np.median(values[run]))) for run in _runs(values, enough) if len(run) >= _SHORTEST]
     by_chance = _runs_by_chance(*_without(found, ranges, covered), places, random)
     found = [(run, middle) for run, middle in found if not _is_by_chance(run, middle, by_chance)]
-    values, half = _consensus(ranges, covered, places, _AT_ENDS)
-    runs = [_longer(run, middle, values, half) for run, middle in found]
-    # runs that were made longer may have met
-    return [run for k, run in enumerate(runs) if not any(run[0] in other for other in runs[:k])]
+    return _joined([_longer(run, middle, ranges) for run, middle in found])
 
 
 def _without(
@@ -107,9 +102,7 @@ def _on_grid(readings: Sequence[Reading], count: int) -> tuple[FloatArray, BoolA
     return np.where(covered, ranges[nearest], np.nan), covered
 
 
-def _consensus(
-    ranges: FloatArray, covered: BoolArray, places: IntArray, share: float = _AGREEING
-) -> tuple[FloatArray, BoolArray]:
+def _consensus(ranges: FloatArray, covered: BoolArray, places: IntArray) -> tuple[FloatArray, BoolArray]:
     """Return the range that most places have at each angle, (n,) m, and whether enough places have it, (n,)."""
     numbers = np.unique(places)
     same = np.abs(ranges[:, None] - ranges) <= SAME_RANGE  # (scan, other scan, angle)
@@ -118,7 +111,7 @@ def _consensus(
     agreeing = np.asarray(agreeing)
     best = agreeing.argmax(axis=0)
     columns = np.arange(ranges.shape[1])
-    enough = agreeing[best, columns] >= np.maximum(2, np.ceil(share * present))
+    enough = agreeing[best, columns] >= np.maximum(2, np.ceil(_AGREEING * present))
     return ranges[best, columns], enough
 
 
@@ -164,9 +157,10 @@ def _is_by_chance(run: IntArray, middle: float, by_chance: list[list[tuple[int, 
     return alike > _CHANCE * len(by_chance)
 
 
-def _longer(run: IntArray, middle: float, values: FloatArray, half: BoolArray) -> IntArray:
-    """Return a run with its neighbours at which half of the places still have its range."""
-    count, alike = len(values), half & (np.abs(values - middle) <= _AS_FAR)
+def _longer(run: IntArray, middle: float, ranges: FloatArray) -> IntArray:
+    """Return a run with its neighbours at which a place has an echo as far away as the run, `middle` m."""
+    alike: BoolArray = np.any(np.abs(ranges - middle) <= _AS_FAR, axis=0)
+    count = len(alike)
     begin, end = int(run[0]), int(run[0]) + len(run) - 1
     while alike[(begin - 1) % count] and end - begin + 1 < count:
         begin -= 1
@@ -175,15 +169,29 @@ def _longer(run: IntArray, middle: float, values: FloatArray, half: BoolArray) -
     return np.arange(begin, end + 1) % count
 
 
+def _joined(runs: Sequence[IntArray]) -> list[IntArray]:
+    """Return runs, with those that have met as one."""
+    joined: list[IntArray] = []
+    for run in runs:
+        met = [other for other in joined if np.isin(other, run).any()]
+        angles = np.unique(np.concatenate((run, *met)))
+        gaps = np.flatnonzero(np.diff(angles) > 1)
+        # a run across angle 0 begins behind its only gap
+        angles = np.roll(angles, -int(gaps[0]) - 1) if len(gaps) else angles
+        joined = [*(other for other in joined if not np.isin(other, run).any()), angles]
+    return joined
+
+
 def _part(run: IntArray, ranges: FloatArray, count: int) -> OwnBodyPart:
-    """Return a run as a part of the body; the outer half steps belong to it."""
-    step, middles = 360.0 / count, np.nanmedian(ranges[:, run], axis=0)
-    same = np.abs(ranges[:, run] - middles) <= SAME_RANGE
-    own = ranges[:, run][same]
+    """Return a run as a part of the body; the outer half steps belong to it, and all ranges that count as the same."""
+    step, echoes = 360.0 / count, ranges[:, run]
+    away = np.abs(echoes - np.nanmedian(echoes))
+    middles = np.take_along_axis(echoes, np.nanargmin(away, axis=0)[None], axis=0)
+    own = echoes[np.abs(echoes - middles) <= SAME_RANGE]
     begin = (float(run[0]) - 0.5) * step
     return OwnBodyPart(
         from_deg=round(begin, 2),
         to_deg=round(begin + len(run) * step, 2),
-        nearest=round(float(own.min()) - _MARGIN, 4),
-        farthest=round(float(own.max()) + _MARGIN, 4),
+        nearest=round(max(float(own.min()) - SAME_RANGE, 0.0), 4),
+        farthest=round(float(own.max()) + SAME_RANGE, 4),
     )

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def test_echoes_at_one_angle_and_range_at_all_places_are_the_own_body() -> None:
     (part,) = find_own_body([scan_at(position, body) for position in PLACES])
     assert part.from_deg == pytest.approx(58.5)
     assert part.to_deg == pytest.approx(91.5)
-    assert (part.nearest, part.farthest) == pytest.approx((0.19, 0.23))
+    assert (part.nearest, part.farthest) == pytest.approx((0.175, 0.245))
 
 
 def test_a_body_across_angle_0_is_one_part() -> None:
@@ -71,6 +72,29 @@ def test_a_body_that_one_of_five_scans_misses_is_found() -> None:
     scans = [scan_at(position, range(60, 91)) for position in PLACES[:4]]
     (part,) = find_own_body([*scans, scan_at(PLACES[4])])
     assert part.spans(math.radians(75.0))
+
+
+@pytest.mark.parametrize(("beside", "ends_at"), [(range(93, 97), 97.5), (range(96, 100), 91.5)])
+def test_an_end_that_one_place_alone_shows_belongs_to_the_body(beside: range, ends_at: float) -> None:
+    scans = [scan_at(position, range(60, 91)) for position in PLACES[:4]]
+    (part,) = find_own_body([*scans, scan_at(PLACES[4], [*range(60, 91), *beside])])
+    assert (part.from_deg, part.to_deg) == (pytest.approx(58.5), pytest.approx(ends_at))
+
+
+def test_an_echo_beside_the_body_at_another_range_is_not_its_end() -> None:
+    first, *others = (scan_at(position, range(60, 91)) for position in PLACES)
+    beside = Reading(1000, 0, 0, math.radians(93.0), 0.0, (2 * 0.3 / SPEED,), SPEED)
+    (part,) = find_own_body([replace(first, readings=[*first.readings, beside]), *others])
+    assert (part.to_deg, part.farthest) == pytest.approx((91.5, 0.245))
+
+
+@pytest.mark.parametrize("gap", [75, 0])
+def test_parts_that_meet_where_one_place_shows_the_body_are_one(gap: int) -> None:
+    sides = [(gap + k) % 360 for k in (*range(-15, 0, 3), *range(3, 18, 3))]
+    scans = [scan_at(position, sides) for position in PLACES[:4]]
+    (part,) = find_own_body([*scans, scan_at(PLACES[4], [*sides, gap])])
+    assert part.spans(math.radians(gap))
+    assert part.to_deg - part.from_deg == pytest.approx(33.0)
 
 
 def test_two_parts_are_found_although_turned_scans_bring_them_together() -> None:
