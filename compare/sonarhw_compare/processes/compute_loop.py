@@ -4,7 +4,7 @@ import os
 import pickle
 import sys
 import traceback
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from sonarhw_sim.cores import use_one_thread
 
@@ -23,11 +23,15 @@ def run() -> None:
 def compute(calls: BinaryIO, answers: BinaryIO) -> None:
     """Answer pickled calls, `(function, arguments)`, each with `(succeeded, result or error)`.
 
-    The first object read is the first argument of every function. Raises EOFError at the end of `calls`.
+    `(None, kept)` has no answer: `kept` is the first argument of every function from then on. Raises EOFError at the
+    end of `calls`.
     """
-    kept = pickle.load(calls)
+    kept: Any = None
     while True:
         function, arguments = pickle.load(calls)
+        if function is None:
+            kept = arguments
+            continue
         try:
             answer = True, function(kept, *arguments)
         except Exception as error:  # noqa: BLE001 - raised again by the process that calls

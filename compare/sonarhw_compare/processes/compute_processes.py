@@ -8,7 +8,9 @@ import os
 import pickle
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from sonarhw.errors import WorkersLost
@@ -24,10 +26,11 @@ class ComputeProcesses:
     def __init__(self, count: int, kept: Any) -> None:
         """Start `count` processes, and send `kept` to each, the first argument of every function."""
         self._processes: list[subprocess.Popen[bytes]] = []
+        self._threads = ThreadPoolExecutor(count)  # one waits for each process
         try:
             for _ in range(count):
                 self._processes.append(_started())
-            self._send([kept] * count)
+            self.keep(kept)
         except BaseException:
             self.close()
             raise
@@ -35,42 +38,63 @@ class ComputeProcesses:
     def __len__(self) -> int:
         return len(self._processes)
 
+    def keep(self, kept: Any) -> None:
+        """Send another first argument of every function from now on."""
+        for process in self._processes:
+            _send(process, (None, kept))
+
     def results(self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Return `function(kept, *part)` for each part, computed at once; at most one part for each process.
+        """Return `function(kept, *part)` for each part; each process takes the next part when it has finished one.
 
         Raises the first error that the function raised, and WorkersLost if a process was killed.
         """
-        self._send([(function, part) for part in parts])
-        answers = [self._answer(process) for process in self._processes[: len(parts)]]
-        for succeeded, answer in answers:
+        waiting = deque(enumerate(parts))
+        answers: dict[int, tuple[bool, Any]] = {}
+
+        def compute(process: "subprocess.Popen[bytes]") -> None:
+            while waiting:
+                try:
+                    number, part = waiting.popleft()
+                except IndexError:  # another thread took the last one
+                    return
+                _send(process, (function, part))
+                answers[number] = _answer(process)
+                if not answers[number][0]:
+                    waiting.clear()
+
+        list(self._threads.map(compute, self._processes[: len(parts)]))
+        for number in sorted(answers):
+            succeeded, answer = answers[number]
             if not succeeded:
                 raise answer
-        return [answer for _, answer in answers]
+        return [answers[number][1] for number in range(len(parts))]
 
     def close(self) -> None:
         """End the processes at once, also while they compute."""
         for process in self._processes:
             process.kill()
+        self._threads.shutdown()  # they have read the end of all answers
         for process in self._processes:
             process.communicate()  # closes the pipes, and waits
         self._processes = []
 
-    def _send(self, objects: Sequence[Any]) -> None:
-        try:
-            for process, one in zip(self._processes, objects, strict=False):
-                assert process.stdin is not None
-                pickle.dump(one, process.stdin)
-                process.stdin.flush()
-        except BrokenPipeError as error:
-            raise _lost() from error
 
-    def _answer(self, process: "subprocess.Popen[bytes]") -> tuple[bool, Any]:
-        assert process.stdout is not None
-        try:
-            succeeded, answer = pickle.load(process.stdout)
-        except (EOFError, pickle.UnpicklingError) as error:
-            raise _lost() from error
-        return succeeded, answer
+def _send(process: "subprocess.Popen[bytes]", one: Any) -> None:
+    assert process.stdin is not None
+    try:
+        pickle.dump(one, process.stdin)
+        process.stdin.flush()
+    except BrokenPipeError as error:
+        raise _lost() from error
+
+
+def _answer(process: "subprocess.Popen[bytes]") -> tuple[bool, Any]:
+    assert process.stdout is not None
+    try:
+        succeeded, answer = pickle.load(process.stdout)
+    except (EOFError, pickle.UnpicklingError) as error:
+        raise _lost() from error
+    return succeeded, answer
 
 
 def _lost() -> WorkersLost:

@@ -16,17 +16,21 @@ class LateProcesses(AbstractContextManager["LateProcesses"]):
         """At most `most` processes, and one for each core; none on one core."""
         self._count, self._least, self._done = min(most, core_count()), least, 0
         self._started: ComputeProcesses | None = None
+        self._owner: object = None  # of what the processes keep
 
     def __exit__(self, *_: object) -> None:
         if self._started is not None:
             self._started.close()
 
-    def for_work(self, units: int, kept: Callable[[], Any]) -> ComputeProcesses | None:
+    def for_work(self, units: int, owner: object, kept: Callable[[], Any]) -> ComputeProcesses | None:
         """Return the processes for so many more units of work; None if it is still too little.
 
-        `kept` returns what the processes receive when they start (`ComputeProcesses`).
+        `kept` returns what the processes receive when the owner of the work is another one (`ComputeProcesses`).
         """
         if self._started is None and self._count > 1 and self._done >= self._least:
-            self._started = ComputeProcesses(self._count, kept())
+            self._started, self._owner = ComputeProcesses(self._count, kept()), owner
         self._done += units
+        if self._started is not None and self._owner is not owner:
+            self._started.keep(kept())
+            self._owner = owner
         return self._started

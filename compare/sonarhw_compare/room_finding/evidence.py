@@ -113,11 +113,10 @@ class Evidence:
 
         The function is one of a module. An item takes about as long as the search for the paths of one scan.
         """
-        processes = None if self.processes is None else self.processes.for_work(len(items), self._to_send)
+        processes = None if self.processes is None else self.processes.for_work(len(items), self, self._to_send)
         if processes is None or len(items) < 2:
             return function(self, items, *others)
-        count = min(len(processes), len(items))
-        bounds = [len(items) * part // count for part in range(count + 1)]
+        bounds = _bounds(len(items), len(processes))
         parts = processes.results(function, [(items[begin:end], *others) for begin, end in pairwise(bounds)])
         return [result for part in parts for result in part]
 
@@ -212,6 +211,14 @@ def all_scored(evidence: Evidence, drafts: Iterable[RoomDraft], noise: ReadingNo
 def scored(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise = ROUGH) -> Scored:
     """Return a draft with its log-likelihood; -inf if a wall has no length."""
     return all_scored(evidence, [draft], noise)[0]
+
+
+def _bounds(items: int, processes: int) -> list[int]:
+    """Return where the parts of items begin and end that processes take in turn: large ones first, single ones last."""
+    bounds = [0]
+    while bounds[-1] < items:
+        bounds.append(bounds[-1] + max(1, (items - bounds[-1]) // (2 * processes)))
+    return bounds
 
 
 def _key(draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> bytes:

@@ -1,7 +1,8 @@
 """Growth of a draft: walls and posts are added while the scans speak for them, and removed where they do not."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import expit
@@ -9,8 +10,8 @@ from scipy.special import expit
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
-from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored, scored
+from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
+from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
@@ -23,6 +24,8 @@ _COMPLETED = 2  # of them, whose ends are tried at other walls
 _CORNERS = 4  # points at which a corner is tried
 _STEPS = 2  # of the refinement after each of them
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
+
+_Part = TypeVar("_Part", int, DraftPost)  # the key of a wall, or a post
 
 
 def grown(
@@ -65,16 +68,28 @@ def worth(one: Scored) -> float:
 
 def pruned(evidence: Evidence, best: Scored) -> Scored:
     """Return the draft without walls and posts that are not worth their price; those of the first draft stay."""
-    for key in sorted(best.draft.walls.keys() - evidence.first.walls.keys()):
-        without = scored(evidence, best.draft.without_wall(key))
-        if best.score - without.score < PRICE:
-            best = without
-    for post in best.draft.posts[len(evidence.first.posts) :]:
-        kept = tuple(other for other in best.draft.posts if other is not post)
-        without = scored(evidence, replace(best.draft, posts=kept))
-        if best.score - without.score < PRICE:
-            best = without
+    keys = sorted(best.draft.walls.keys() - evidence.first.walls.keys())
+    best = _without_worthless(evidence, best, keys, RoomDraft.without_wall)
+    posts = best.draft.posts[len(evidence.first.posts) :]
+    return _without_worthless(evidence, best, posts, _without_post)
+
+
+def _without_worthless(
+    evidence: Evidence, best: Scored, parts: Sequence[_Part], without: Callable[[RoomDraft, _Part], RoomDraft]
+) -> Scored:
+    """Return the draft without those of its parts that are not worth their price, tried in order."""
+    while parts:
+        # all at once, because processes divide many drafts better; most rooms keep all
+        tried = all_scored(evidence, [without(best.draft, part) for part in parts])
+        row = next((row for row, one in enumerate(tried) if best.score - one.score < PRICE), None)
+        if row is None:
+            return best
+        best, parts = tried[row], parts[row + 1 :]
     return best
+
+
+def _without_post(draft: RoomDraft, post: DraftPost) -> RoomDraft:
+    return replace(draft, posts=tuple(other for other in draft.posts if other is not post))
 
 
 def unexplained_readings(

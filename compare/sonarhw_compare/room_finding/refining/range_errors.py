@@ -78,7 +78,8 @@ def range_errors(
 ) -> RangeErrors:
     """Return the errors of the readings within 5 cm of their predicted echo, and if wanted those of the headings."""
     with_headings = with_headings and evidence.has_free_headings
-    parts = evidence.in_processes(_of_scans, range(len(evidence.problems)), draft, moves, with_headings)
+    shifts = _shifts(draft, moves)
+    parts = evidence.in_processes(_of_scans, range(len(evidence.problems)), draft, moves, shifts, with_headings)
     ranges, bearings, headings = ([one for part in parts for one in part[kind]] for kind in range(3))
     rows = [*ranges, *bearings, *headings]
     errors = np.array([error for error, _ in rows])
@@ -90,10 +91,15 @@ Row = tuple[float, FloatArray]  # an error and its derivatives
 
 
 def _of_scans(
-    evidence: Evidence, scans: Sequence[int], draft: RoomDraft, moves: Sequence[Move], with_headings: bool
+    evidence: Evidence,
+    scans: Sequence[int],
+    draft: RoomDraft,
+    moves: Sequence[Move],
+    shifts: _Shifts,
+    with_headings: bool,
 ) -> list[tuple[list[Row], list[Row], list[Row]]]:
     """Return the errors of ranges, of bearings and of the heading of each scan."""
-    room, shifts, found = draft.room(REFLECTANCE, evidence.air), _shifts(draft, moves), []
+    room, found = draft.room(REFLECTANCE, evidence.air), []
     for scan in scans:
         ranges, bearings, turns = _of_scan(evidence, draft, scan, room, moves, shifts)
         headings = [_of_heading(heading_error(evidence, draft, room, scan), turns)] if with_headings and turns else []
@@ -207,7 +213,11 @@ def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
         ahead, behind = (
             draft if move.what in ("place", "offset") else move.of(draft, by) for by in (move.step, -move.step)
         )
-        of_segments.append((ahead.segments - behind.segments) / (2 * move.step))
+        moved = np.zeros((len(draft.walls), 4))
+        for row, key in enumerate(draft.walls):
+            if _moves_with(draft, key, move):
+                moved[row] = (ahead.segment(key) - behind.segment(key)) / (2 * move.step)
+        of_segments.append(moved)
         of_posts.append((_posts(ahead) - _posts(behind)) / (2 * move.step))
     turns = [[float(move.is_of("wall", key) and move.part == 1) for key in draft.walls] for move in moves]
     shape = len(moves), len(draft.walls)
@@ -218,6 +228,11 @@ def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
         np.array(of_posts).reshape(len(moves), len(draft.posts), 3),
         np.array(turns).reshape(shape),
     )
+
+
+def _moves_with(draft: RoomDraft, key: int, move: Move) -> bool:
+    """Return whether a move changes an end of a wall: it is of this wall, or of one that an end meets."""
+    return move.what == "wall" and move.which in (key, *(end.meets for end in draft.walls[key].ends))
 
 
 def _posts(draft: RoomDraft) -> FloatArray:
