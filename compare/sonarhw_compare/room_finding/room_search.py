@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.air import Air
@@ -35,7 +36,7 @@ from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_free_ends_moved, with_gaps
 
 _ROUNDS = 3  # of growth and refinement
-_LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
+LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
 _UNKNOWN, _UNKNOWN_TURN = 0.06, math.radians(5.4)  # m, rad: standard deviations of a wall that is not reported
 
@@ -72,12 +73,13 @@ def find_room(
     spreads: Sequence[PoseSpread] = (),
     tick: Callable[[float], None] = lambda _share: None,
     course: Course | None = None,
+    processes: LateProcesses | None = None,
 ) -> FoundRoom:
     """Return the walls and posts that explain scans. Readings of the carrier's own body are left out.
 
     `spreads` are the standard deviations of the places, by default exact. `tick` receives the completed share, 0..1.
-    `course` continues a search. Raises InputError if no reading has an echo, no wall is found, a scan is given twice,
-    or the board is a ring.
+    `course` continues a search. `processes` are those of several searches, by default started and ended by this one.
+    Raises InputError if no reading has an echo, no wall is found, a scan is given twice, or the board is a ring.
     """
     scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     if board.ring is not None:
@@ -85,8 +87,9 @@ def find_room(
     if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
     check_given_once(scans)
-    with LateProcesses(len(scans), _LARGE) as processes:
-        evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course, processes)
+    own = LateProcesses(len(scans), LARGE) if processes is None else nullcontext(processes)
+    with own as used:
+        evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course, used)
         found = _found(evidence, scans, board, tick)
     tick(1.0)
     return found

@@ -16,8 +16,9 @@ from sonarhw_sim.board.profile import Board
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
+from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course, PoseSpread
-from sonarhw_compare.room_finding.room_search import FoundRoom, find_room
+from sonarhw_compare.room_finding.room_search import LARGE, FoundRoom, find_room
 
 _LOCATED = PoseSpread(0.05, 0.06)  # m, rad: of a located scan; wide, because the scan itself gives its pose
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
@@ -75,17 +76,18 @@ def find_room_and_poses(
     known = {k: spread for k, spread in enumerate(spreads) if spread is not None}
     if not known:
         raise InputError("no pose is known; give that of the first log")
-    search = _Search(tuple(scans), known, board, air, tick, course or Course())
-    stage = search.room_of({k: scans[k] for k in known}, 0.0, 1.0)
-    poses: dict[int, tuple[Pose, ...]] = {}
-    while located := search.located(stage):
-        longer = search.extended(stage, located)
-        if longer is None:
-            break
-        poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
-        stage = longer
-    if poses:  # once more, because the last scans began at located places, which are not refined
-        stage = search.room_with(stage, {}, 1.0, 1.0)
+    with LateProcesses(len(scans), LARGE) as processes:
+        search = _Search(tuple(scans), known, board, air, tick, course or Course(), processes)
+        stage = search.room_of({k: scans[k] for k in known}, 0.0, 1.0)
+        poses: dict[int, tuple[Pose, ...]] = {}
+        while located := search.located(stage):
+            longer = search.extended(stage, located)
+            if longer is None:
+                break
+            poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
+            stage = longer
+        if poses:  # once more, because the last scans began at located places, which are not refined
+            stage = search.room_with(stage, {}, 1.0, 1.0)
     tick(1.0)
     return PlacedRoom(
         stage.found,
@@ -105,6 +107,7 @@ class _Search:
     air: Air
     tick: Callable[[float], None]
     course: Course
+    processes: LateProcesses
 
     def room_of(self, placed: dict[int, PlacedScan], done: float, part: float) -> _Stage:
         """Return the room of some scans; `done` and `part` are shares of the progress with this number of scans."""
@@ -115,7 +118,7 @@ class _Search:
             self.tick((step + done + part * share) / steps)
 
         spreads = [self.known.get(k, _LOCATED) for k in placed]
-        found = find_room(list(placed.values()), self.board, self.air, spreads, tick, self.course)
+        found = find_room(list(placed.values()), self.board, self.air, spreads, tick, self.course, self.processes)
         return _Stage(placed, found)
 
     def located(self, stage: _Stage) -> dict[int, Located]:

@@ -61,6 +61,9 @@ def test_each_part_has_its_result_and_an_error_is_raised_as_it_is() -> None:
             processes.results(operator.truediv, [(3,), (0,)])
         assert "compute_loop.py" in failed.value.__notes__[0]
         assert processes.results(operator.add, [(1,)]) == [13]
+        assert processes.results(operator.add, [(number,) for number in range(7)]) == [*range(12, 19)]  # in turn
+        processes.keep(20)
+        assert processes.results(operator.add, [(1,), (2,)]) == [21, 22]
         with pytest.raises(WorkersLost):
             processes.results(os._exit, [()])
     finally:
@@ -93,12 +96,22 @@ def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[ComputeProc
     assert [len(one) for one in two_cores] == [0]  # they have ended
 
 
+def test_the_processes_of_one_search_compute_for_the_next(two_cores: list[ComputeProcesses]) -> None:
+    with LateProcesses(2, 0) as late:
+        for owner, kept in (("first", 10), ("second", 20), ("second", 30), ("first", 40)):
+            processes = late.for_work(1, owner, lambda kept=kept: kept)
+            assert processes is not None
+            # what an owner has sent stays until another one sends
+            assert processes.results(operator.add, [(1,)]) == [{30: 20}.get(kept, kept) + 1]
+        assert len(two_cores) == 1
+
+
 def test_a_cancelled_search_ends_its_processes(
     two_cores: list[ComputeProcesses], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     room = load_room("simple")
     scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
-    monkeypatch.setattr(room_search, "_LARGE", 0)
+    monkeypatch.setattr(room_search, "LARGE", 0)
 
     def check() -> None:
         if two_cores:
