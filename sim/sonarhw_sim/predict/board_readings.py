@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.mount import own_range
-from sonarhw_sim.board.weighing import Candidates, beam_table, first_detected, together
+from sonarhw_sim.board.weighing import Candidates, Together, beam_table, first_detected, together
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.cores import rows_in_parts
 from sonarhw_sim.predict.levels import strengths, turned
@@ -27,19 +27,10 @@ def with_readings(scan: PredictedScan) -> PredictedScan:
 
 def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     """Return what `with_first_echoes` returns, if all paths exist at all headings."""
-    room, board, paths = scan.room, scan.board, scan.paths
+    board, paths = scan.board, scan.paths
     in_time = np.flatnonzero(scan.in_time & ~paths.scattered)
-    ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, scan.headings)
-    candidates = Candidates(
-        paths.leaving[in_time],
-        paths.arriving[in_time],
-        strengths(room, board, paths)[in_time],
-        together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(room.air), board),
-        blocked[:, in_time] if len(blocked) else blocked,
-        10 ** (board.threshold_db / 20),
-        ka,
-        beam_table(ka),
-    )
+    sets = together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(scan.room.air), board)
+    candidates = candidates_of(scan, scan.headings, in_time, sets)
 
     def detected(begin: int, end: int) -> tuple[NDArray[np.intp]]:
         hidden = candidates.blocked[begin:end]
@@ -50,6 +41,24 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     winners = np.append(in_time, -1)[first]
     found = replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
     return with_first_echoes(found, with_scattered_sound(scan))
+
+
+def candidates_of(
+    scan: PredictedScan, headings: FloatArray, rows: NDArray[np.intp] | slice, sets: Together
+) -> Candidates:
+    """Return the paths in `rows`, which form these sets, as what the board may detect at `headings` (n,) rad."""
+    room, board, paths = scan.room, scan.board, scan.paths
+    ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, headings)
+    return Candidates(
+        paths.leaving[rows],
+        paths.arriving[rows],
+        strengths(room, board, paths)[rows],
+        sets,
+        blocked[:, rows] if len(blocked) else blocked,
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
 
 
 def with_first_echoes(scan: PredictedScan, rows: NDArray[np.intp] | None = None) -> PredictedScan:

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.weighing import Candidates, Sought, beam_table, nearest_detected
-from sonarhw_sim.predict.levels import strengths
+from sonarhw_sim.board.weighing import Sought, nearest_detected
+from sonarhw_sim.predict.board_readings import candidates_of
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 IntArray = NDArray[np.intp]
@@ -19,22 +19,11 @@ def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, rea
     """
     if scan.only_at is not None or scan.paths.scattered.any():
         return _one_by_one(scan, rows, measured, reach)
-    room, board, paths = scan.room, scan.board, scan.paths
-    headings, lengths = scan.headings[rows], scan.apparent_lengths
-    ka, span = board.wavenumber(room.air) * board.aperture_radius, board.wavelength(room.air)
-    candidates = Candidates(
-        paths.leaving,
-        paths.arriving,
-        strengths(room, board, paths),
-        scan.all_together,
-        scan.blocked_by_face(paths, headings),
-        10 ** (board.threshold_db / 20),
-        ka,
-        beam_table(ka),
-    )
-    ranges = board.reported(lengths / 2)
-    sought = Sought(measured, reach, lengths, ranges, scan.in_time, span if board.sum_arrivals else -1.0)
-    return np.asarray(nearest_detected(headings, candidates, sought))
+    board, lengths = scan.board, scan.apparent_lengths
+    span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
+    sought = Sought(measured, reach, lengths, board.reported(lengths / 2), scan.in_time, span)
+    headings = scan.headings[rows]
+    return np.asarray(nearest_detected(headings, candidates_of(scan, headings, slice(None), scan.all_together), sought))
 
 
 def _one_by_one(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:
