@@ -59,7 +59,10 @@ class Material(TomlModel):
     table: Annotated[
         tuple[ReflectanceRow, ...],
         Field(max_length=MOST_ROWS),
-        about("reflectances at each of some angles and frequencies, in place of `reflectance`"),
+        about(
+            "reflectances at each of some angles and frequencies, in place of `reflectance`; beyond its ends, "
+            "the table continues with its nearest values"
+        ),
     ] = ()
 
     @property
