@@ -74,7 +74,8 @@ def test_the_board_of_simulated_scans_is_found(
     assert found.clock_error == pytest.approx(0.015, abs=0.006)
     part = found.own_body[0]
     assert part.spans(0.96)
-    assert (part.nearest, part.farthest) == pytest.approx((0.13, 0.15), abs=0.015)
+    assert 0.105 <= part.nearest <= 0.13  # the true range, and 2.5 cm more at both sides
+    assert 0.15 <= part.farthest <= 0.175
     assert "own body: turntable angles" in printed
     assert re.search("p0: after (100|9[0-9])% of the echoes within 5 cm", printed)
     assert picture.stat().st_size > 10_000
