@@ -29,21 +29,23 @@ def calibrate_with_plate(
     logs: Sequence[Path],
     distances: Sequence[float],
     directions: Sequence[float],
-    board_name: str,
+    board_name: str | None,
     out: Path,
     force: bool,
 ) -> None:
     """Write the profile that the logs give, and print each value. `directions` are degrees: none, one, or one a log.
 
+    The calibration begins with the board of the logs if `board_name` is None.
     Raises InputError, and NoPlate if a log shows no plate, or if the logs determine no value.
     """
+    from sonarhw_compare.imports.given_scan import common_board
     from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
-    from sonarhw_sim.board.profile import load_board
 
-    board = load_board(board_name)
+    given = [open_scan(log, board_name) for log in logs]
+    board = common_board(given, board_name)
     _check_plates(logs, distances, directions, board)
     turns = list(directions) * (len(logs) if len(directions) == 1 else 1) or [0.0] * len(logs)
-    scans = [_plate_readings(*one, board) for one in zip(logs, distances, turns, strict=True)]
+    scans = [_plate_readings(*one, board) for one in zip(logs, given, distances, turns, strict=True)]
     found = calibrate_with_plates(board, scans)
     if found.findings:
         write_text(out, plate_profile(board, found, scans, profile_name(out)).text, force)
@@ -63,7 +65,7 @@ def calibrate_with_room(
     room_name: str,
     places: Sequence[str],
     poses: Sequence[str],
-    board_name: str,
+    board_name: str | None,
     out: Path,
     room_out: Path | None,
     plot: Path | None,
@@ -71,14 +73,16 @@ def calibrate_with_room(
 ) -> None:
     """Write the profile that the logs give and a picture of the scans, and print each value. Raises InputError.
 
+    The calibration begins with the board of the logs if `board_name` is None.
     With `room_out`, the reflectances of the room are calibrated too, and the room is written there.
     """
+    from sonarhw_compare.imports.given_scan import common_board
     from sonarhw_compare.known_room.found_reflectances import with_provenance
     from sonarhw_compare.known_room.room_calibration import calibrate_in_room, room_profile
-    from sonarhw_sim.board.profile import load_board
 
-    board, room = load_board(board_name), open_room(room_name)
-    scans = _placed(logs, room, places, poses, board_name)
+    room, given = open_room(room_name), [open_scan(log, board_name) for log in logs]
+    board = common_board(given, board_name)
+    scans = _placed(logs, given, room, places, poses)
     with progress_of_share() as show:
         found = calibrate_in_room(board, scans, room, show, room_too=room_out is not None)
     write_text(out, room_profile(board, found, scans, room.name, profile_name(out)).text, force)
@@ -125,10 +129,9 @@ def _check_plates(
         raise InputError(f"{min(twice)}: is given twice; give each log once")
 
 
-def _plate_readings(log: Path, distance: float, direction: float, board: "Board") -> "PlateReadings":
+def _plate_readings(log: Path, scan: "GivenScan", distance: float, direction: float, board: "Board") -> "PlateReadings":
     from sonarhw_compare.plate.plate_readings import plate_readings
 
-    scan = open_scan(log, board.name)
     return plate_readings(log.name, scan.readings, distance, math.radians(direction), board, _blanked_until(scan))
 
 
@@ -141,18 +144,17 @@ def _blanked_until(scan: "GivenScan") -> float:
 
 
 def _placed(
-    logs: Sequence[Path], room: "Room", places: Sequence[str], poses: Sequence[str], board_name: str
+    logs: Sequence[Path], given: "Sequence[GivenScan]", room: "Room", places: Sequence[str], poses: Sequence[str]
 ) -> "list[PlacedScan]":
     """Return the scans at the given places or poses, or at those of the logs."""
     from sonarhw_compare.fit import PlacedScan
 
     check_one_of_each(places, poses, len(logs))
     scans = []
-    for k, log in enumerate(logs):
-        scan = open_scan(log, board_name)
+    for k, (log, scan) in enumerate(zip(logs, given, strict=True)):
         if poses:
-            given = place_of_pose(poses[k])
-            here = replace(room.place(given.position), heading=given.heading)
+            pose = place_of_pose(poses[k])
+            here = replace(room.place(pose.position), heading=pose.heading)
         else:
             here = scan.place(room, places[k] if places else None)
         print_place(room, here)

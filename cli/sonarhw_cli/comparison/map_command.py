@@ -79,8 +79,8 @@ def map_logs(
     With --out ROOM.toml or --out FILE.html, the room is found: walls and posts that explain all echoes and silences, by
     the model of a fit, with their uncertainties. Sound is then followed in this room, and a picture shows it.
     """
+    from sonarhw_compare.imports.given_scan import common_board
     from sonarhw_compare.map import map_scans
-    from sonarhw_sim.board.profile import load_board
 
     files = _outputs(out or [], force, room_name, board, poses_file, *log_files)
     finds = files.room or files.report
@@ -89,7 +89,7 @@ def map_logs(
         raise InputError(f"{wanted}, --room {room_name}: a room is found, or given; give only one of them")
     room = None if room_name is None else open_room(room_name)
     given = [open_scan(file, board) for file in log_files]
-    chosen = load_board(board) if board else given[0].board()
+    chosen = common_board(given, board)
     scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
     if None in spreads and not (finds or plan_next):
         raise InputError(

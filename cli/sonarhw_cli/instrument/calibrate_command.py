@@ -13,13 +13,13 @@ from sonarhw_sim.choices import DEFAULT_BOARD
 from sonarhw.errors import InputError
 from sonarhw.harmless_text import counted
 from sonarhw_cli.comparison.calibrate_logs import calibrate_with_plate, calibrate_with_room, profile_name
+from sonarhw_cli.console.completions import complete_board
 from sonarhw_cli.console.connect import connect_turntable
 from sonarhw_cli.console.interruption import interruption
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.options import (
     LOG,
     ROOM_NAME,
-    BoardName,
     Force,
     Temperature,
     check_temperature,
@@ -54,6 +54,15 @@ PlateDirections = Annotated[
         "--direction",
         help="Turntable angle that should face the plate, degrees; once, or once for each log. Default: 0.",
         metavar="DEG",
+    ),
+]
+StartingBoard = Annotated[
+    str | None,
+    typer.Option(
+        "--board",
+        help=f"Board profile to begin with: name or file; default: the logs', with a URL {DEFAULT_BOARD}.",
+        metavar="NAME|FILE.toml",
+        autocompletion=complete_board,
     ),
 ]
 KnownRoom = Annotated[
@@ -106,7 +115,7 @@ def calibrate(
     poses: PosesOfLogs = None,
     out_room: FoundRoom = None,
     plot: CalibrationPicture = None,
-    board: BoardName = DEFAULT_BOARD,
+    board: StartingBoard = None,
     width: SectorWidth = 60.0,
     step: SectorStep = 0.5,
     pings: Annotated[int, typer.Option(help="Pings at each angle.", min=1, max=255)] = 3,
@@ -148,7 +157,7 @@ def calibrate(
         (distances or [0.0])[-1],
         (directions or [0.0])[-1],
         out,
-        board,
+        board or DEFAULT_BOARD,
         (width, step, pings),
         temperature,
         force,

@@ -13,7 +13,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_compare.fit.values.priors import check_words, with_priors
 from sonarhw_compare.fit.values.quantities import X, Y
-from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput
+from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput, common_board
 
 NEAR = 0.25  # m; a free position is searched within this distance of a given place
 
@@ -44,7 +44,7 @@ def fit_setting(
     check_count(places, len(scans))
     check_words(words, priors)
     room = _common_room(scans) if room is None else scans[0].room(room)
-    board = _common_board(scans) if board is None else scans[0].board(board)
+    board = common_board(scans, board)
     names = _names(scans)
     parameters = free_parameters(words, names, room, board)
     fixed = [name for name in ("x", "y") if all(parameter.quantity.name != name for parameter in parameters)]
@@ -73,17 +73,6 @@ def _common_room(scans: Sequence[GivenScan]) -> Room:
         if scan.log is not None and scan.log.metadata.room_text not in ("", room.text):
             raise InputError(f"{first.where} and {scan.where} contain different rooms; give one room for both")
     return room
-
-
-def _common_board(scans: Sequence[GivenScan]) -> Board:
-    """Return the board of the logs. Raises InputError if they have different ones."""
-    boards = [scan.board() for scan in scans]
-    for scan, board in zip(scans, boards, strict=True):
-        if board != boards[0]:
-            raise InputError(
-                f"{scans[0].where} and {scan.where} were recorded with different boards; give one board for both"
-            )
-    return boards[0]
 
 
 def _names(scans: Sequence[GivenScan]) -> list[str]:

@@ -92,6 +92,17 @@ class GivenScan:
 ScanInput: TypeAlias = Path | str | Log | Sequence[Reading] | GivenScan
 
 
+def common_board(scans: Sequence[GivenScan], given: BoardInput | None = None) -> Board:
+    """Return the given board, else that of all the scans. Raises InputError if they have different ones."""
+    boards = [scan.board(given) for scan in scans]
+    for scan, board in zip(scans, boards, strict=True):
+        if board != boards[0]:
+            raise InputError(
+                f"{scans[0].where} and {scan.where} were recorded with different boards; give one board for both"
+            )
+    return boards[0]
+
+
 def given_scan(scan: ScanInput) -> GivenScan:
     """Return a scan from a log, the file of a log, or readings. Raises InputError if there is no reading.
 

@@ -86,6 +86,16 @@ def test_a_log_given_twice_and_a_log_beside_a_url_are_refused(folder: Path, caps
     assert "expected the URL of one scanner, or logs (*.mcap)" in capsys.readouterr().err
 
 
+def test_logs_of_different_boards_need_one_board(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(tmp_path / "other.mcap")
+    assert run(["simulate", "simple", "--place", "figure9", "--board", "hc-sr04", "--to", "10", "--out", log]) == 0
+    both = ["calibrate", str(folder / "far.mcap"), log, "--distance", "1", "--distance", "1"]
+    assert run([*both, "--out", str(tmp_path / "mine.toml")]) == 2
+    assert "were recorded with different boards; give one board for both" in capsys.readouterr().err
+
+
 def test_a_wrong_distance_gives_no_profile(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = folder / "none.toml"
     log = str(folder / "far.mcap")
@@ -102,8 +112,9 @@ def test_logs_that_determine_no_value_give_no_profile(
     board = ["--board", "hc-sr04"]
     assert run(["simulate", str(folder / "wall.toml"), "--place", "far", *board, *sector, "--out", log]) == 0
     capsys.readouterr()
-    assert run(["calibrate", log, "--distance", "1", *board, "--out", str(out)]) == 1
+    # without --board, the calibration begins with the board of the log
+    assert run(["calibrate", log, "--distance", "1", "--out", str(out)]) == 1
     printed = capsys.readouterr()
-    assert "aperture_radius: stays 0.0" in printed.out
+    assert f"aperture_radius: stays {load_board('hc-sr04').aperture_radius:g}" in printed.out
     assert "mine.toml: not written: the logs determine no value" in printed.err
     assert not out.exists()
