@@ -173,15 +173,26 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
     try:
         headings = headings_between(start, stop, step)
     except ValueError as error:
-        raise InputError(
-            f"--from, --to, --step: {error} degrees; give a --step other than 0 that leads from --from to --to"
-        ) from error
+        raise InputError(_no_heading(start, stop, step)) from error
     if headings > MOST_HEADINGS:
         raise InputError(
             f"--step {step:g}: a sweep has {headings:.6g} headings, at most {MOST_HEADINGS} are possible; "
             "give a larger step"
         )
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
+
+
+def _no_heading(start: float, stop: float, step: float) -> str:
+    """Return why there is no heading from `start` to `stop`, degrees."""
+    if step == 0:
+        return "--step 0: expected a step other than 0 degrees"
+    if (stop > start) == (step > 0) and stop != start:
+        return f"--step {step:g}: too many headings; give a larger step"
+    expected, sign, turn = ("larger", "positive", 360) if step > 0 else ("smaller", "negative", -360)
+    same_heading = stop + turn * (abs(start - stop) // 360 + 1)
+    found = f"--from {start:g}, --to {stop:g}: with a {sign} --step ({step:g}), --to must be {expected} than --from"
+    other = "" if stop == start else f", or --step {-step:g}"
+    return f"{found}; give a {expected} --to, such as {same_heading:g}{other}"
 
 
 def check_degrees(option: str, degrees: float, most: float = MOST_DEGREES) -> None:

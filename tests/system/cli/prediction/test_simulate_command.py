@@ -314,6 +314,26 @@ def test_messages_of_the_option_parser_are_reworded(
     assert capsys.readouterr().err == f"sonarhw: {message}\n"
 
 
+@pytest.mark.parametrize(
+    ("sector", "found", "advice"),
+    [
+        ((90, 0, 5), "with a positive --step (5), --to must be larger than --from", "such as 360, or --step -5"),
+        ((0, 90, -5), "with a negative --step (-5), --to must be smaller than --from", "such as -270, or --step 5"),
+        ((90, 90, 5), "with a positive --step (5), --to must be larger than --from", "such as 450"),
+        ((0, 90, 0), "--step 0: expected a step other than 0 degrees", ""),
+        ((0, 90, 1e-320), "too many headings", "give a larger step"),
+    ],
+)
+def test_a_sector_without_a_heading_is_refused_with_the_reason(
+    sector: tuple[float, float, float], found: str, advice: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start, stop, step = map(str, sector)
+    assert run(["simulate", *FIGURE_9, "--from", start, "--to", stop, "--step", step]) == 2
+    error = capsys.readouterr().err
+    assert found in error
+    assert error.endswith(f"{advice}\n")
+
+
 def test_a_place_outside_the_room_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     room, log = FIGURE_9[0], str(tmp_path / "scan.mcap")
     warning = "sonarhw: warning: place '5,5' at 5, 5 m is outside room 'Simple room'\n"
