@@ -18,7 +18,7 @@ from sonarhw_cli.console.output import checked_out, text_output, write_figure
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.two_scans.scan_difference import HeadingDifference, HeadingSeries, ScanDifference
-    from sonarhw_sim.room.model import Place
+    from sonarhw_sim.room.model import Place, Room
 
 _HEADER = "heading_deg,first_m,second_m,difference_m,limit_m,change,first_pings,first_echoes,second_pings,second_echoes"
 _APART = 0.02  # m, between places that count as one
@@ -62,7 +62,11 @@ def _series(
     first: "GivenScan", second: "GivenScan", sweeps: tuple[int | None, int | None]
 ) -> "tuple[HeadingSeries, HeadingSeries]":
     """Return both scans by heading in the room, or by turntable angle if a log contains no place."""
-    places = [_place(scan) for scan in (first, second)]
+    rooms = [_room(scan) for scan in (first, second)]
+    names = [room.name for room in rooms if room is not None]
+    if len(set(names)) > 1:
+        warn(f"the logs contain different rooms, {names[0]!r} and {names[1]!r}; differences show this, too")
+    places = [_place(scan, room) for scan, room in zip((first, second), rooms, strict=True)]
     if places[0] is not None and places[1] is not None:
         apart = math.dist(places[0].position, places[1].position)
         if apart > _APART:
@@ -74,12 +78,14 @@ def _series(
     return one, other
 
 
-def _place(scan: "GivenScan") -> "Place | None":
-    if scan.log is None or not scan.log.metadata.room_text:
-        return None
-    room = scan.room()
-    wanted = scan.recorded_place(room)
-    return None if wanted is None else room.place(wanted)
+def _room(scan: "GivenScan") -> "Room | None":
+    """Return the room inside the log, if any."""
+    return scan.room() if scan.log is not None and scan.log.metadata.room_text else None
+
+
+def _place(scan: "GivenScan", room: "Room | None") -> "Place | None":
+    wanted = None if room is None else scan.recorded_place(room)
+    return None if room is None or wanted is None else room.place(wanted)
 
 
 def _series_of(scan: "GivenScan", heading: float, sweep: int | None) -> "HeadingSeries":

@@ -61,3 +61,15 @@ def test_what_does_not_go_together_is_refused(
     capsys.readouterr()
     assert run(["compare", logs[0], *(option.format(after=logs[1]) for option in options)]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_logs_of_different_rooms_give_a_warning_with_their_names(
+    logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    corner = str(tmp_path / "corner.mcap")
+    assert run(["simulate", "rooms/right_corner.toml", "--place", "figure12", "--step", "5", "--out", corner]) == 0
+    capsys.readouterr()
+    assert run(["compare", logs[0], "--with", corner]) == 0
+    assert "the logs contain different rooms, 'Simple room' and 'Right-angle corner'" in capsys.readouterr().err
+    assert run(["compare", logs[0], "--with", logs[1]]) == 0
+    assert "room" not in capsys.readouterr().err
