@@ -162,9 +162,16 @@ def _stretch_line(run: "tuple[HeadingDifference, ...]") -> str:
     if len(run) > 1:
         where += f" to {heading_text(run[-1].heading)}"
     by = _median_of(run)
-    ranges = [one.median for row in run for one in (row.first, row.second) if one.median is not None]
-    amount = f" by {abs(by) * 100:.1f} cm" if by is not None else ""
-    first, last = min(ranges), max(ranges)
-    return (
-        f"  {where}: {counted(len(run), 'heading')} {run[0].change.value}{amount}, ranges {first:.3f} to {last:.3f} m"
+    amount = "" if by is None else f" by {abs(by) * 100:.1f} cm{' (median)' if len(run) > 1 else ''}"
+    scans = (
+        f"{name} {_span([one.median for one in readings if one.median is not None])}"
+        for name, readings in (("first", [row.first for row in run]), ("second", [row.second for row in run]))
+        if any(one.median is not None for one in readings)
     )
+    return f"  {where}: {counted(len(run), 'heading')} {run[0].change.value}{amount}: {', '.join(scans)}"
+
+
+def _span(ranges: list[float]) -> str:
+    """Return the smallest and the largest range of a scan, or both as one if they are equal."""
+    least, most = f"{min(ranges):.3f}", f"{max(ranges):.3f}"
+    return f"{least} m" if least == most else f"{least} to {most} m"

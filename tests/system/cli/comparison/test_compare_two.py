@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from statistics import median
 
 import pytest
 from sonarhw_cli.app import run
@@ -28,8 +29,14 @@ def test_a_post_is_nearer_than_what_was_behind_it(
     assert run(["compare", before, "--with", after, "--csv", str(table), "--plot", str(picture)]) == 0
     printed = capsys.readouterr().out
     # the nearest point of the post is at 0.54 m and 146°
-    assert "140.0° to 165.0°: 6 headings nearer by" in printed
     rows = list(csv.DictReader(table.read_text().splitlines()))
+    changed = [row for row in rows if 140 <= float(row["heading_deg"]) <= 165]
+    first, second = (sorted(float(row[which]) for row in changed) for which in ("first_m", "second_m"))
+    by = median(abs(float(row["difference_m"])) for row in changed)
+    assert (
+        f"140.0° to 165.0°: 6 headings nearer by {100 * by:.1f} cm (median): "
+        f"first {first[0]:.3f} to {first[-1]:.3f} m, second {second[0]:.3f} to {second[-1]:.3f} m\n"
+    ) in printed
     (at_post,) = [row for row in rows if row["heading_deg"] == "145"]
     assert (at_post["change"], float(at_post["second_m"])) == ("nearer", pytest.approx(0.54, abs=0.02))
     assert float(at_post["difference_m"]) == pytest.approx(float(at_post["second_m"]) - float(at_post["first_m"]))
