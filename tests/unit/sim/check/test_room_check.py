@@ -2,9 +2,11 @@
 
 import pytest
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.check import room_check
 from sonarhw_sim.check.no_echo import reason_for_silence
 from sonarhw_sim.check.plan_check import extent, plan_findings
 from sonarhw_sim.check.room_check import check_room, refusals_of
+from sonarhw_sim.rays import path_table
 from sonarhw_sim.room.model import load_room, parse_room, room_names
 
 BOX = """
@@ -142,6 +144,23 @@ def test_a_place_inside_an_object_is_found() -> None:
         "expected [x, y] in metres"
     ]
     assert lines(BOX + CRATE) == []
+
+
+def test_paths_of_a_place_in_a_closed_box_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a box with lids, of strongly reflecting walls, a search takes a minute and ends with too many paths."""
+    levels = '[floor]\nheight = 0.0\nmaterial = "m"\n[ceiling]\nheight = 2.5\nmaterial = "m"\n'
+    inside = BOX.replace("[2.0, 1.2]", "[2.8, 0.7]\nheight = 0.3")
+    monkeypatch.setattr(room_check, "predict_scan", lambda *_: pytest.fail("a prediction"))
+    (found,) = lines(f"{inside}{CRATE}height = [0.0, 0.5]\nlids = true\n{levels}")
+    assert found.startswith("place 'here': is inside the object of walls 'v[0]' to 'v[3]', at 2.8, 0.7 m")
+
+
+def test_a_place_with_too_many_paths_is_named_and_the_other_places_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(path_table, "MOST_POINTS", 50)
+    first, second = lines(BOX + "[places.there]\nposition = [3.0, 2.0]")
+    assert first.startswith("place 'here': its echoes cannot be predicted: too many paths: ")
+    assert second.startswith("place 'there': its echoes cannot be predicted: too many paths: ")
+    assert "fewer reflections" not in first
 
 
 def test_a_place_above_an_object_or_in_an_inner_room_has_no_finding() -> None:
