@@ -13,7 +13,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "x is farther than _FAR from 0 (the second 0.0 of the line is left out too)",
     ),
     (
-        "compare/sonarhw_compare/fit/fit_setting.py",
+        "compare/sonarhw_compare/imports/given_scan.py",
         "return boards[0]",
         ("0 → (-1)",),
         "all boards are equal here",
