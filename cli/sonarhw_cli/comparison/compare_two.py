@@ -84,8 +84,10 @@ def _room(scan: "GivenScan") -> "Room | None":
 
 
 def _place(scan: "GivenScan", room: "Room | None") -> "Place | None":
-    wanted = None if room is None else scan.recorded_place(room)
-    return None if room is None or wanted is None else room.place(wanted)
+    if room is None:
+        return None
+    wanted = scan.recorded_place(room)
+    return None if wanted is None else room.place(wanted)
 
 
 def _series_of(scan: "GivenScan", heading: float, sweep: int | None) -> "HeadingSeries":

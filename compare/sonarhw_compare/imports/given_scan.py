@@ -94,7 +94,9 @@ ScanInput: TypeAlias = Path | str | Log | Sequence[Reading] | GivenScan
 
 def common_board(scans: Sequence[GivenScan], given: BoardInput | None = None) -> Board:
     """Return the given board, else that of all the scans. Raises InputError if they have different ones."""
-    boards = [scan.board(given) for scan in scans]
+    if given is not None:
+        return scans[0].board(given)
+    boards = [scan.board() for scan in scans]
     for scan, board in zip(scans, boards, strict=True):
         if board != boards[0]:
             raise InputError(

@@ -29,8 +29,9 @@ _MOST_TIPS = 3
 class _Points(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
     """Points in units of the axes; what is drawn at them reaches some pixels around them."""
 
-    def __init__(self) -> None:
+    def __init__(self, pen: object, brush: object) -> None:
         super().__init__()
+        self._pen, self._brush = pg.mkPen(pen), pg.mkBrush(brush)
         self._x, self._y = _NONE, _NONE
         self._extent: QRectF | None = None  # of the points alone; None until it is needed
         self._around: QRectF | None = None  # likewise, with the pixels around them
@@ -50,6 +51,16 @@ class _Points(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no type
     def clear(self) -> None:
         """Draw no point."""
         self.setData()
+
+    def setPen(self, pen: QPen) -> None:
+        """Draw outlines or lines with another pen."""
+        self._pen = pen
+        self._restyle()
+
+    def setBrush(self, brush: object) -> None:
+        """Fill with another brush or colour; None: not at all."""
+        self._brush = pg.mkBrush(brush)
+        self._restyle()
 
     def boundingRect(self) -> QRectF:
         """Return the area that is drawn."""
@@ -119,9 +130,8 @@ class Spots(_Points):
 
     def __init__(self, size: float, symbol: str | QPainterPath, pen: object = "d", brush: object = None) -> None:
         """`symbol`: a name of pyqtgraph, or a path within a square of length 1. `pen`, `brush`: None for none."""
-        super().__init__()
+        super().__init__(pen, brush)
         self._size, self._symbol = size, symbol
-        self._pen, self._brush = pg.mkPen(pen), pg.mkBrush(brush)
         self._symbol_pixels: tuple[float, QPixmap] | None = None  # device pixels per pixel, and the symbol
         self._fragments = PrimitiveArray(QPainter.PixmapFragment, _FIELDS)
         self._placed: tuple[QTransform, float] | None = None  # for which the fragments are placed
@@ -129,16 +139,6 @@ class Spots(_Points):
     def addPoints(self, x: ArrayLike, y: ArrayLike) -> None:
         """Draw more points."""
         self._set(np.concatenate((self._x, x)), np.concatenate((self._y, y)))
-
-    def setPen(self, pen: QPen) -> None:
-        """Draw the outlines with another pen."""
-        self._pen = pen
-        self._restyle()
-
-    def setBrush(self, brush: object) -> None:
-        """Fill the symbols with another brush or colour; None: not at all."""
-        self._brush = pg.mkBrush(brush)
-        self._restyle()
 
     def setSize(self, size: float) -> None:
         """Draw the symbols in another size, pixels."""
@@ -236,25 +236,14 @@ class PlotLine(_Points):
 
     def __init__(self, connect: str = "all", pen: object = "d", filled: bool = False) -> None:
         """`connect`: "all", "finite" (a gap at each NaN) or "pairs". `filled`: fill the enclosed area."""
-        super().__init__()
+        super().__init__(pen, None)
         self._connect, self._filled = connect, filled
-        self._pen, self._brush = pg.mkPen(pen), pg.mkBrush(None)
         self._cleared: QPen | None = None
         self._path: QPainterPath | None = None  # None until it is painted
-
-    def setPen(self, pen: QPen) -> None:
-        """Draw the line with another pen."""
-        self._pen = pen
-        self._restyle()
 
     def setShadowPen(self, pen: QPen) -> None:
         """Draw the line with this pen first, so that it stands out from what is below."""
         self._cleared = pen
-        self._restyle()
-
-    def setBrush(self, brush: object) -> None:
-        """Fill the enclosed area of a `filled` line with another brush or colour."""
-        self._brush = pg.mkBrush(brush)
         self._restyle()
 
     def paint(self, painter: QPainter, *_: object) -> None:
