@@ -20,7 +20,7 @@ import numpy as np
 from scipy.stats import binomtest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
-from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, X, Y
+from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, Quantity, X, Y
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.room.enclosures import inside
@@ -216,11 +216,12 @@ def reflectance_fit(seed: int) -> list[tuple[float, float, float]]:
 
 def _around(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
     place = scans[parameter.scan or 0].place
-    at, reach = {
+    near: dict[Quantity, tuple[float, float]] = {
         X: (place.position[0], NEAR),
         Y: (place.position[1], NEAR),
         HEADING: (place.heading, math.radians(10)),
-    }[parameter.quantity]
+    }
+    at, reach = near[parameter.quantity]
     return replace(parameter, lower=at - reach, upper=at + reach)
 
 

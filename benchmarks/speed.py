@@ -37,7 +37,7 @@ from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, OPTI
 from benchmarks.cases.table_rows import Row, at_least, at_most, without_limit
 from tests.oracles.one_heading import range_at
 
-HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)
+HALF_CIRCLE = np.asarray(0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25), np.float64)
 VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
 
 
@@ -57,7 +57,7 @@ def seconds(work: Callable[[], object], least: float = 0.5, clock: Callable[[], 
 
 def per_single_headings(floor: Room, clock: Callable[[], float]) -> float:
     """Return the time of 360 single headings over that of a whole scan, by a clock."""
-    single = statistics.mean(seconds(lambda h=h: range_at(floor, PLACE, BOARD, h), 0.02, clock) for h in HEADINGS[::6])
+    single = statistics.mean(seconds(partial(range_at, floor, PLACE, BOARD, h), 0.02, clock) for h in HEADINGS[::6])
     return 360 * single / seconds(lambda: scan(floor), clock=clock)
 
 
@@ -79,7 +79,7 @@ def rows() -> Iterator[Row]:
     small, large = office_floor(64), office_floor(1000)
     kernel_time, numpy_time = (seconds(partial(arrivals, small)) for arrivals in (kernel_arrivals, numpy_arrivals))
     yield at_least("one heading, every arrival, 64 walls: times NumPy", 9, numpy_time / kernel_time)
-    first = statistics.mean(seconds(lambda h=h: range_at(small, PLACE, BOARD, h), 0.02) for h in HEADINGS[::6])
+    first = statistics.mean(seconds(partial(range_at, small, PLACE, BOARD, h), 0.02) for h in HEADINGS[::6])
     yield at_least("one heading, appendix A with early exit, 64 walls: times NumPy", 30, numpy_time / first)
     name = "whole scan, 64 walls: times 360 headings"
     yield without_limit(f"{name}, processor time", per_single_headings(small, time.process_time), 1)
@@ -87,7 +87,7 @@ def rows() -> Iterator[Row]:
     paths = paths_for(small, PLACE, BOARD, OPTIONS)
     for receiver in Receiver:
         options = replace(OPTIONS, receiver=receiver)
-        readings = seconds(lambda o=options: weigh_paths(small, PLACE, BOARD, HEADINGS, paths, o))  # type: ignore[misc]
+        readings = seconds(partial(weigh_paths, small, PLACE, BOARD, HEADINGS, paths, options))
         yield at_most(f"readings from known paths, 64 walls, {receiver}: ms", 15, readings * 1e3)
     larger = seconds(lambda: scan(large))
     yield at_most("whole scan, 1 000 walls: times that of 64 walls", 3, larger / seconds(lambda: scan(small)))
@@ -104,11 +104,11 @@ def default_predictions(floor: Room) -> Iterator[Row]:
     """Yield the times of predictions as commands make them by default, paths and readings, at 360 headings."""
     board = load_board("polaroid-6500")
     places = [("64 walls", floor, PLACE)]
-    for name, place in (("laboratory", "bench"), ("doorstep", "robot")):
+    for name, where in (("laboratory", "bench"), ("doorstep", "robot")):
         room = load_room(name)
-        places.append((f"{name}, {place}", room, room.places[place]))
+        places.append((f"{name}, {where}", room, room.places[where]))
     for name, room, place in places:
-        time_of_scan = seconds(lambda r=room, p=place: predict_scan(r, p, board, HEADINGS))  # type: ignore[misc]
+        time_of_scan = seconds(partial(predict_scan, room, place, board, HEADINGS))
         yield without_limit(f"default prediction, 360 headings, {name}: ms", time_of_scan * 1e3)
 
 

@@ -113,8 +113,8 @@ def plates(distance: float) -> Tables:
     cases = []
     for width in STRIPS:
         for tilt in TILTS:
-            there = _at(distance, tilt)
-            cases.append(_plate(f"{width} at {tilt}°", -width / 2000, width / 2000, (there, there), True))
+            at = _at(distance, tilt)
+            cases.append(_plate(f"{width} at {tilt}°", -width / 2000, width / 2000, (at, at), True))
     yield "tilted strip, width in mm", wave, cases
     one, other, cases = _at(distance, 10, -0.1), _at(0.8 * distance, 10, 0.15), []
     for width in STRIPS:
@@ -146,7 +146,7 @@ def _walls_and_place(air_deg: float, at_deg: float, distance: float) -> tuple[li
     """Return the walls of a corner, and a place seen from its vertex in `at_deg` from the first wall."""
     air, at = math.radians(air_deg), math.radians(at_deg)
     end = ENDLESS * math.cos(air), ENDLESS * math.sin(air)
-    walls = [(0.0, 0.0, ENDLESS, 0.0), (*end, 0.0, 0.0)]
+    walls: list[tuple[float, ...]] = [(0.0, 0.0, ENDLESS, 0.0), (*end, 0.0, 0.0)]
     return walls, distance * np.array([math.cos(at), math.sin(at)])
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 from PySide6.QtCore import QEvent, QEventLoop, QObject, QPoint, QPointF, Qt, QTimer
 from PySide6.QtTest import QTest
@@ -247,7 +248,8 @@ class _Drag:
         QTest.mouseRelease(self._plan.viewport(), Qt.MouseButton.LeftButton)
 
     def _pixel(self, x: float, y: float) -> QPoint:
-        return self._plan.mapFromScene(self._plan.plot.vb.mapViewToScene(QPointF(x, y)))
+        at: QPoint = self._plan.mapFromScene(self._plan.plot.vb.mapViewToScene(QPointF(x, y)))
+        return at
 
     def _move(self) -> None:
         self._step += 1
@@ -326,7 +328,7 @@ def _arrival_times() -> dict[int, float]:
             times[len(times)] = last_byte[0]
         return made
 
-    Driver.receive, Driver.readings = timed_receive, noted_readings  # type: ignore[method-assign]
+    patch.multiple(Driver, receive=timed_receive, readings=noted_readings).start()
     return times
 
 
@@ -356,12 +358,14 @@ def long_log(lasts: float, scrubs: int = 60) -> list[Figure]:
 
 def _scrubbed(window: MainWindow, what: str, seen: list[tuple[int, Moment]], scrubs: int) -> list[Figure]:
     replay, chance = window.session.replay, random.Random(1)
+    opened_log = replay.state
+    assert opened_log is not None
     taken = []
     for _ in range(scrubs):
         work(0.15)  # a pause, so that work of the scrub before is done
         seen.clear()
         began = moment()
-        window.replay_bar.sought.emit(chance.uniform(0, replay.state.duration))
+        window.replay_bar.sought.emit(chance.uniform(0, opened_log.duration))
         work_until(lambda: bool(seen))
         count, painted = seen[0]
         assert count == replay.count

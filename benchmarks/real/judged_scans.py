@@ -29,11 +29,15 @@ DEFAULT_FOLDER = Path("../shared/real_scans")
 ROOM = load_room("rooms/arena.toml")
 NEARBY = frozenset({"heading", "offset", "position"})
 ON_THE_SPOT = frozenset({"heading", "offset"})
-UNTUNED = {"aperture_radius": 0.005, "threshold_db": -30.0, "fixed_gain": False}
 _UNIT, _SILENT = 0.01, 2.55  # m, of ranges in these files, and the one that stands for no echo
 # echoes of the robot that carries the sensor have the same turntable angle and range at every place
 _OWN_SPREAD = 0.03  # m
 _OWN_SHARE = 0.7  # of the scans
+
+
+def untuned(board: Board) -> Board:
+    """Return the board before tuning, with a gain that rises ideally."""
+    return replace(board, aperture_radius=0.005, threshold_db=-30.0, fixed_gain=False)
 
 
 @dataclass(frozen=True)

@@ -165,9 +165,8 @@ def _turned(answer: PlacedRoom, first: Place, turn: float) -> FloatArray:
     """Return the segments (n, 4) m of a found room turned about the first place by an angle (rad)."""
     ahead = np.array([math.cos(turn), math.sin(turn)])
     points = answer.found.draft.segments.reshape(-1, 2) - first.position
-    return np.column_stack((points @ (ahead * (1, -1)), points @ ahead[::-1])).reshape(-1, 4) + np.tile(
-        first.position, 2
-    )
+    turned = np.column_stack((points @ (ahead * (1, -1)), points @ ahead[::-1])) + first.position
+    return turned.reshape(-1, 4)
 
 
 def _names(segments: FloatArray, room: Room) -> list[str | None]:

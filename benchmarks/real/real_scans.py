@@ -32,7 +32,6 @@ from benchmarks.real.judged_scans import (
     NEARBY,
     ON_THE_SPOT,
     ROOM,
-    UNTUNED,
     RealScan,
     as_row,
     echoes_of_the_robot,
@@ -43,6 +42,7 @@ from benchmarks.real.judged_scans import (
     load_sensors,
     program_options,
     repeated,
+    untuned,
 )
 from benchmarks.real.sensor_table import print_sensors
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
@@ -86,8 +86,8 @@ def _print_all_models(scans: Sequence[RealScan], board: Board) -> None:
     """Print a row for each scan, the figures of all scans, and those without the robot's own echoes."""
     for title, free in (("heading and offset found", ON_THE_SPOT), ("heading, offset, position found", NEARBY)):
         _print_models(f"{title} for each scan and model", scans, board, free)
-    untuned = [judged_of(judge(scan, Model.RAY_FOLLOWING, replace(board, **UNTUNED))) for scan in scans]
-    print(f"ray following before tuning, with a gain that rises ideally: {as_row(figures_of(untuned))}")
+    earlier_board = [judged_of(judge(scan, Model.RAY_FOLLOWING, untuned(board))) for scan in scans]
+    print(f"ray following before tuning, with a gain that rises ideally: {as_row(figures_of(earlier_board))}")
     earlier, later = repeated(scans)
     print(
         f"two recordings at one place: the later one contains {earlier:.3f} of the earlier one's echoes, the earlier "

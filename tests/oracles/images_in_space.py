@@ -4,6 +4,7 @@ Reflections are matrices and everything is a vector in space: nothing is split i
 """
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -162,6 +163,6 @@ def _blocks(face: Face, start: Vectors, end: Vectors) -> bool:
     # an end on the face is in a corner
     return (
         crossing is not None
-        and min(np.linalg.norm(crossing - start), np.linalg.norm(crossing - end)) > _CLOSE
+        and min(math.dist(crossing, start), math.dist(crossing, end)) > _CLOSE
         and face.margin(crossing) > _CLOSE
     )

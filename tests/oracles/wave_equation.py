@@ -91,7 +91,7 @@ def matched(scene: Scene) -> tuple[Floats, Floats]:
     """Return the strength of the echoes relative to a flat wall, with spreading divided out, and their lengths, m."""
     pattern = np.asarray(hilbert(echoes(FLAT_WALL)))
     likeness = np.abs(correlate(np.asarray(hilbert(echoes(scene))), pattern, method="fft"))
-    lengths = (np.arange(len(likeness)) - (len(pattern) - 1)) * STEP + 2 * _FLAT_WALL
+    lengths = np.arange(1.0 - len(pattern), 1 + len(likeness) - len(pattern)) * STEP + 2 * _FLAT_WALL
     spreading = np.sqrt(np.maximum(lengths, 0.0) / (2 * _FLAT_WALL))
     return np.asarray(likeness / np.sum(np.abs(pattern) ** 2) * spreading), lengths
 
@@ -99,7 +99,7 @@ def matched(scene: Scene) -> tuple[Floats, Floats]:
 def _burst() -> Floats:
     lengths = np.arange(round(_CYCLES * WAVELENGTH / STEP)) * STEP
     share = lengths / (_CYCLES * WAVELENGTH)
-    return np.sin(np.pi * share) ** 2 * np.sin(2 * np.pi * lengths / WAVELENGTH)
+    return np.asarray(np.sin(np.pi * share) ** 2 * np.sin(2 * np.pi * lengths / WAVELENGTH))
 
 
 def _cells(point: tuple[float, float]) -> tuple[int, int]:
@@ -109,7 +109,7 @@ def _cells(point: tuple[float, float]) -> tuple[int, int]:
 def _lines(scene: Scene) -> Floats:
     """Return the coordinates of the lines between cells; paths beyond the outermost are too long."""
     radius = int((FARTHEST + np.hypot(*scene.receiver)) / CELL / 2) + 2 * _MARGIN
-    return (np.arange(-radius, radius + 2) - 0.5) * CELL
+    return np.asarray((np.arange(-radius, radius + 2) - 0.5) * CELL)
 
 
 def _clearance(scene: Scene, x: Floats, y: Floats) -> Floats:
@@ -125,7 +125,7 @@ def _clearance(scene: Scene, x: Floats, y: Floats) -> Floats:
 
 def _left_of(wall: Wall, x: Floats, y: Floats) -> Floats:
     x0, y0, x1, y1 = wall
-    return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+    return np.asarray(((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0))
 
 
 def _faces(scene: Scene) -> tuple[Singles, Singles]:

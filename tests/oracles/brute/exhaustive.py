@@ -233,7 +233,7 @@ def _of_thin_post(ka: float, incidence: float, reflectance: float) -> complex:
     total, admittance = 0j, 1j * (1 - reflectance) / (1 + reflectance)
     for order in range(30):
         returned = (jvp(order, ka) - admittance * jv(order, ka)) / (h2vp(order, ka) - admittance * hankel2(order, ka))
-        total += (1 if order == 0 else 2) * returned * math.cos(order * (math.pi - 2 * incidence))
+        total += complex((1 if order == 0 else 2) * returned * math.cos(order * (math.pi - 2 * incidence)))
     # the wave by way of the centre, of a longer way than by the side
     longer = cmath.exp(0.25j * math.pi - 2j * ka * math.cos(incidence))
     return -2 * total * longer / math.sqrt(math.pi * ka * math.cos(incidence)) / reflectance

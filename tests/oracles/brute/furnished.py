@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Receiver
@@ -14,6 +15,7 @@ from tests.fixtures.rooms_for_tests import room_of
 from tests.oracles.brute.exhaustive import Floats, Scene
 from tests.oracles.brute.readings import Sensor, all_sound, readings
 
+Flags = NDArray[np.bool_]
 MOST = 3  # reflections
 THINNEST = 0.02  # m, radius of posts
 BOARD = replace(load_board("polaroid-6500"), receiver=Receiver.FIRST_ECHO, max_range=2.2, threshold_db=-30.0)
@@ -31,18 +33,18 @@ class Compared:
     exhaustive: Floats  # (h, 3), m: with the threshold lower by a tie, as it is, higher by a tie
 
     @property
-    def unsure(self) -> Floats:
+    def unsure(self) -> Flags:
         """At which headings the exhaustive reading changes within a tie, (h,) bool."""
         low, _, high = self.exhaustive.T
         return np.asarray(~_equal(low, high))
 
     @property
-    def wrong(self) -> Floats:
+    def wrong(self) -> Flags:
         """At which headings the prediction differs, also from both readings of a tie, (h,) bool."""
         return np.asarray(~np.any([_equal(self.predicted, column) for column in self.exhaustive.T], axis=0))
 
 
-def _equal(one: Floats, other: Floats) -> Floats:
+def _equal(one: Floats, other: Floats) -> Flags:
     return np.asarray((np.abs(one - other) < _EQUAL) | (np.isnan(one) & np.isnan(other)))
 
 

@@ -46,7 +46,7 @@ def random_box(seed: int) -> Box:
     size = random.uniform((1.2, 1.2, 1.0), (3.0, 3.0, 2.6))
     shares = random.uniform(0.5, 1.0, (3, 2))
     position = random.uniform(0.15, 0.85, 3) * size
-    (x, y, top), (west, east), (south, north) = size.tolist(), *shares[:2].tolist()
+    (x, y, top), ((west, east), (south, north), (floor, ceiling)) = size.tolist(), shares.tolist()
     sides = {
         "south": (((0.0, 0.0), (x, 0.0)), south),
         "east": (((x, 0.0), (x, y)), east),
@@ -54,7 +54,7 @@ def random_box(seed: int) -> Box:
         "west": (((0.0, y), (0.0, 0.0)), west),
     }
     walls = "".join(_wall(name, points, name) for name, (points, _) in sides.items())
-    room = _room(walls, top, {name: share for name, (_, share) in sides.items()}, *shares[2].tolist())
+    room = _room(walls, top, {name: share for name, (_, share) in sides.items()}, floor, ceiling)
     return Box(room, _place(position), size, shares)
 
 

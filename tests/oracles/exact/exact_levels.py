@@ -54,7 +54,9 @@ def by_integral_equation(
     low, high = ends
     middle = np.array([(low + high) / 2, 0.0])
     plate = ThinStrip((high - low) / 2, WAVENUMBER, reflectance)
-    return decibels(plate.pressure(source - middle, receiver - middle) / (0.25 * hankel2(0, WAVENUMBER * mirrored)))
+    return decibels(
+        plate.pressure(source - middle, receiver - middle) / complex(0.25 * hankel2(0, WAVENUMBER * mirrored))
+    )
 
 
 def by_wedge_integral(air_deg: float, at_deg: float, distance: float, longer_than: float = 0.0) -> float:

@@ -68,7 +68,7 @@ def _trace(lengths: NDArray[np.float64], amplitudes: NDArray[np.generic], distan
 def strip_at(width: float, distance: float) -> Wave:
     """Return the wave of a thin strip straight ahead, m."""
     place = np.array([0.0, distance])
-    return lambda k: ThinStrip(width / 2, k).pressure(place, place) / (0.25 * hankel2(0, k * 2 * distance))
+    return lambda k: ThinStrip(width / 2, k).pressure(place, place) / complex(0.25 * hankel2(0, k * 2 * distance))
 
 
 def wall_end_at(beyond: float, distance: float) -> Wave:
