@@ -10,7 +10,7 @@ _NARROW = 1.2  # m; a closed chain of walls this narrow inside another is an obj
 def object_around(room: Room, place: Place) -> list[int] | None:
     """Return the walls of the object that contains a place, if any.
 
-    An object is a closed chain of walls inside another one, and too narrow to be a room.
+    An object is a closed chain of walls inside another one, with lids, or too narrow to be a room.
     """
     around = room.enclosures.chains_around(np.array(place.position))
     if not around or len(around) % 2:
@@ -20,7 +20,8 @@ def object_around(room: Room, place: Place) -> list[int] | None:
     lowest, highest = room.heights[walls].min(), room.heights[walls].max()
     beside = place.height is not None and not lowest < place.height < highest
     narrow = float(np.ptp(smallest.reshape(-1, 2), axis=0).min()) < _NARROW
-    return walls if narrow and not beside else None
+    lidded = any(walls[0] in lid.sides for lid in room.lids)
+    return walls if (narrow or lidded) and not beside else None
 
 
 def object_name(room: Room, walls: list[int]) -> str:

@@ -146,12 +146,18 @@ def test_a_place_inside_an_object_is_found() -> None:
     assert lines(BOX + CRATE) == []
 
 
-def test_paths_of_a_place_in_a_closed_box_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "walls",
+    ["[[2.5, 0.5], [3.1, 0.5], [3.1, 1.0], [2.5, 1.0]]", "[[2.0, 0.2], [3.8, 0.2], [3.8, 2.2], [2.0, 2.2]]"],
+    ids=["narrow", "wide as a room"],
+)
+def test_paths_of_a_place_in_a_closed_box_are_not_searched(monkeypatch: pytest.MonkeyPatch, walls: str) -> None:
     """In a box with lids, of strongly reflecting walls, a search takes a minute and ends with too many paths."""
     levels = '[floor]\nheight = 0.0\nmaterial = "m"\n[ceiling]\nheight = 2.5\nmaterial = "m"\n'
     inside = BOX.replace("[2.0, 1.2]", "[2.8, 0.7]\nheight = 0.3")
     monkeypatch.setattr(room_check, "predict_scan", lambda *_: pytest.fail("a prediction"))
-    (found,) = lines(f"{inside}{CRATE}height = [0.0, 0.5]\nlids = true\n{levels}")
+    box = walls.replace("]]", "]]\nclosed = true\nheight = [0.0, 0.5]\nlids = true")
+    (found,) = lines(f"{inside}{WALL}{box}\n{levels}")
     assert found.startswith("place 'here': is inside the object of walls 'v[0]' to 'v[3]', at 2.8, 0.7 m")
 
 
