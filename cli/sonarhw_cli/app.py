@@ -187,12 +187,16 @@ def _with_options(message: str) -> str:
 
 
 def _reworded(error: typer.TyperException) -> str:
-    """Return the message of the option parser; about a number, as `--step x: expected a number`."""
+    """Return the message of the option parser; about a value, as `--step x: expected a number`."""
     from pydantic import ValidationError
 
     message = error.format_message()
     for theirs, ours in _REWORDED:
         message = message.replace(theirs, ours)
+    choice = re.fullmatch(r"Invalid value for '([^']+)': '(.*)' is not one of '(.*)'\.", message, re.DOTALL)
+    if choice is not None:
+        *others, last = choice[3].split("', '")
+        return f"{choice[1]} {choice[2]}: expected {', '.join(others)} or {last}"
     rejected = re.match(r"Invalid value for '([^']+)': (expected .*)", message)
     if rejected is None or not isinstance(error.__cause__, ValidationError):
         return message

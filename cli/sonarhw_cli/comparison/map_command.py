@@ -93,7 +93,8 @@ def map_logs(
     scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
     if None in spreads and not (finds or plan_next):
         raise InputError(
-            f"--poses {poses_file}: an unknown pose is found with the room: add --out ROOM.toml, or --next"
+            f"--poses {poses_file}: gives no pose of {log_files[spreads.index(None)]}; expected one of each log; "
+            "write it there, or add --out ROOM.toml or --next, which find it with the room"
         )
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
     shown = None

@@ -117,8 +117,9 @@ def test_an_unknown_pose_needs_a_search_for_the_room(
 ) -> None:
     poses = tmp_path / "poses.csv"
     poses.write_text("log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg\na.mcap,0,0,0,,\nb.mcap,,,,,")
-    assert run(["map", *logs(folder, "ab"), "--poses", str(poses)]) == 2
-    assert f"--poses {poses}: an unknown pose is found with the room" in capsys.readouterr().err
+    first, second = logs(folder, "ab")
+    assert run(["map", first, second, "--poses", str(poses)]) == 2
+    assert f"--poses {poses}: gives no pose of {second}; " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

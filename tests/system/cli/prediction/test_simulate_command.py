@@ -301,7 +301,8 @@ def test_wrong_usage_gives_an_error_of_one_line_and_exit_status_2(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--receiver", "x"], "Invalid value for '--receiver': 'x' is not one of 'first-echo', 'board'."),
+        (["--receiver", "x"], "--receiver x: expected first-echo or board"),
+        (["--unit", ""], "--unit : expected pass, block or reflect"),
         (["--sections", "1e3"], "--sections 1e3: expected a whole number"),
         (["--sections", "0"], "--sections 0: expected a number greater than or equal to 1"),
         (["--step", "x"], "--step x: expected a number"),
