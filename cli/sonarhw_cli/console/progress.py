@@ -1,4 +1,7 @@
-"""The progress bar of long work, shown only if standard error is a terminal, and not with --quiet."""
+"""The progress bar of long work, shown only if standard error is a terminal, and not with --quiet.
+
+Elsewhere, a line announces a compilation: it takes up to a minute, and a program must not seem to hang.
+"""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -6,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from sonarhw.harmless_text import harmless
-from sonarhw_cli.console.lines import Verbosity, prints, warn
+from sonarhw_cli.console.lines import Verbosity, print_note, prints, warn
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -65,14 +68,18 @@ def progress_of_fit(fit: str) -> Iterator[Callable[[float], None]]:
 
 
 class CompilationProgress:
-    """Shows a progress bar while kernels are compiled, if standard error is a terminal."""
+    """Shows a progress bar while kernels are compiled; a single line if standard error is not a terminal."""
 
     def __init__(self) -> None:
+        self._announced = False
         self._bar = ExitStack()
         self._show: Callable[[int], None] | None = None
 
     def compiling(self, done: int, known: int) -> None:
-        """Show the bar."""
+        """Show the bar, or print the line at the first call."""
+        if not (self._announced or sys.stderr.isatty()):
+            self._announced = True
+            print_note(f"sonarhw: {_COMPILING}")
         if self._show is None:
             self._show = self._bar.enter_context(_interjected(known, _COMPILING))
         self._show(done)
