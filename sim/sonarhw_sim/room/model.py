@@ -80,11 +80,6 @@ class Room:
         return find_enclosures(self.walls, self.edges)
 
     @cached_property
-    def searched(self) -> dict[object, Any]:
-        """Results of searches that depend on the room only, by search, for searches from other places."""
-        return {}
-
-    @cached_property
     def edges_on_walls(self) -> Listing:
         """For each wall, the edges that lie on it."""
         return edges_on_walls(self.edges, self.walls)

@@ -34,6 +34,20 @@ class PostWays(PathTable):
         return PostWays(np.empty(0), whole, whole, whole, np.empty((0, 2), np.int32))
 
 
+@dataclass(frozen=True)
+class _RoomWays:
+    """The ways from all posts of a room to posts and edges. They are the same for every place."""
+
+    room: Room
+    bounces: int
+    length: float  # m, the longest
+    rays: int
+    ways: PostWays
+
+
+_latest: _RoomWays | None = None  # scans of one room follow each other
+
+
 def ways_to_posts(
     room: Room,
     place: FloatArray,
@@ -75,17 +89,7 @@ def ways_from_posts(
     most = min(max_bounces, MOST_REFLECTIONS) - 1 if passing is None else 0
     count, radii = len(room.posts), np.append(room.posts[:, 2], np.zeros(len(room.edges)))
     targets = np.vstack((room.posts[:, :2], room.edges.points))
-    # the ways are the same from every place, so a scan from another place in this room finds them here
-    key = "ways from posts", most, max_length, len(directions)
-    if key not in room.searched:
-        longest = np.full(len(targets), max_length)
-        room.searched[key] = PostWays.join(
-            [
-                _ways(room, targets[post], post, targets, radii, longest, directions, most, passing)
-                for post in range(count)
-            ]
-        )
-    ways: PostWays = room.searched[key]
+    ways = _ways_of_room(room, targets, radii, directions, max_length, most)
     away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end)))
     listed = np.append(np.ones(count, np.bool_), np.isin(np.arange(len(room.edges)), edges))
     short = ways.lengths <= max_length - away[ways.starts] - away[ways.targets] + 2 * (
@@ -96,6 +100,22 @@ def ways_from_posts(
     between = ways.select(np.flatnonzero((ways.targets < count) & (ways.bounces < max(most, 1))))
     rows = np.searchsorted(edges, to_edges.targets - count).astype(np.int32)
     return between, replace(to_edges, targets=rows)
+
+
+def _ways_of_room(
+    room: Room, targets: FloatArray, radii: FloatArray, directions: FloatArray, max_length: float, most: int
+) -> PostWays:
+    """Return the ways of up to `most` walls from each post to targets (t, 2), or those found before for this room."""
+    global _latest
+    known, asked = _latest, (most, max_length, len(directions))
+    if known is None or known.room is not room or (known.bounces, known.length, known.rays) != asked:
+        longest = np.full(len(targets), max_length)
+        found = [
+            _ways(room, targets[post], post, targets, radii, longest, directions, most, None)
+            for post in range(len(room.posts))
+        ]
+        known = _latest = _RoomWays(room, *asked, PostWays.join(found))
+    return known.ways
 
 
 def _ways(
