@@ -53,15 +53,15 @@ class WallChange:
 def contest(prediction: PredictedScan, index: int) -> Contest:
     """Return the winner at heading `index` and the echoes that would win instead."""
     threshold, ping = prediction.board.threshold_db, prediction.ping(index)
-    candidates = steps(ping)
-    row = next((k for k, step in enumerate(candidates) if step.level_db >= threshold), len(candidates))
-    winner = candidates[row] if row < len(candidates) else None
-    fainter = candidates[row - 1] if row > 0 else None
+    all_steps = steps(ping)
+    row = next((k for k, step in enumerate(all_steps) if step.level_db >= threshold), len(all_steps))
+    winner = all_steps[row] if row < len(all_steps) else None
+    fainter = all_steps[row - 1] if row > 0 else None
     later = [echo for echo in ping.echoes if winner is not None and echo.range > winner.range]
     return Contest(
         winner,
         None if winner is None else winner.level_db - threshold,
-        candidates[row + 1] if row + 1 < len(candidates) else None,
+        all_steps[row + 1] if row + 1 < len(all_steps) else None,
         fainter,
         None if fainter is None else threshold - fainter.level_db,
         later[0] if later else None,
@@ -89,10 +89,10 @@ def change_for(prediction: PredictedScan, index: int, measured: float | None) ->
 
     `measured` is in m, None for no echo. The result is 0 if they match already, and None if no threshold achieves it.
     """
-    threshold, candidates = prediction.board.threshold_db, steps(prediction.ping(index))
+    threshold, all_steps = prediction.board.threshold_db, steps(prediction.ping(index))
     if measured is None:
-        return max(0.0, candidates[-1].level_db - threshold) if candidates else 0.0
-    wanted = [step for step in candidates if abs(step.range - measured) <= TOLERANCE]
+        return max(0.0, all_steps[-1].level_db - threshold) if all_steps else 0.0
+    wanted = [step for step in all_steps if abs(step.range - measured) <= TOLERANCE]
     changes = [_into(threshold, step.above_db, step.level_db) for step in wanted]
     return min(changes, key=abs, default=None)
 

@@ -19,7 +19,7 @@ from sonarhw_compare.fit.marginals import Marginals, marginals_of
 from sonarhw_compare.fit.mismatches import shown_mismatches
 from sonarhw_compare.fit.search.refine import Peak, highest, peak_at, refined
 from sonarhw_compare.fit.search.ridges import underestimated
-from sonarhw_compare.fit.search.starting_poses import Candidate, is_same, starting_poses
+from sonarhw_compare.fit.search.starting_poses import ScoredValues, is_same, starting_poses
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import AirQuantity
@@ -99,11 +99,11 @@ def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Paramete
         raise InputError("a fit needs unit pass, where sound passes the sensor; block and reflect are for predictions")
 
 
-def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Candidate]]:
+def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[ScoredValues]]:
     """Return the starting poses of each scan."""
     count = len(problem.scans)
     if not options.global_search:
-        return [[Candidate(problem.start(), 0.0)] for _ in range(count)]
+        return [[ScoredValues(problem.start(), 0.0)] for _ in range(count)]
 
     def tick_of(scan: int) -> Callable[[float], None]:
         return lambda share: tick((scan + share) / count)
@@ -112,8 +112,8 @@ def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float
 
 
 def _solutions(
-    problem: Problem, weighted: Problem, found: list[list[Candidate]], tick: Callable[[float], None]
-) -> list[Candidate]:
+    problem: Problem, weighted: Problem, found: list[list[ScoredValues]], tick: Callable[[float], None]
+) -> list[ScoredValues]:
     """Return the best solution, followed by others that are about as good according to `weighted`."""
     starts = list(_starts(weighted, found))
     stages = COARSE, MODERATE
@@ -130,11 +130,11 @@ def _solutions(
             begin = np.concatenate((one.values[:count], (tops or rough)[0].values[count:]))
             tops.append(highest(problem, begin, _CLIMBS, partial(tick, done / len(rough))))
     tops.sort(key=lambda one: -one.score)
-    scored = [Candidate(one.values, weighted.near(one.values)(one.values)) for one in tops]
+    scored = [ScoredValues(one.values, weighted.near(one.values)(one.values)) for one in tops]
     return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
 
 
-def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArray]:
+def _starts(problem: Problem, found: list[list[ScoredValues]]) -> Iterator[FloatArray]:
     """Yield the best poses of all scans together, then the same with another pose of one scan."""
     best = problem.start()
     for scan, several in enumerate(found):
@@ -150,7 +150,7 @@ def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArr
                 yield start
 
 
-def _result(problem: Problem, marginals: Marginals, solutions: list[Candidate]) -> FitResult:
+def _result(problem: Problem, marginals: Marginals, solutions: list[ScoredValues]) -> FitResult:
     count, whole, best = len(problem.parameters), marginals.problem, solutions[0]
     turns = _turns(problem, marginals.middle)
     middle, lower, upper = (one + turns for one in (marginals.middle, marginals.lower, marginals.upper))
@@ -207,7 +207,7 @@ def _estimate(parameter: Parameter, value: float, deviation: float, lower: float
     return Estimate(float(value), float(deviation), float(lower), float(upper))
 
 
-def _mode(problem: Problem, solution: Candidate, best: float) -> Mode:
+def _mode(problem: Problem, solution: ScoredValues, best: float) -> Mode:
     turned = solution.values + _turns(problem, solution.values)
     values = {parameter.name: float(value) for parameter, value in zip(problem.parameters, turned, strict=False)}
     return Mode(values, solution.score - best)

@@ -1,6 +1,6 @@
 """One ping at one heading over time: the paths of its sound, blanking, and the moment of detection.
 
-Sound travels along the paths of the candidates that matter: the winner and what lies within blanking, or every echo
+Sound travels along the paths of the echoes that matter: the winner and what lies within blanking, or every echo
 over the threshold. `moment_at` says where all of it is at one time.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.explain.candidates import RankedEcho, candidates
+from sonarhw_compare.explain.ranked_echoes import RankedEcho, ranked_echoes
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.sound.travel import front_at, position_at, stretch_between
 
@@ -51,7 +51,7 @@ class PlayedPing:
     @cached_property
     def ways(self) -> tuple[SoundWay, ...]:
         """The paths that are shown, that of the winner first."""
-        found = candidates(self.prediction, self.index)
+        found = ranked_echoes(self.prediction, self.index)
         shown = [echo for echo in found if echo.wins or (not echo.too_weak and (echo.blanked or self.every))]
         return tuple(self._ways(shown[:_MOST_PATHS]))
 

@@ -7,7 +7,7 @@ from PySide6.QtGui import QAction, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QStackedWidget, QTabWidget, QWidget
 
 from sonarhw_gui.bscan.bscan_view import BScanView
-from sonarhw_gui.candidates.candidate_view import CandidateView
+from sonarhw_gui.echo_list.echo_list_view import EchoListView
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plan.plan_view import PlanView
 from sonarhw_gui.plan.side_by_side import SideBySide
@@ -60,7 +60,7 @@ class ViewArea(TabbedWindow):
         self.trace = self._beside(TraceView(), stack=0)
         self.ranges = self._beside(RangeView(), stack=1)
         self.table = self._beside(TableView(), stack=2)
-        self.candidates = self._beside(CandidateView(), stack=2)
+        self.echo_list = self._beside(EchoListView(), stack=2)
         self.differences = self._beside(DifferenceView(), stack=2)
         self.setCentralWidget(self.stage)
         self.setDockNestingEnabled(True)

@@ -164,7 +164,7 @@ def sums_of_arrivals(amplitudes: FloatArray, sets: Together) -> tuple[FloatArray
     return sums, loudest
 
 
-class Candidates(NamedTuple):
+class PathsAndBeam(NamedTuple):
     """The paths that may be detected, in order of length, and what decides on it."""
 
     leaving: FloatArray  # (p, 2), horizontal part of the unit vector of departure
@@ -194,7 +194,7 @@ def _weigh(
 ) -> None:
     """Fill in the signed amplitudes of the paths from row `begin` to `end`, at heading `k` along the vector x, y.
 
-    The arrays are those of `Candidates`: read one by one from the tuple, they would take twice as long.
+    The arrays are those of `PathsAndBeam`: read one by one from the tuple, they would take twice as long.
     """
     for path in range(begin, end):
         amplitude = strengths[path] * _signed_beam(leaving[path, 0] * x + leaving[path, 1] * y, ka, table)
@@ -206,7 +206,7 @@ def _weigh(
 
 
 @array_part
-def _most_of_arrivals(paths: Candidates) -> FloatArray:
+def _most_of_arrivals(paths: PathsAndBeam) -> FloatArray:
     """Return the most that the arrival that begins with each path can have at any heading, (p,)."""
     most = np.zeros(paths.strengths.shape[0])
     # with sum(), numba would load scipy.linalg, in 0.2 s
@@ -217,7 +217,7 @@ def _most_of_arrivals(paths: Candidates) -> FloatArray:
 
 
 @compiled
-def first_detected(headings: FloatArray, paths: Candidates) -> NDArray[np.intp]:
+def first_detected(headings: FloatArray, paths: PathsAndBeam) -> NDArray[np.intp]:
     """Return the loudest path of the first detected arrival at each heading (n,) rad, (n,) int; -1: none."""
     leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
     most = _most_of_arrivals(paths)
@@ -252,7 +252,7 @@ class Sought(NamedTuple):
 
 
 @compiled
-def nearest_detected(headings: FloatArray, paths: Candidates, sought: Sought) -> NDArray[np.intp]:
+def nearest_detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArray[np.intp]:
     """Return the loudest path of the echo nearest to each measured range, (n,) int; -1: none within reach."""
     leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
     measured, reach, lengths, ranges, in_time, span = sought

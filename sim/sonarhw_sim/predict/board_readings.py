@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.first_echo import Sound, first_echoes
 from sonarhw_sim.board.mount import own_range
-from sonarhw_sim.board.weighing import Candidates, Together, beam_table, first_detected, together
+from sonarhw_sim.board.weighing import PathsAndBeam, Together, beam_table, first_detected, together
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.cores import rows_in_parts
 from sonarhw_sim.predict.levels import strengths, turned
@@ -30,11 +30,11 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     board, paths = scan.board, scan.paths
     in_time = np.flatnonzero(scan.in_time & ~paths.scattered)
     sets = together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(scan.room.air), board)
-    candidates = candidates_of(scan, scan.headings, in_time, sets)
+    weighed = paths_and_beam(scan, scan.headings, in_time, sets)
 
     def detected(begin: int, end: int) -> tuple[NDArray[np.intp]]:
-        hidden = candidates.blocked[begin:end]
-        return (first_detected(scan.headings[begin:end], candidates._replace(blocked=hidden)),)
+        hidden = weighed.blocked[begin:end]
+        return (first_detected(scan.headings[begin:end], weighed._replace(blocked=hidden)),)
 
     (first,) = rows_in_parts(detected, len(scan.headings), _LEAST_PART)
     # row -1, "no echo", selects the appended value
@@ -43,13 +43,13 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     return with_first_echoes(found, with_scattered_sound(scan))
 
 
-def candidates_of(
+def paths_and_beam(
     scan: PredictedScan, headings: FloatArray, rows: NDArray[np.intp] | slice, sets: Together
-) -> Candidates:
+) -> PathsAndBeam:
     """Return the paths in `rows`, which form these sets, as what the board may detect at `headings` (n,) rad."""
     room, board, paths = scan.room, scan.board, scan.paths
     ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, headings)
-    return Candidates(
+    return PathsAndBeam(
         paths.leaving[rows],
         paths.arriving[rows],
         strengths(room, board, paths)[rows],

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.weighing import Sought, nearest_detected
-from sonarhw_sim.predict.board_readings import candidates_of
+from sonarhw_sim.predict.board_readings import paths_and_beam
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 IntArray = NDArray[np.intp]
@@ -23,7 +23,9 @@ def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, rea
     span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
     sought = Sought(measured, reach, lengths, board.reported(lengths / 2), scan.in_time, span)
     headings = scan.headings[rows]
-    return np.asarray(nearest_detected(headings, candidates_of(scan, headings, slice(None), scan.all_together), sought))
+    return np.asarray(
+        nearest_detected(headings, paths_and_beam(scan, headings, slice(None), scan.all_together), sought)
+    )
 
 
 def _one_by_one(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:

@@ -26,32 +26,32 @@ Tick = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ScoredValues:
     """Values of a problem and their score."""
 
     values: FloatArray  # (size,) of the whole problem
     score: float  # log-likelihood and prior, natural logarithm
 
 
-def starting_poses(problem: Problem, scan: int, tick: Tick) -> list[Candidate]:
+def starting_poses(problem: Problem, scan: int, tick: Tick) -> list[ScoredValues]:
     """Return the best poses of a scan, best first; a single one if its pose is not free.
 
     Their scores are those of this scan alone with coarse noise. `tick` receives the completed share, 0..1.
     """
     rows = problem.pose_rows(scan)
     if not rows:
-        return [Candidate(problem.start(), 0.0)]
+        return [ScoredValues(problem.start(), 0.0)]
     # a wrong offset would shift the place
     rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.shifts_place]
     alone = _alone(problem, scan, rows)
     starts = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
     scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(starts)), reverse=True)
-    found: list[Candidate] = []
+    found: list[ScoredValues] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)
         top = refined(alone, starts[k], QUICK, (COARSE,), searches=2, iterations=3)
         if not any(is_same(alone, top, one.values) for one in found):
-            found.append(Candidate(top, alone.near(top, QUICK)(top)))
+            found.append(ScoredValues(top, alone.near(top, QUICK)(top)))
     found.sort(key=lambda one: -one.score)
     return [replace(one, values=_in_whole(problem, rows, one.values)) for one in found]
 

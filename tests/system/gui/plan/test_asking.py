@@ -36,7 +36,7 @@ def answered(window: MainWindow, degrees: float) -> bool:
 
 def open_list(qtbot: QtBot, window: MainWindow) -> None:
     window.views.docks[3].opener.trigger()
-    until(qtbot, lambda: window.views.candidates.list is not None)
+    until(qtbot, lambda: window.views.echo_list.list is not None)
 
 
 def test_a_click_on_the_outline_explains_its_heading(qtbot: QtBot, window: MainWindow) -> None:
@@ -84,7 +84,7 @@ def test_the_list_of_echoes_is_ranked_and_draws_the_path_pointed_at(qtbot: QtBot
     window.session.showing.ask(math.radians(270))
     until(qtbot, lambda: answered(window, 270))
     open_list(qtbot, window)
-    listed, table = window.views.candidates, window.views.candidates.table
+    listed, table = window.views.echo_list, window.views.echo_list.table
     texts = [[table.item(row, column).text() for column in range(4)] for row in range(table.rowCount())]
     assert texts[0] == ["0.827 m", "−1.3 dB", "wins", "bottom>top>bottom"]
     assert texts[1][2] == "0.014 m behind the winner"
@@ -112,8 +112,8 @@ def test_a_reading_lists_its_runner_up(qtbot: QtBot, open_with: OpenWith, record
     until(qtbot, lambda: predicted(window))
     window.session.showing.choose(27)  # at 270°
     open_list(qtbot, window)
-    assert window.views.candidates.title.text().startswith("270.0° · ")
-    assert "the runner-up" in window.views.candidates.note.text()
+    assert window.views.echo_list.title.text().startswith("270.0° · ")
+    assert "the runner-up" in window.views.echo_list.note.text()
     window.session.showing.ask(math.radians(180))
     until(qtbot, lambda: answered(window, 180))
     qtbot.keyClick(window, Qt.Key.Key_Right)  # back to the readings

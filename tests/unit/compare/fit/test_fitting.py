@@ -10,7 +10,7 @@ import pytest
 from sonarhw_compare.fit import FitOptions, FitResult, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.fitting import _estimate, _redundancies, _starts, _turns
 from sonarhw_compare.fit.likelihood.objective import Problem
-from sonarhw_compare.fit.search.starting_poses import Candidate
+from sonarhw_compare.fit.search.starting_poses import ScoredValues
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import HEADING, WORDS, X
 from sonarhw_sim.choices import Receiver
@@ -22,9 +22,9 @@ from tests.unit.compare.fit.test_starting_poses import BOARD, ROOM, exact_scan, 
 (THRESHOLD,) = WORDS["threshold"]
 
 
-def candidate(x: float, heading: float, score: float) -> Candidate:
+def scored_values(x: float, heading: float, score: float) -> ScoredValues:
     """Return a pose of the scan that begins at that row; all other values are NaN."""
-    return Candidate(np.array([x, heading, x, heading, math.nan]), score)
+    return ScoredValues(np.array([x, heading, x, heading, math.nan]), score)
 
 
 def test_starts_are_the_best_poses_together_and_then_up_to_three_others_of_one_scan() -> None:
@@ -33,8 +33,8 @@ def test_starts_are_the_best_poses_together_and_then_up_to_three_others_of_one_s
         start=lambda: np.array([0.0, 0.0, 0.0, 0.0, 7.0]), pose_rows=lambda scan: [2 * scan, 2 * scan + 1]
     )
     problem.redundancies = (1.0, 2.0)
-    first = [candidate(1.0, 10.0, 5.0), candidate(2.0, 20.0, -19.9), candidate(3.0, 30.0, -20.1)]
-    second = [candidate(k, -k, -10.0 * k) for k in range(1, 7)]
+    first = [scored_values(1.0, 10.0, 5.0), scored_values(2.0, 20.0, -19.9), scored_values(3.0, 30.0, -20.1)]
+    second = [scored_values(k, -k, -10.0 * k) for k in range(1, 7)]
     starts = [start.tolist() for start in _starts(cast(Problem, problem), [first, second])]
     assert starts == [
         [1.0, 10.0, 1.0, -1.0, 7.0],

@@ -1,4 +1,4 @@
-"""Ranked candidates, against closed forms of a rectangular room and against predictions with the changes made."""
+"""Ranked echoes, against closed forms of a rectangular room and against predictions with the changes made."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.explain.candidates import RankedEcho, candidates, outcome_text, remedy, remedy_text, runner_up
+from sonarhw_compare.explain.ranked_echoes import (
+    RankedEcho,
+    outcome_text,
+    ranked_echoes,
+    remedy,
+    remedy_text,
+    runner_up,
+)
 from sonarhw_compare.explain.sentences import explain_heading, explain_reading
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.matching.match import compare_readings
@@ -28,8 +35,8 @@ def scan_at(degrees: float) -> PredictedScan:
     return predict_scan(ROOM, PLACE, BOARD, np.radians([degrees]))
 
 
-def via(scan: PredictedScan, candidate: RankedEcho) -> str:
-    return ">".join(scan.paths.via(candidate.path, scan.room))
+def via(scan: PredictedScan, echo: RankedEcho) -> str:
+    return ">".join(scan.paths.via(echo.path, scan.room))
 
 
 def off_axis_db(degrees: float) -> float:
@@ -41,20 +48,20 @@ def off_axis_db(degrees: float) -> float:
 
 def test_the_winner_is_first_and_the_blanked_wall_last() -> None:
     scan = scan_at(270.0)
-    found = candidates(scan, 0)
+    found = ranked_echoes(scan, 0)
     assert (via(scan, found[0]), outcome_text(found[0])) == ("bottom>top>bottom", "wins")
     assert found[0].range == pytest.approx(2 * 0.085 + 0.657, abs=5e-4)
     assert (via(scan, found[-1]), outcome_text(found[-1])) == ("bottom", "blanked")
     assert found[-1].range == pytest.approx(0.085, abs=5e-4)
     needed = BOARD.blanking - 2 * 0.085 / ROOM.air.speed_of_sound
     assert remedy(scan, 0, found[-1]).blanking == pytest.approx(needed, abs=1e-6)
-    assert [candidate.wins for candidate in found] == [True] + [False] * (len(found) - 1)
+    assert [echo.wins for echo in found] == [True] + [False] * (len(found) - 1)
     assert runner_up(found) is found[1]
 
 
 def test_levels_are_those_of_a_piston_off_its_axis() -> None:
     scan = scan_at(200.0)
-    left = next(candidate for candidate in candidates(scan, 0) if via(scan, candidate) == "left")
+    left = next(echo for echo in ranked_echoes(scan, 0) if via(scan, echo) == "left")
     level = 20 * math.log10(REFLECTANCE) + off_axis_db(20.0)
     assert left.level_db == pytest.approx(level, abs=0.02)
     assert left.lacking_db == pytest.approx(BOARD.threshold_db - level, abs=0.02)
@@ -64,41 +71,41 @@ def test_levels_are_those_of_a_piston_off_its_axis() -> None:
 
 def test_the_distance_behind_the_winner_is_that_of_image_sources() -> None:
     scan = scan_at(0.0)  # the right wall is 0.154 m away, within blanking; then right, left, right
-    found = candidates(scan, 0)
-    again = next(candidate for candidate in found if via(scan, candidate) == "right>left>right>left>right")
+    found = ranked_echoes(scan, 0)
+    again = next(echo for echo in found if via(scan, echo) == "right>left>right>left>right")
     assert found[0].range == pytest.approx(0.928 + 0.154, abs=5e-4)
     assert again.behind == pytest.approx(0.928, abs=1e-3)
     assert outcome_text(again, lambda metres: f"{100 * metres:.0f} cm") == "93 cm behind the winner"
 
 
-def test_a_path_and_its_reverse_are_one_candidate() -> None:
+def test_a_path_and_its_reverse_are_one_echo() -> None:
     scan = scan_at(45.0)
     ways = [
         (round(c.range, 6), frozenset((via(scan, c), ">".join(via(scan, c).split(">")[::-1]))))
-        for c in candidates(scan, 0)
+        for c in ranked_echoes(scan, 0)
     ]
     assert len(ways) == len(set(ways))
 
 
 @pytest.mark.parametrize("degrees", [45.0, 200.0, 215.0, 310.0])
-def test_each_change_of_the_threshold_makes_its_candidate_win(degrees: float) -> None:
+def test_each_change_of_the_threshold_makes_its_echo_win(degrees: float) -> None:
     scan = scan_at(degrees)
     helped = 0
-    for candidate in candidates(scan, 0):
-        change = remedy(scan, 0, candidate).threshold_db
+    for echo in ranked_echoes(scan, 0):
+        change = remedy(scan, 0, echo).threshold_db
         if change is None or change < -15:  # fainter paths may be left out of the prediction
             continue
         board = replace(BOARD, threshold_db=BOARD.threshold_db + change + math.copysign(_A_LITTLE, change))
         after = weigh_paths(ROOM, PLACE, board, scan.headings, scan.paths)
-        # a nearer candidate wins only if the threshold stays above those still nearer, which have their own remedy
-        assert after.ranges[0] <= candidate.range + 1e-6
-        helped += bool(abs(after.ranges[0] - candidate.range) < 1e-6)
+        # a nearer echo wins only if the threshold stays above those still nearer, which have their own remedy
+        assert after.ranges[0] <= echo.range + 1e-6
+        helped += bool(abs(after.ranges[0] - echo.range) < 1e-6)
     assert helped > 0
 
 
 def test_a_shorter_blanking_makes_a_blanked_echo_win() -> None:
     scan = scan_at(270.0)
-    nearest = candidates(scan, 0)[-1]
+    nearest = ranked_echoes(scan, 0)[-1]
     earlier = remedy(scan, 0, nearest).blanking
     assert earlier is not None
     for share, range_ in ((1.001, 0.085), (0.999, 0.827)):
@@ -110,7 +117,7 @@ def test_a_shifted_wall_lets_the_runner_up_win() -> None:
     board, options = replace(load_board("lego-nxt"), sum_arrivals=False), PredictionOptions(diffraction=False)
     room, place, heading = load_room("rooms/arena.toml"), Place("", (1.805, 0.3)), np.radians([320.0])
     scan = predict_scan(room, place, board, heading, options)
-    second = runner_up(candidates(scan, 0))
+    second = runner_up(ranked_echoes(scan, 0))
     assert second is not None
     moved = remedy(scan, 0, second).wall
     assert moved is not None
@@ -125,12 +132,12 @@ def test_a_shifted_wall_lets_the_runner_up_win() -> None:
         assert after.paths.via(int(after.winners[0]), shifted) == scan.paths.via(first, room)
 
 
-def test_silence_has_candidates_without_a_winner() -> None:
+def test_silence_has_echoes_without_a_winner() -> None:
     board = replace(BOARD, threshold_db=3.0)
     scan = weigh_paths(ROOM, PLACE, board, np.radians([90.0]), scan_at(90.0).paths)
-    found = candidates(scan, 0)
+    found = ranked_echoes(scan, 0)
     assert explain_heading(scan, 0).startswith("no echo is predicted at 90.0°")
-    assert not any(candidate.wins for candidate in found)
+    assert not any(echo.wins for echo in found)
     best = runner_up(found)
     assert best is not None
     assert best.behind is None
@@ -170,7 +177,7 @@ def test_the_sentence_about_a_reading_and_the_row_of_the_winner_state_what_the_r
     longer = replace(reading, echo_times=(2 * (range_ + 0.01) / speed,))
     said = explain_reading(compare_readings([longer], ROOM, PLACE, board), 0)
     assert f" adds {added}; {range_:.3f} m is predicted; the near wall" in said  # so that the sum is not the reading
-    assert outcome_text(candidates(scan, 0)[0]) == f"wins, receiver adds {added}"
+    assert outcome_text(ranked_echoes(scan, 0)[0]) == f"wins, receiver adds {added}"
 
 
 def test_what_the_receiver_adds_to_the_winner_makes_no_other_echo_nearer_to_it() -> None:
@@ -178,7 +185,7 @@ def test_what_the_receiver_adds_to_the_winner_makes_no_other_echo_nearer_to_it()
     behind = []
     for board in (BOARD, load_board("polaroid-6500")):
         scan = predict_scan(ROOM, PLACE, board, np.radians([270.0]))
-        found = {via(scan, candidate): candidate for candidate in candidates(scan, 0)}
+        found = {via(scan, echo): echo for echo in ranked_echoes(scan, 0)}
         behind.append(found["bottom>right>top>bottom"].behind)
     assert found["bottom>top>bottom"].range > 0.828
     exact = math.hypot(0.827, 0.154) - 0.827  # the right wall is 0.154 m from the sensor

@@ -43,67 +43,67 @@ class RankedEcho:
 
 @dataclass(frozen=True)
 class Remedy:
-    """The changes that would each let one candidate win; None: there is none of this kind."""
+    """The changes that would each let one echo win; None: there is none of this kind."""
 
     threshold_db: float | None = None  # change of the threshold
     blanking: float | None = None  # s by which blanking would have to end earlier
     wall: WallChange | None = None  # smallest shift of one wall
 
 
-def candidates(prediction: PredictedScan, index: int) -> tuple[RankedEcho, ...]:
+def ranked_echoes(prediction: PredictedScan, index: int) -> tuple[RankedEcho, ...]:
     """Return every echo up to 20 dB below the threshold at heading `index`: the winner, then by rank.
 
     The rank is the change that an echo lacks: 1 dB of level counts as much as 1 cm of range. Echoes within blanking
     come last, that with the latest time first.
     """
     found = [*_merged(prediction, index, _arrivals(prediction, index))]
-    winner = next((candidate for candidate in found if candidate.wins), None)
+    winner = next((echo for echo in found if echo.wins), None)
     if winner is not None:
-        found = [_behind(candidate, winner) for candidate in found]
+        found = [_behind(echo, winner) for echo in found]
     return tuple(sorted(found, key=_rank))
 
 
 def runner_up(found: Iterable[RankedEcho]) -> RankedEcho | None:
-    """Return the first of ranked candidates that does not win; None without one."""
-    return next((candidate for candidate in found if not candidate.wins), None)
+    """Return the first of ranked echoes that does not win; None without one."""
+    return next((echo for echo in found if not echo.wins), None)
 
 
-def remedy(prediction: PredictedScan, index: int, candidate: RankedEcho) -> Remedy:
-    """Return the changes that would each let a candidate win at heading `index`.
+def remedy(prediction: PredictedScan, index: int, echo: RankedEcho) -> Remedy:
+    """Return the changes that would each let an echo win at heading `index`.
 
     A shift of a wall is correct to first order. A change of the threshold is exact for the paper's receiver. The
     board's own also detects the edges of a burst, so it differs slightly there.
     """
-    if candidate.wins:
+    if echo.wins:
         return Remedy()
-    if candidate.blanked:
-        return Remedy(blanking=prediction.board.blanking_end - candidate.time)
-    if candidate.behind is None:
-        return Remedy(threshold_db=-candidate.lacking_db if candidate.too_weak else None)
-    step = next((step for step in steps(prediction.ping(index)) if step.path == candidate.path), None)
+    if echo.blanked:
+        return Remedy(blanking=prediction.board.blanking_end - echo.time)
+    if echo.behind is None:
+        return Remedy(threshold_db=-echo.lacking_db if echo.too_weak else None)
+    step = next((step for step in steps(prediction.ping(index)) if step.path == echo.path), None)
     threshold = None if step is None else max(0.0, step.above_db - prediction.board.threshold_db)
-    moved = next((move for move in wall_changes(prediction, index) if move.echo.path == candidate.path), None)
+    moved = next((move for move in wall_changes(prediction, index) if move.echo.path == echo.path), None)
     return Remedy(threshold_db=threshold, wall=moved)
 
 
-def outcome_text(candidate: RankedEcho, text: LengthText = in_metres) -> str:
-    """Return what becomes of a candidate: `wins`, `blanked`, `0.7 dB too weak`, `0.030 m behind the winner`.
+def outcome_text(echo: RankedEcho, text: LengthText = in_metres) -> str:
+    """Return what becomes of an echo: `wins`, `blanked`, `0.7 dB too weak`, `0.030 m behind the winner`.
 
     For the winner, also what the receiver of the board adds to its range.
     """
-    if candidate.wins:
-        change = receiver_change(candidate.half, candidate.range, text)
+    if echo.wins:
+        change = receiver_change(echo.half, echo.range, text)
         return f"wins, receiver {change}" if change else "wins"
-    if candidate.blanked:
+    if echo.blanked:
         return "blanked"
-    parts = [f"{candidate.lacking_db:.1f} dB too weak"] if candidate.too_weak else []
-    if candidate.behind is not None:
-        parts.append(f"{text(candidate.behind)} behind{'' if candidate.too_weak else ' the winner'}")
+    parts = [f"{echo.lacking_db:.1f} dB too weak"] if echo.too_weak else []
+    if echo.behind is not None:
+        parts.append(f"{text(echo.behind)} behind{'' if echo.too_weak else ' the winner'}")
     return ", ".join(parts) or "too short for the board's receiver"
 
 
 def remedy_text(found: Remedy, text: LengthText = in_metres) -> str:
-    """Return what would let a candidate win: `a threshold 0.7 dB lower`; empty if nothing is known."""
+    """Return what would let an echo win: `a threshold 0.7 dB lower`; empty if nothing is known."""
     parts = []
     if found.threshold_db is not None:
         direction = "higher" if found.threshold_db > 0 else "lower"
@@ -126,7 +126,7 @@ def _arrivals(prediction: PredictedScan, index: int) -> list[Echo]:
     found: dict[tuple[int, frozenset[tuple[str, ...]]], Echo] = {}
     for echo in (*loud, *(echo for echo in faint if echo.level_db < board.threshold_db)):
         via = prediction.paths.via(echo.path, prediction.room)
-        # a path and its reverse are one candidate
+        # a path and its reverse are one echo
         same = round(echo.length / _SAME_LENGTH), frozenset((via, via[::-1]))
         if same not in found or echo.path == winner:
             found[same] = echo
@@ -134,7 +134,7 @@ def _arrivals(prediction: PredictedScan, index: int) -> list[Echo]:
 
 
 def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iterable[RankedEcho]:
-    """Yield a candidate for each arrival; that of the winner has the range that the board reports."""
+    """Yield an echo for each arrival; that of the winner has the range that the board reports."""
     winner, one_arrival = int(prediction.winners[index]), prediction.board.wavelength(prediction.room.air)
     lengths = prediction.apparent_lengths
     won = next((echo for echo in arrivals if echo.path == winner), None)
@@ -144,14 +144,14 @@ def _merged(prediction: PredictedScan, index: int, arrivals: list[Echo]) -> Iter
         won = min(near, key=lambda echo: abs(echo.length - lengths[winner]), default=None)
     for echo in arrivals:
         if echo is not won:
-            yield _candidate(prediction, echo)
+            yield _unranked(prediction, echo)
     if winner >= 0:
         level = won.level_db if won is not None else prediction.ping(index).level_of_reading
         reported = float(prediction.ranges[index])
-        yield replace(_candidate(prediction, Echo(winner, reported, level, float(lengths[winner]))), wins=True)
+        yield replace(_unranked(prediction, Echo(winner, reported, level, float(lengths[winner]))), wins=True)
 
 
-def _candidate(prediction: PredictedScan, echo: Echo) -> RankedEcho:
+def _unranked(prediction: PredictedScan, echo: Echo) -> RankedEcho:
     board, time = prediction.board, echo.length / prediction.room.air.speed_of_sound
     level = echo.level_db
     if is_stepped(board, prediction.receiver) and time > 0:
@@ -164,14 +164,14 @@ def _candidate(prediction: PredictedScan, echo: Echo) -> RankedEcho:
     )
 
 
-def _behind(candidate: RankedEcho, winner: RankedEcho) -> RankedEcho:
-    if candidate.wins or candidate.blanked or candidate.time < winner.time:
-        return candidate
-    return replace(candidate, behind=max(0.0, candidate.half - winner.half))
+def _behind(echo: RankedEcho, winner: RankedEcho) -> RankedEcho:
+    if echo.wins or echo.blanked or echo.time < winner.time:
+        return echo
+    return replace(echo, behind=max(0.0, echo.half - winner.half))
 
 
-def _rank(candidate: RankedEcho) -> tuple[bool, bool, float]:
-    if candidate.blanked:
-        return not candidate.wins, True, -candidate.time
-    lacking = max(candidate.lacking_db, 0.0) + 100 * (candidate.behind or 0.0) / _CENTIMETRES_PER_DB
-    return not candidate.wins, False, lacking if math.isfinite(lacking) else math.inf
+def _rank(echo: RankedEcho) -> tuple[bool, bool, float]:
+    if echo.blanked:
+        return not echo.wins, True, -echo.time
+    lacking = max(echo.lacking_db, 0.0) + 100 * (echo.behind or 0.0) / _CENTIMETRES_PER_DB
+    return not echo.wins, False, lacking if math.isfinite(lacking) else math.inf

@@ -3,7 +3,14 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from sonarhw_compare.explain.candidates import RankedEcho, candidates, outcome_text, remedy, remedy_text, runner_up
+from sonarhw_compare.explain.ranked_echoes import (
+    RankedEcho,
+    outcome_text,
+    ranked_echoes,
+    remedy,
+    remedy_text,
+    runner_up,
+)
 from sonarhw_compare.headings import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
@@ -13,7 +20,7 @@ COLUMNS = ("½ path", "level", "what becomes of it", "path")
 
 
 @dataclass(frozen=True)
-class CandidateList:
+class EchoList:
     """All echoes at one heading of a prediction, ranked."""
 
     prediction: PredictedScan
@@ -23,7 +30,7 @@ class CandidateList:
     @cached_property
     def found(self) -> tuple[RankedEcho, ...]:
         """The echoes, that of the winner first."""
-        return candidates(self.prediction, self.index)
+        return ranked_echoes(self.prediction, self.index)
 
     def cells(self, row: int) -> tuple[str, ...]:
         """Return the texts of one row, one for each of `COLUMNS`."""

@@ -1,7 +1,7 @@
 """The list of echoes at one heading: all rows state half of the path, also that of the winner."""
 
 import numpy as np
-from sonarhw_gui.candidates.candidate_list import CandidateList
+from sonarhw_gui.echo_list.echo_list import EchoList
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -12,7 +12,7 @@ ROOM = load_room("rooms/simple.toml")
 
 def test_the_winner_is_listed_by_the_rule_of_all_echoes() -> None:
     scan = predict_scan(ROOM, ROOM.place("figure9"), load_board("polaroid-6500"), np.radians([270.0]))
-    listed = CandidateList(scan, 0, LengthUnit.M)
+    listed = EchoList(scan, 0, LengthUnit.M)
     half, _, outcome, path = listed.cells(0)
     added = float(scan.ranges[0]) - 0.827
     assert (half, path) == ("0.827 m", "bottom>top>bottom")

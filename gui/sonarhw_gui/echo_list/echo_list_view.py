@@ -7,7 +7,7 @@ from PySide6.QtCore import QEvent, Qt, Signal, Slot
 from PySide6.QtGui import QBrush, QColor, QFocusEvent, QFontMetrics
 from PySide6.QtWidgets import QAbstractItemView, QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 
-from sonarhw_gui.candidates.candidate_list import COLUMNS, CandidateList
+from sonarhw_gui.echo_list.echo_list import COLUMNS, EchoList
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
@@ -21,7 +21,7 @@ _AT_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 _NO_ROOM, _NOTHING_YET = "open a room to list its echoes", "select a reading, or click the predicted outline"
 
 
-class CandidateView(QWidget):
+class EchoListView(QWidget):
     """A ranked table of echoes."""
 
     entry = ViewEntry("Echoes", is_text=True)
@@ -29,7 +29,7 @@ class CandidateView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.gestures = Gestures(self)
-        self.list: CandidateList | None = None
+        self.list: EchoList | None = None
         self._shown: Shown | None = None
         self._filling = False
         self.title, self.note = PlainLabel(), ElidedLabel()
@@ -64,7 +64,7 @@ class CandidateView(QWidget):
             self.note.setText(_NO_ROOM if shown.scene.room is None else _NOTHING_YET)
             return
         if before is None or before.look != shown.look or not is_same_question(before.question, question):
-            self.list = CandidateList(*question, shown.look.unit)
+            self.list = EchoList(*question, shown.look.unit)
             self._fill(self.list, shown)
 
     def fit(self) -> None:
@@ -82,7 +82,7 @@ class CandidateView(QWidget):
         for column, widest in enumerate(_WIDEST):
             self.table.setColumnWidth(column, metrics.horizontalAdvance(widest) + _BESIDE)
 
-    def _fill(self, listed: CandidateList, shown: Shown) -> None:
+    def _fill(self, listed: EchoList, shown: Shown) -> None:
         self._filling = True
         self.table.setRowCount(len(listed.found))
         faint = QBrush(QColor(shown.look.palette.faint))
