@@ -31,6 +31,9 @@ _CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks 
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
 _AT_ONCE = 8  # drafts between two checks whether the search is cancelled
+_FIRST_SCANS = 2  # with which many drafts are compared at first
+_LEAST_KEPT = 4  # drafts, of which all scans are used
+_HOPELESS = 100.0  # log-likelihood by which a draft is worse in some scans, and better in the others in no room so far
 
 _Result = TypeVar("_Result")
 
@@ -79,12 +82,14 @@ class Evidence:
         """Return the log-likelihood of all scans plus the logarithm of the prior of their places."""
         return self.log_likelihoods([draft], noise)[0]
 
-    def log_likelihoods(self, drafts: Sequence[RoomDraft], noise: ReadingNoise) -> list[float]:
-        """Return `log_likelihood` of several drafts; processes divide them better than one by one."""
+    def log_likelihoods(
+        self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
+    ) -> list[float]:
+        """Return `log_likelihood` of several drafts, of all scans or these; processes divide them better than one."""
         found = [
             one
             for begin in range(0, len(drafts), _AT_ONCE)
-            for one in self._by_reading(drafts[begin : begin + _AT_ONCE], noise)
+            for one in self._by_reading(drafts[begin : begin + _AT_ONCE], noise, scans)
         ]
         return [
             float(np.concatenate(one).sum()) + self.log_prior(draft) for draft, one in zip(drafts, found, strict=True)
@@ -94,15 +99,18 @@ class Evidence:
         """Return the log-likelihood of each reading, (n,) for each scan."""
         return self._by_reading([draft], noise)[0]
 
-    def _by_reading(self, drafts: Sequence[RoomDraft], noise: ReadingNoise) -> list[list[FloatArray]]:
-        """Return `by_reading` of several drafts."""
+    def _by_reading(
+        self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
+    ) -> list[list[FloatArray]]:
+        """Return `by_reading` of several drafts, of all scans or these."""
         self.course.check()
-        scans, rooms = range(len(self.problems)), [draft.room(REFLECTANCE, self.air) for draft in drafts]
+        scans = range(len(self.problems)) if scans is None else scans
+        rooms = [draft.room(REFLECTANCE, self.air) for draft in drafts]
         keys = [[_key(draft, room, scan, noise) for scan in scans] for draft, room in zip(drafts, rooms, strict=True)]
         missing = {
             key: (draft, room, scan)
             for draft, room, of_draft in zip(drafts, rooms, keys, strict=True)
-            for scan, key in enumerate(of_draft)
+            for scan, key in zip(scans, of_draft, strict=True)
             if key not in self.known
         }
         self.known.update(zip(missing, self.in_processes(_of_scans, [*missing.values()], noise), strict=True))
@@ -211,6 +219,42 @@ def all_scored(evidence: Evidence, drafts: Iterable[RoomDraft], noise: ReadingNo
 def scored(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise = ROUGH) -> Scored:
     """Return a draft with its log-likelihood; -inf if a wall has no length."""
     return all_scored(evidence, [draft], noise)[0]
+
+
+def leading(
+    evidence: Evidence, drafts: Iterable[RoomDraft], scans: Sequence[int], noise: ReadingNoise = ROUGH
+) -> list[Scored]:
+    """Return the drafts that explain most, in their order, with the log-likelihoods of all scans.
+
+    `scans` are all, in the order of their use: the first two select the better half of the drafts, the first half the
+    better quarter, but not fewer than four (successive halving). So a scan should be early if more is unexplained.
+    """
+    left = [draft for draft in drafts if draft.is_sound]
+    total = len(left)
+    for some, share in zip(_stages(scans), (2, 4), strict=True):
+        kept = max(_LEAST_KEPT, -(-total // share))
+        if kept < len(left) and len(some) < len(scans):
+            scores = evidence.log_likelihoods(left, noise, some)
+            best = sorted(range(len(left)), key=lambda row: -scores[row])[:kept]
+            left = [left[row] for row in sorted(best)]
+    return all_scored(evidence, left, noise)
+
+
+def scored_if_near(evidence: Evidence, drafts: Sequence[RoomDraft], best: Scored) -> list[Scored]:
+    """Return drafts with their log-likelihoods; -inf if some scans show that one is far worse than the best draft."""
+    left, scans = [draft for draft in drafts if draft.is_sound], range(len(evidence.problems))
+    for some in _stages(scans):
+        if len(some) < len(scans):
+            least = evidence.log_likelihoods([best.draft], ROUGH, some)[0] - _HOPELESS
+            scores = evidence.log_likelihoods(left, ROUGH, some)
+            left = [draft for draft, score in zip(left, scores, strict=True) if score > least]
+    near = {id(one.draft): one for one in all_scored(evidence, left)}
+    return [near.get(id(draft), Scored(draft, -np.inf)) for draft in drafts]
+
+
+def _stages(scans: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:
+    """Return the first scans, and about half of them, but more than the first."""
+    return scans[:_FIRST_SCANS], scans[: max(_FIRST_SCANS + 1, -(-len(scans) // 2))]
 
 
 def _bounds(items: int, processes: int) -> list[int]:

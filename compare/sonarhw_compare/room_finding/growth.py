@@ -11,7 +11,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
-from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored
+from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored, leading, scored_if_near
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
@@ -80,7 +80,7 @@ def _without_worthless(
     """Return the draft without those of its parts that are not worth their price, tried in order."""
     while parts:
         # all at once, because processes divide many drafts better; most rooms keep all
-        tried = all_scored(evidence, [without(best.draft, part) for part in parts])
+        tried = scored_if_near(evidence, [without(best.draft, part) for part in parts], best)
         row = next((row for row, one in enumerate(tried) if best.score - one.score < PRICE), None)
         if row is None:
             return best
@@ -122,7 +122,7 @@ def with_wall(
         for draft in (*cornered(best.draft, points), *continued(best.draft))
         if not evidence.refuses(draft.walls[max(draft.walls)])
     ]
-    found = [*(one for one, _ in tried[:1]), *all_scored(evidence, completed, noise)]
+    found = [*(one for one, _ in tried[:1]), *leading(evidence, completed, _least_explained(unexplained), noise)]
     return max(found, key=lambda one: one.score, default=best)
 
 
@@ -136,4 +136,10 @@ def with_post(
     """Return the draft with the post that explains most; the draft itself without a candidate."""
     posts = [post for post in post_candidates(arcs, unexplained, _POSTS) if not evidence.refuses(post)]
     drafts = (replace(best.draft, posts=(*best.draft.posts, post)) for post in posts)
-    return max(all_scored(evidence, drafts, noise), key=lambda one: one.score, default=best)
+    found = leading(evidence, drafts, _least_explained(unexplained), noise)
+    return max(found, key=lambda one: one.score, default=best)
+
+
+def _least_explained(unexplained: list[FloatArray]) -> list[int]:
+    """Return the scans in order, that of which most is unexplained first."""
+    return sorted(range(len(unexplained)), key=lambda scan: -float(unexplained[scan].sum()))

@@ -8,7 +8,16 @@ import pytest
 from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import REFLECTANCE, ROUGH, PoseSpread, evidence_of
+from sonarhw_compare.room_finding.evidence import (
+    REFLECTANCE,
+    ROUGH,
+    PoseSpread,
+    all_scored,
+    evidence_of,
+    leading,
+    scored,
+    scored_if_near,
+)
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place
@@ -52,3 +61,42 @@ def test_a_change_of_the_room_or_the_pose_changes_the_likelihood(other: RoomDraf
     first = evidence.log_likelihood(EAST, ROUGH)
     assert evidence.log_likelihood(known_room(REFLECTANCE), ROUGH) == first
     assert evidence.log_likelihood(other, ROUGH) != first
+
+
+def east_wall(distance: float) -> RoomDraft:
+    """Return the only wall of `BESIDE`, this far away."""
+    wall = DraftWall((distance, 0.0), math.pi / 2, (DraftEnd(-3.0), DraftEnd(3.0)))
+    return RoomDraft(tuple(PLACES), {0: wall})
+
+
+PLACES = [Place(f"p{k}", (0.0, 0.2 * k)) for k in range(6)]
+# 40 readings of a wall 3 m away from each place
+BESIDE = evidence_of(
+    [PlacedScan([READING] * 40, place, place.name) for place in PLACES],
+    [PoseSpread()] * 6,
+    load_board("polaroid-6500"),
+    AIR,
+)
+
+
+def test_the_best_of_many_drafts_is_found_without_all_scans_of_the_others() -> None:
+    evidence = replace(BESIDE, known={})
+    drafts = [east_wall(2.0 + 0.1 * k) for k in range(20)]
+    found = leading(evidence, drafts, [3, 1, 0, 2, 4, 5])
+    best = max(found, key=lambda one: one.score)
+    assert best == scored(BESIDE, drafts[10])
+    assert [one.draft for one in found] == [draft for draft in drafts if any(draft is one.draft for one in found)]
+    assert (
+        len(evidence.known) == 20 * 2 + 10 * 1 + 5 * 3
+    )  # two scans of all, one more of the better half, the rest of the best quarter
+
+
+def test_a_draft_that_some_scans_show_to_be_far_worse_needs_no_others() -> None:
+    evidence, best = replace(BESIDE, known={}), scored(BESIDE, east_wall(3.0))
+    near, far = east_wall(3.01), east_wall(2.0)
+    assert scored_if_near(evidence, [far, near], best) == [
+        replace(best, draft=far, score=-math.inf),
+        scored(BESIDE, near),
+    ]
+    assert len(evidence.known) == 6 + 2 + 3  # of the near one, of the far one, and of the best one, for comparison
+    assert all_scored(BESIDE, [far])[0].score < best.score - 100
