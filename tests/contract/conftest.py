@@ -27,7 +27,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         soak = metafunc.config.getoption("--soak")
         usual = ONE_LINE if metafunc.definition.get_closest_marker("one_line") else [*(SCANNERS.keys() - set(LONG))]
         names = ["--url"] if metafunc.config.getoption("--url") else sorted(SCANNERS if soak else usual)
-        metafunc.parametrize("url", names, indirect=True, scope="package")
+        metafunc.parametrize("url", names, indirect=True, scope="module")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -39,7 +39,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = chosen
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def url(request: pytest.FixtureRequest) -> Iterator[str]:
     """Return the URL of the scanner. If no scanner answers at `--url`, end all tests."""
     if request.param == "--url":
@@ -96,7 +96,7 @@ class OpenLink:
             self._link = None
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def open_link(url: str) -> Iterator[OpenLink]:
     """Provide the shared link."""
     shared = OpenLink(url)
