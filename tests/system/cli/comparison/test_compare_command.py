@@ -114,7 +114,7 @@ def test_fit_states_its_grid_what_fit_adds_and_a_value_at_the_edge(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scan = str(tmp_path / "scan.mcap")
-    assert run(["simulate", ROOM, "--place", "0.5,0.4", "--board", "paper", "--step", "30", "--out", scan]) == 0
+    assert run(["simulate", ROOM, "--place", "0.5,0.4", "--board", "hc-sr04", "--step", "30", "--out", scan]) == 0
     near, far = ["compare", scan, "--place", "0.51,0.4"], ["compare", scan, "--place", "0.56,0.4"]
     assert run([*near, "--fit", "position"]) == 0
     printed = capsys.readouterr().out

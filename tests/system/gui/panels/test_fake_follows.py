@@ -38,7 +38,7 @@ def room_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def fake(room_file: Path) -> str:
     """Return the URL of the fake scanner."""
-    return f"fake:{room_file}?place=figure7&board=polaroid-6500&seed=3&pace=max"
+    return f"fake:{room_file}?place=figure7&board=lego-nxt&seed=3&pace=max"
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def scanners() -> Iterator[_Scanners]:
 def window(open_with: OpenWith, scanners: _Scanners, fake: str) -> MainWindow:
     """Open a window on the fake scanner in its room, as `sonarhw gui FAKE` does."""
     room = load_room(read_fake_url(fake).room)
-    scene = Scene(room, room.place("figure7"), load_board("polaroid-6500"), "simple.toml")
+    scene = Scene(room, room.place("figure7"), load_board("lego-nxt"), "simple.toml")
     return open_with(scene=scene, source=scanners.opener(fake), url=fake, find_scanner=scanners.find, order=SHORT)
 
 
@@ -90,9 +90,9 @@ def test_the_next_scan_moves_the_fake_to_the_place_and_board_that_are_chosen(
     first = scan(qtbot, window)
     assert session.scanners.url == fake
     assert is_of(first, fake)
-    choose(window, "figure9", "paper")
+    choose(window, "figure9", "hc-sr04")
     second = scan(qtbot, window)
-    assert (second.metadata.place, second.metadata.board) == ("figure9", "paper")
+    assert (second.metadata.place, second.metadata.board) == ("figure9", "hc-sr04")
     assert is_of(second, session.scanners.url)
     assert (read_fake_url(session.scanners.url).seed, window.banner.message) == (3, "")
     assert [one.range for one in first.readings] != [one.range for one in second.readings]
@@ -102,7 +102,7 @@ def test_a_board_that_no_fake_has_is_named_in_the_banner(qtbot: QtBot, window: M
     scene = window.session.shown.scene
     window.session.showing.edit(replace(scene, board=replace(scene.board, name="mine")), "choosing a board")
     scan(qtbot, window)
-    assert "the fake scanner has board 'polaroid-6500'" in window.banner.message
+    assert "the fake scanner has board 'lego-nxt'" in window.banner.message
     assert window.session.scanners.url == fake
 
 
@@ -111,17 +111,17 @@ def test_scan_this_room_scans_from_the_place_and_with_the_board_that_are_shown(
 ) -> None:
     url = "fake:corridor?place=end&pace=max"
     room = load_room("corridor")
-    scene = Scene(room, room.place("end"), load_board("polaroid-6500"), "corridor.toml")
+    scene = Scene(room, room.place("end"), load_board("lego-nxt"), "corridor.toml")
     window = open_with(scene=scene, source=scanners.opener(url), url=url, find_scanner=scanners.find, order=SHORT)
     {action.text(): action for action in window.files.shipped.actions()}["simple"].trigger()
     until(qtbot, lambda: window.banner.accept_button.isVisible())
-    choose(window, "figure9", "paper")
+    choose(window, "figure9", "hc-sr04")
     shown = window.session.shown.scene
     assert window.banner.accept_button.text() == "Scan this room"
     qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
     log = scanned(qtbot, window)
     assert window.session.shown.scene is shown
-    assert (log.metadata.place, log.metadata.board) == ("figure9", "paper")
+    assert (log.metadata.place, log.metadata.board) == ("figure9", "hc-sr04")
     assert is_of(log, window.session.scanners.url)
     assert window.banner.message == ""
 
@@ -169,7 +169,7 @@ def test_the_status_bar_names_what_the_fake_keeps_and_a_command_moves_it_to_the_
 
 def shares(log: Log, room: Room, place: Place) -> float:
     """Return the share of readings within 5 cm of their prediction at a place."""
-    board = load_board("polaroid-6500")
+    board = load_board("lego-nxt")
     return compare_readings(log.readings, room, place, board).summary().within_5cm
 
 
@@ -178,13 +178,13 @@ def test_a_turned_sensor_and_another_board_are_followed_too(qtbot: QtBot, window
     scan(qtbot, window)
     session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.35), math.radians(40)), "moving the sensor")
     window.room.show_state(session.shown)
-    window.room.model.board.textActivated.emit("paper")
+    window.room.model.board.textActivated.emit("hc-sr04")
     until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still at figure7")
     before = session.status.recording
     window.commands.move_fake.trigger()
     scanned(qtbot, window, before)
     moved = read_fake_url(session.scanners.url)
-    assert (moved.place, moved.heading, moved.board) == ("0.5,0.35", pytest.approx(math.radians(40)), "paper")
+    assert (moved.place, moved.heading, moved.board) == ("0.5,0.35", pytest.approx(math.radians(40)), "hc-sr04")
     until(qtbot, lambda: window.status_bar.fake.text() == FAKE_LABEL)
-    window.room.model.board.textActivated.emit("hc-sr04")
-    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still with board paper")
+    window.room.model.board.textActivated.emit("paper")
+    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still with board hc-sr04")
