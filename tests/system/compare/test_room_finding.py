@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         f"points = {[list(corner) for corner in CORNERS]}\n{places}"
     )
     for name in PLACES:
-        command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "3"]
+        command = ["simulate", str(folder / "true.toml"), "--place", name, "--step", "5"]
         assert run([*command, "--out", str(folder / f"{name}.mcap")]) == 0
     return folder
 
