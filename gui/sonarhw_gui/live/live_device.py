@@ -5,6 +5,7 @@ Readings wait in a bounded queue that drops the oldest, so the scan and its log 
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from queue import SimpleQueue
@@ -24,14 +25,24 @@ _POLL_EVERY = 0.25  # s; a person cannot read values that change more often
 class LiveDevice:
     """A connection from `start` until `disconnect` or until it breaks. It cannot be started again."""
 
-    def __init__(self, opener: ScannerOpener, job: ScannerJob, after: "LiveDevice | None" = None) -> None:
-        """`after`: an earlier connection, which must end first because it may still use the port."""
+    def __init__(
+        self,
+        opener: ScannerOpener,
+        job: ScannerJob,
+        after: "LiveDevice | None" = None,
+        arrived: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`after`: an earlier connection, which must end first because it may still use the port.
+
+        `arrived` is called after each reading, in the thread.
+        """
         self.status = JobState()
         self.link: LinkState | None = None
         self.warnings: deque[str] = deque()  # the reader removes them
         self.leaving = False  # True: no more jobs are accepted
         self._opener = opener
         self._after = after
+        self._arrived = arrived
         self._jobs: SimpleQueue[ScannerJob | None] = SimpleQueue()
         self._jobs.put(job)
         self._readings: deque[Reading] = deque(maxlen=MOST_WAITING)
@@ -49,11 +60,12 @@ class LiveDevice:
         """Whether the connection is closed."""
         return self._over.is_set()
 
-    def submit(self, job: ScannerJob) -> None:
-        """Queue a job; the previous job must have ended."""
+    def submit(self, job: ScannerJob) -> JobState:
+        """Queue a job, and return its state before it runs; the previous job must have ended."""
         self._stop_wanted.clear()
-        self.status = JobState(job.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
+        state = self.status = JobState(job.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
         self._jobs.put(job)
+        return state
 
     def take(self) -> list[Reading]:
         """Return the readings since the last call."""
@@ -90,6 +102,7 @@ class LiveDevice:
     def add_reading(self, reading: Reading) -> None:
         """Queue a reading of the job."""
         self._readings.append(reading)
+        self._arrived()
 
     def warn(self, message: str) -> None:
         """Queue a warning; the job continues."""

@@ -1,5 +1,7 @@
 """The live scanner of the session: starts and stops jobs, and polls for new readings every tick."""
 
+from collections.abc import Callable
+
 from sonarhw.errors import SonarError
 from sonarhw.readings import Reading
 from sonarhw_gui.live.live_device import LiveDevice
@@ -23,8 +25,10 @@ _IDLE = JobState(Phase.DONE)
 class LiveFeed:
     """At most one connection with at most one job, and the readings of the last scan."""
 
-    def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings) -> None:
+    def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings, arrived: Callable[[], None]) -> None:
+        """`arrived` is called after each reading, in the thread of the scanner."""
         self.scan_settings = scan_settings
+        self._arrived = arrived
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
         self._device: LiveDevice | None = None
@@ -148,11 +152,11 @@ class LiveFeed:
         self._end_reported = False
         device = self._device
         if device is None or device.over or device.leaving:
-            device = self._device = LiveDevice(self._opener, job, device)
+            device = self._device = LiveDevice(self._opener, job, device, self._arrived)
+            self._last_state = device.status  # before the thread, whose error is reported with a tick
             device.start()
         else:
-            device.submit(job)
-        self._last_state = device.status
+            self._last_state = device.submit(job)
 
 
 def _error_text(status: JobState) -> str:

@@ -13,7 +13,7 @@ from sonarhw.errors import InputError, OutputError
 from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT
-from sonarhw_gui.session.scene_memory import SceneMemory
+from sonarhw_gui.scene.scene_memory import SceneMemory
 
 _PALETTES = {palette.name: palette for palette in (LIGHT, DARK)}
 T = TypeVar("T")

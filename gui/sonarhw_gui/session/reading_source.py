@@ -1,6 +1,7 @@
 """The source of the readings, the live scanner or a replayed log, and its status."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -47,9 +48,16 @@ class RecordedIn(NamedTuple):
 class ReadingSource:
     """A scanner and a log; a loaded log is shown instead of the scanner's readings."""
 
-    def __init__(self, scanners: ScannerChoice, scan_settings: ScanSettings, parent: QObject) -> None:
+    def __init__(
+        self,
+        scanners: ScannerChoice,
+        scan_settings: ScanSettings,
+        parent: QObject,
+        arrived: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`arrived` is called after each reading of the scanner, in its thread."""
         self._scanners = scanners
-        self.live = LiveFeed(scanners.opener, scan_settings)
+        self.live = LiveFeed(scanners.opener, scan_settings, arrived)
         self.replay = ReplayControl(parent)
         self._rate = RateMeter()
         self._opened: ReplayedLog | None = None

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from sonarhw.atomic_file import unfinished_file
 from sonarhw.errors import InputError
 from sonarhw_gui.scene.scene import Scene, room_name
-from sonarhw_gui.session.scene_memory import SceneMemory
+from sonarhw_gui.scene.scene_memory import SceneMemory
 
 
 class UnsavedRoom(BaseModel):

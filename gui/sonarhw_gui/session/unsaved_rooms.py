@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw_gui.scene.scene import Scene, room_name
-from sonarhw_gui.session.scene_memory import SceneMemory
+from sonarhw_gui.scene.scene_memory import SceneMemory
 from sonarhw_gui.session.unsaved_file import UnsavedRoom, is_changed, read_unsaved, room_text, write_unsaved
 from sonarhw_gui.shown.notices import Notice
 

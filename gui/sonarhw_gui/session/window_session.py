@@ -8,7 +8,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
+from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.compilation import Quiet, watch_compilation
 
@@ -29,6 +29,7 @@ from sonarhw_gui.session.file_saver import FileSaver
 from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerFinder, ScannerTarget
 from sonarhw_gui.session.shown_model import ShownModel
+from sonarhw_gui.session.tick_timer import TickTimer
 from sonarhw_gui.session.unsaved_rooms import DiscardRoom, RestoreRoom, UnsavedRooms
 from sonarhw_gui.shown.notices import Notice
 from sonarhw_gui.shown.preparation import Preparation
@@ -48,9 +49,6 @@ from sonarhw_gui.store.open_requests import (
 )
 from sonarhw_gui.store.torn_log import TornLog
 
-TICK = 30  # ms
-_SCAN_TICK = 24  # ms: a reading that arrives just after a tick waits for the next one, and for two paints
-_DRAG_TICK = 5  # ms: a draft that waits for its tick is late for the hand; a tick without news takes 0.3 ms
 _BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
 
@@ -81,7 +79,8 @@ class WindowSession(QObject):
         self._ticking = False
         self.status = Status(can_scan=scanner is not None, scan_settings=scan_settings)
         self.scanners = ScannerChoice(scanner, find_scanner, self)
-        self._source = ReadingSource(self.scanners, scan_settings, self)
+        self._timer = TickTimer(self)
+        self._source = ReadingSource(self.scanners, scan_settings, self, self._timer.wake)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
         self._torn = TornLog()
@@ -102,7 +101,6 @@ class WindowSession(QObject):
         self._begun = False
         self._scan_due = False  # whether to scan as soon as there is a prediction
         self._last_tick = time.monotonic()
-        self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._connect()
 
     def _connect(self) -> None:
@@ -113,7 +111,7 @@ class WindowSession(QObject):
         self.scans.changed.connect(self.showing.overlay)
         self.sound.changed.connect(self._follow_sound)
         self.scanners.chosen.connect(self._use)
-        self._timer.timeout.connect(self.tick)
+        self._timer.due.connect(self.tick)
 
     @Slot()
     def begin(self) -> None:
@@ -342,13 +340,7 @@ class WindowSession(QObject):
         self.unsaved.tick(now)
         self._report_messages()
         self._update_status()
-        self._set_interval()
-
-    def _set_interval(self) -> None:
-        dragging, scanning = self.showing.forecast.dragging, self.live.running
-        interval = _DRAG_TICK if dragging else _SCAN_TICK if scanning else TICK
-        if self._timer.interval() != interval:
-            self._timer.setInterval(interval)
+        self._timer.follow_drag(self.showing.forecast.dragging)
 
     def _report_messages(self) -> None:
         report_trace = self.replay.drop_traces if self.replay.loaded else self.warned.emit

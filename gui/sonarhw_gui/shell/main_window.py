@@ -1,6 +1,7 @@
 """The main window: creates its parts, connects them, and updates them when the session changes."""
 
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import cast
 
@@ -62,9 +63,9 @@ _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _LOW = 640  # pixels
 _NO_PAINT = 500  # ms
-# ms. During a scan or a drag, each frame updates the large view, one of the plots beside it and a third of the text.
-# So much later, the next part follows if there is no other frame.
-_TURN = 50
+# ms. During a scan or a drag, each frame updates the large view and one other part: a plot beside it or a third of the
+# text. So much later, the next part follows if there is no other frame.
+_TURN = 40
 
 
 class MainWindow(TabbedWindow):
@@ -96,8 +97,9 @@ class MainWindow(TabbedWindow):
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
-        self._plots = Turns(plots, _TURN, self)
-        self._texts = Turns((self._show_texts, self._show_sentence, self._show_figures), _TURN, self)
+        self._texts = (self._show_texts, self._show_sentence, self._show_figures)
+        in_turns = (part for parts in zip_longest(plots, self._texts) for part in parts if part is not None)
+        self._turns = Turns(tuple(in_turns), _TURN, self)
         # once for all tabs and plots that are created when they are first visible
         self._names_timer = QTimer(self, singleShot=True, interval=0)
         self._names_timer.timeout.connect(self._name_tab_stops)
@@ -200,10 +202,6 @@ class MainWindow(TabbedWindow):
         if shown.look != self._look:
             self._show_look(shown.look)
         self.views.show_large(shown)
-        if self._is_busy:
-            self._plots.advance()
-        else:
-            self._plots.all_now()
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
         self._show_title()
@@ -212,9 +210,9 @@ class MainWindow(TabbedWindow):
         self.notes.show_state(shown)
         show_history(self.commands, self.session.showing.history)
         if self._is_busy:
-            self._texts.advance()
+            self._turns.advance()
         else:
-            self._texts.all_now()
+            self._turns.all_now()
 
     @Slot()
     def _show_title(self) -> None:
@@ -280,9 +278,10 @@ class MainWindow(TabbedWindow):
     @Slot(object)
     def _show_status(self, status: Status) -> None:
         if self._is_busy:
-            self._texts.soon()
+            self._turns.soon()
         else:
-            self._texts.all_now()
+            for show in self._texts:
+                show()
         self.banner.show_state(status)
         show_scanner(self.commands, status)
         self.files.shipped.setEnabled(not status.scanning)

@@ -6,8 +6,8 @@ from pathlib import Path
 from PySide6.QtCore import QByteArray, QObject, QTimer, Slot
 
 from sonarhw.errors import OutputError
+from sonarhw_gui.scene.scene_memory import SceneMemory
 from sonarhw_gui.session.memory import Memory, write_memory
-from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 
 _EVERY = 2000  # ms between two looks for changes

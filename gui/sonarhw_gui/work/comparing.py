@@ -1,6 +1,8 @@
 """Compares every reading of a scan with the prediction, in stretches, in a thread.
 
-The stretch of the selected reading is compared first, then its neighbours, then the rest.
+The stretch of the selected reading is compared first, then its neighbours, then the rest. The readings of a running
+scan are compared in short stretches, so that each is compared a few times only, and again together when there are
+STRETCH of them.
 """
 
 from bisect import bisect_right
@@ -20,6 +22,7 @@ from sonarhw_gui.work.worker import Failure, Worker
 
 IntArray = NDArray[np.int64]
 STRETCH = 360  # readings that are compared together
+_SHORT = 30  # readings; a shorter stretch is compared again together with those that follow
 _AT_ONCE = 4  # stretches of one request; about 0.1 s
 KINDS = {kind: code for code, kind in enumerate(Kind)}
 NO_PATH = -1
@@ -99,8 +102,12 @@ class ComparedScan:
         return None if stretch is None else stretch.comparison.rows[reading - stretch.first]
 
     def with_newer(self, newer: Iterable[Stretch]) -> "ComparedScan":
-        """Return the scan with these stretches, without those of an earlier scene."""
-        by_first = {stretch.first: stretch for stretch in (*self.stretches, *newer)}
+        """Return the scan with these stretches, without those that they replace and those of an earlier scene."""
+        by_first = {stretch.first: stretch for stretch in self.stretches}
+        for stretch in newer:
+            for first in [first for first in by_first if stretch.first <= first < stretch.end]:
+                del by_first[first]
+            by_first[stretch.first] = stretch
         generation = max(stretch.scene_generation for stretch in by_first.values())
         kept = (by_first[first] for first in sorted(by_first))
         return ComparedScan(tuple(stretch for stretch in kept if stretch.scene_generation == generation))
@@ -168,7 +175,9 @@ class Comparer:
     @property
     def uncompared(self) -> int:
         """The number of readings that are not compared with the newest paths yet; 0 without paths."""
-        return sum(end - begin for begin, end in self._stale())
+        if self._found is None:
+            return 0
+        return len(self._readings) - sum(stretch.end - stretch.first for stretch in self._current)
 
     def take(self) -> tuple[bool, list[Failure]]:
         """Fetch the answers; return whether anything was compared, and failures."""
@@ -200,20 +209,26 @@ class Comparer:
             stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
             self._worker.submit(CompareRequest(self._scan, found, stretches))
 
+    @property
+    def _current(self) -> list[Stretch]:
+        """The stretches that are compared with the newest paths."""
+        found, compared = self._found, self.compared
+        if found is None or compared is None:
+            return []
+        newest = (found.generation, found.draft)
+        return [stretch for stretch in compared.stretches if (stretch.scene_generation, stretch.draft) == newest]
+
     def _stale(self) -> Iterator[tuple[int, int]]:
-        """Yield begin and end of the stretches that are not compared with the newest paths."""
-        found, count = self._found, len(self._readings)
-        if found is None:
+        """Yield begin and end of the stretches that are to be compared with the newest paths."""
+        if self._found is None:
             return
-        done = {
-            stretch.first: stretch.end
-            for stretch in (self.compared.stretches if self.compared else ())
-            if (stretch.scene_generation, stretch.draft) == (found.generation, found.draft)
-        }
-        for begin in range(0, count, STRETCH):
-            end = min(begin + STRETCH, count)
-            if done.get(begin, begin) < end:
+        last = {stretch.first // STRETCH: stretch for stretch in self._current}  # of each STRETCH readings
+        for begin in range(0, len(self._readings), STRETCH):
+            end, known = min(begin + STRETCH, len(self._readings)), last.get(begin // STRETCH)
+            if known is None or (end == begin + STRETCH and known.first > begin):
                 yield begin, end
+            elif known.end < end:
+                yield (known.first if known.end - known.first < _SHORT else known.end), end
 
 
 def _apart(stretch: tuple[int, int], reading: int) -> int:

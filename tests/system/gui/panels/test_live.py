@@ -13,6 +13,7 @@ from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.palette import MARKS, Unclassed
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import with_sensor_at
+from sonarhw_gui.session import tick_timer
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.endpoint import Endpoint, open_server_port, serve
@@ -41,6 +42,16 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     assert len(window.views.ranges._outline.getData()[0]) >= 360
     assert window.sentence.text() == shown.sentence
     assert window.windowTitle() == "sonarhw — Simple room · place figure9 · fake readings — simple.toml[*]"
+
+
+def test_a_reading_is_shown_without_a_wait_for_the_regular_tick(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
+    until(qtbot, lambda: len(window.session.shown.readings) >= 3)
+    monkeypatch.setattr(tick_timer, "TICK", 3_600_000)
+    before = len(window.session.shown.readings)
+    until(qtbot, lambda: len(window.session.shown.readings) >= before + 5)
 
 
 def test_the_log_of_a_scan_contains_every_reading_and_the_place(
@@ -140,7 +151,7 @@ def test_a_stop_before_the_scanner_answers_leaves_no_log(qtbot: QtBot, open_with
             yield scanner
 
     window = open_with(source=slow, autostart=True)
-    assert opening.wait(HANG)
+    until(qtbot, opening.is_set)
     window.session.stop()
     proceed.set()
     until(qtbot, lambda: ended(window))

@@ -12,9 +12,9 @@ from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import sensor_at, with_air_state, with_options
+from sonarhw_gui.scene.scene_memory import SceneMemory
 from sonarhw_gui.session.memory import Memory, read_memory, write_memory
 from sonarhw_gui.session.scanner_choice import ScannerTarget
-from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import Unit

@@ -118,12 +118,37 @@ def test_only_a_stretch_that_grows_is_compared_again(qtbot: QtBot, scene: Scene)
     until(qtbot, lambda: comparer.take() and comparer.uncompared == 0)
     before = comparer.compared.stretches
     comparer.follow(readings)
-    assert comparer.uncompared == 20
+    assert comparer.uncompared == 10
     until(qtbot, lambda: comparer.take() and comparer.uncompared == 0)
     after = comparer.compared.stretches
     assert [one is other for one, other in zip(before, after, strict=True)] == [True, True, False]
     assert comparer.compared.end == len(readings)
     assert comparer.compared.row(len(readings)) is None
+    comparer.close()
+
+
+def test_a_reading_of_a_running_scan_is_compared_with_few_others(
+    qtbot: QtBot, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    together = []
+    answer = CompareRequest.answer
+    monkeypatch.setattr(
+        CompareRequest,
+        "answer",
+        lambda request: (together.append(sum(len(some) for _, some in request.stretches)), answer(request))[1],
+    )
+    comparer = Comparer()
+    readings = dense_readings(scene, STRETCH + 1)
+    comparer.use(PathsRequest(1, scene, scene.options).answer())
+    for count in (*range(10, STRETCH, 10), STRETCH, STRETCH + 1):
+        comparer.follow(readings[:count])
+        until(qtbot, lambda: comparer.take() and comparer.uncompared == 0)
+    assert together[-2:] == [STRETCH, 1]
+    assert max(together[:-2]) <= 40
+    assert [(stretch.first, stretch.end) for stretch in comparer.compared.stretches] == [
+        (0, STRETCH),
+        (STRETCH, STRETCH + 1),
+    ]
     comparer.close()
 
 
