@@ -1,7 +1,9 @@
 """The dock "Find the room" with mouse and keys: walls appear, are explained, rejected, accepted, undone and edited."""
 
 import itertools
+import os
 import threading
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +12,9 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_compare.room_finding import next_place
+from sonarhw_compare.processes import late_processes
+from sonarhw_compare.processes.compute_processes import ComputeProcesses
+from sonarhw_compare.room_finding import next_place, room_search
 from sonarhw_gui.finding.find_control import FindState
 from sonarhw_gui.finding.find_request import FindRequest, RoomAnswer
 from sonarhw_gui.scene.scene import Scene
@@ -297,6 +301,36 @@ def test_a_cancelled_search_keeps_its_walls(qtbot: QtBot, window: MainWindow) ->
     assert panel.go_on.isEnabled()
     assert not panel.accept.isEnabled()  # walls are not refined, and have no standard deviations
     assert not panel.progress.isVisible()
+
+
+def test_a_window_closes_while_processes_search(
+    qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    started: list[ComputeProcesses] = []
+    at_work = threading.Event()
+
+    class Observed(ComputeProcesses):
+        def __init__(self, count: int, kept: object) -> None:
+            super().__init__(count, kept)
+            started.append(self)
+            self.pids = [process.pid for process in self._processes]
+
+        def results(self, function: Callable[..., object], parts: Sequence[tuple[object, ...]]) -> list[object]:
+            at_work.set()
+            return super().results(function, parts)
+
+    monkeypatch.setattr(room_search, "LARGE", 0)
+    monkeypatch.setattr(late_processes, "core_count", lambda: 2)
+    monkeypatch.setattr(late_processes, "ComputeProcesses", Observed)
+    qtbot.mouseClick(window.finding.begin, LEFT)
+    until(qtbot, at_work.is_set)
+    assert window.close()
+    assert len(started) == 1
+    assert "find the room" not in [thread.name for thread in threading.enumerate()]
+    for pid in started[0].pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+    assert not caplog.records
 
 
 def test_what_cannot_be_searched_is_reported(qtbot: QtBot, window: MainWindow, folder: Path) -> None:
