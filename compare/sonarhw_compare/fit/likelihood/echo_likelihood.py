@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.weighing import FAINT_DB, beam
-from sonarhw_sim.compiled import array_part, compiled, compiled_part
+from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_paths import BENT, ODD, Point, displaced
@@ -144,32 +144,60 @@ def log_likelihoods(
                 there = leaving[j, 0] * hx + leaving[j, 1] * hy
                 on = arriving[j, 0] * hx + arriving[j, 1] * hy
                 power += (strengths[j] * beam(there, board.ka, table) * beam(on, board.ka, table)) ** 2
-            if power > (_NEGLIGIBLE * amplitude) ** 2:
-                # smooth in the level: a limit at which whole arrivals come and go would trap the sampler
-                begins = _normal((20.0 * math.log10(amplitude) + FAINT_DB) / noise.level)
-                chance = (1.0 - noise.missed) * begins * _chance_of_sum(amplitude, math.sqrt(power), noise.level)
-            else:
-                over = 20.0 * math.log10(amplitude)
-                found += _late(over, lateness)
-                chance = (1.0 - noise.missed) * _normal(over / noise.level)
+            chance, late = _detection(amplitude, power, noise, lateness)
             if chance == 0.0:
                 continue
+            found += late
             silence = 1.0 - chance * _mass(found, ranges, count, ends, board, noise.range)
             undetected += math.log(silence)
             if count == 0 and undetected < _HOPELESS:
                 break  # the ping was lost
-            for e in range(count):
-                away = (ranges[e] - found) / noise.range
-                if abs(away) < _FAR:
-                    densities[e] += chance / silence * math.exp(-0.5 * away * away) / (noise.range * _ROOT_2PI)
-
-        strays = -noise.stray * max(0.0, last - board.opens)
-        likelihood = undetected + strays
-        for e in range(count):
-            likelihood += math.log(densities[e])
-        strays += count * math.log(noise.stray)
-        likelihoods[i] = np.logaddexp(math.log(1.0 - noise.lost) + likelihood, math.log(noise.lost) + strays)
+            _add_densities(densities, ranges, count, found, chance / silence, noise.range)
+        likelihoods[i] = _of_reading(undetected, densities, count, max(0.0, last - board.opens), noise)
     return likelihoods
+
+
+@inlined
+def _detection(amplitude: float, power: float, noise: ReadingNoise, lateness: FloatArray) -> tuple[float, float]:
+    """Return the probability that an arrival is detected, and by how much too far (m).
+
+    `power` is that of the later paths which the receiver adds to it.
+    """
+    over, late = 20.0 * math.log10(amplitude), 0.0
+    if power > (_NEGLIGIBLE * amplitude) ** 2:
+        # smooth in the level: a limit at which whole arrivals come and go would trap the sampler
+        begins = _normal((over + FAINT_DB) / noise.level)
+        chance = (1.0 - noise.missed) * begins * _chance_of_sum(amplitude, math.sqrt(power), noise.level)
+    else:
+        late = _late(over, lateness)
+        chance = (1.0 - noise.missed) * _normal(over / noise.level)
+    return chance, late
+
+
+@inlined
+def _add_densities(
+    densities: FloatArray, ranges: FloatArray, count: int, found: float, weight: float, spread: float
+) -> None:
+    """Add to the density (1/m) at each of `count` echoes what a path with the range `found` ± `spread` (m) gives."""
+    for e in range(count):
+        away = (ranges[e] - found) / spread
+        if abs(away) < _FAR:
+            densities[e] += weight * math.exp(-0.5 * away * away) / (spread * _ROOT_2PI)
+
+
+@inlined
+def _of_reading(undetected: float, densities: FloatArray, count: int, listened: float, noise: ReadingNoise) -> float:
+    """Return the log-likelihood of a reading: of a ping that receives something, or nothing, from the room.
+
+    `undetected` is that of the paths without an echo; the board has `listened` to this length of range (m).
+    """
+    strays = -noise.stray * listened
+    likelihood = undetected + strays
+    for e in range(count):
+        likelihood += math.log(densities[e])
+    strays += count * math.log(noise.stray)
+    whole: float = np.logaddexp(math.log(1.0 - noise.lost) + likelihood, math.log(noise.lost) + strays)
+    return whole
 
 
 @array_part
