@@ -34,6 +34,7 @@ from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, l
 # both; the rest finds paths through gaps narrower than the spacing.
 ALLOWANCE = 1.5
 WIDER = 16.0  # times this distance, if rays have slopes
+_FEW_EDGES = 8  # to test so many at each leg takes less time than to look in the cells of its way
 _LEAST_PART = 720  # directions: fewer take about as long as a thread needs to begin
 _MOST_TOUCHES = 100_000_000  # 400 MB
 _Numbers = NDArray[np.int64]  # as kernels compute with, so that none is compiled twice
@@ -442,10 +443,10 @@ def _edges_along(leg: _Leg, reach: float, search: _Search, space: _Workspace) ->
     """Fill in the targets (edge k is target k + 1) that a leg may pass; return their number.
 
     An edge is listed in every cell from which a ray without posts could be near it, and taken once. A tube spread by a
-    post is wider, so all edges are targets.
+    post is wider, so all edges are targets. So are all if they are few.
     """
     cells, nearby, is_nearby, count = search.surfaces.cells, space.nearby, space.is_nearby, 0
-    if leg.opening > 1.0:
+    if leg.opening > 1.0 or search.targets.shape[0] - 1 <= _FEW_EDGES:
         for k in range(nearby.shape[0] - 1):
             nearby[k] = k + 1
         return int(nearby.shape[0] - 1)
