@@ -38,7 +38,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     ),
     (
         "sim/sonarhw_sim/rays/kernel.py",
-        "if leg.opening > 1.0:",
+        "if leg.opening > 1.0 or search.targets.shape[0] - 1 <= _FEW_EDGES:",
         ("1.0 → (1.5)",),
         "a post spreads the tube by more than half, unless its radius is larger than four times its distance",
     ),

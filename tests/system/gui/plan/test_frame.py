@@ -130,7 +130,7 @@ def test_bounces_have_a_number_in_the_plan_and_wall_and_loss_beside_the_sentence
         labels = [label for label in plan_of(window).path._labels if label.isVisible()]
         written = sorted(int(n) for label in labels for n in label.toPlainText().split(", "))
         assert written == list(range(1, 1 + (len(path.names) if path else 0)))
-        window._texts.all_now()
+        window._show_sentence()
         assert window.bounces.text() == bounces_text(window.session.shown)
         if path is not None:
             losses += [loss for loss in path.losses if loss is not None]
