@@ -36,7 +36,6 @@ from sonarhw_sim.room.model import Room
 
 # 1/16° apart finds 99.3 % of all paths up to 21.4 m in the simple room, where 0.25° finds 94 %
 RAYS = 5760
-_RAYS_FROM_POSTS = 1440  # over two walls at most
 MAX_BOUNCES = 64
 _AMPLITUDES = 33  # steps from 0 to 1
 _LOUDEST_EDGE = 2.0  # amplitude: more than the uniform theory gives of any edge
@@ -168,7 +167,7 @@ def find_paths(
     longest = search.max_length + SLACK
     bounces, faintest = search.max_bounces, search.faintest_diffraction
     out_ways = ways_to_posts(room, source, end, leaving, longest, bounces, passing)
-    between, to_edges = ways_from_posts(room, source, end, edges, fan(_RAYS_FROM_POSTS), longest, bounces, passing)
+    between, to_edges = ways_from_posts(room, source, end, edges, longest, bounces, passing)
     chains = chains_of(room, out_ways, between, bounces, faintest)
     by_posts = chains, to_edges
     out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, longest, by_posts, passing)

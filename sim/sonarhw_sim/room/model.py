@@ -49,9 +49,9 @@ class Place:
     height: float | None = None  # m, of the transducer; None: only the plan is used
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Room:
-    """All surfaces of a room, its air, and its places."""
+    """All surfaces of a room, its air, and its places. Two rooms are equal only if they are the same object."""
 
     name: str
     walls: FloatArray  # (n, 4): x, y of start and end, m

@@ -1,13 +1,14 @@
 """Ways over walls from a place or a post to the centres of posts and to edges, found by a fan of rays."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import Fan, follow_fan
+from sonarhw_sim.rays.kernel import Fan, fan, follow_fan
 from sonarhw_sim.rays.partial_paths import with_direct_paths
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.path_table import PathTable
@@ -16,6 +17,7 @@ from sonarhw_sim.room.grid import IntArray, Listing
 from sonarhw_sim.room.model import Room
 
 MOST_REFLECTIONS = 3  # of a path by posts
+_RAYS = 1440  # from a post, over two walls at most
 
 
 @dataclass(frozen=True)
@@ -32,20 +34,6 @@ class PostWays(PathTable):
         """Return an empty table."""
         whole = np.empty(0, np.int32)
         return PostWays(np.empty(0), whole, whole, whole, np.empty((0, 2), np.int32))
-
-
-@dataclass(frozen=True)
-class _RoomWays:
-    """The ways from all posts of a room to posts and edges. They are the same for every place."""
-
-    room: Room
-    bounces: int
-    length: float  # m, the longest
-    rays: int
-    ways: PostWays
-
-
-_latest: _RoomWays | None = None  # scans of one room follow each other
 
 
 def ways_to_posts(
@@ -74,7 +62,6 @@ def ways_from_posts(
     source: FloatArray,
     end: FloatArray,
     edges: NDArray[np.intp],
-    directions: FloatArray,
     max_length: float,
     max_bounces: int,
     passing: Passing | None,
@@ -87,9 +74,8 @@ def ways_from_posts(
         return PostWays.none(), PostWays.none()
     # the rays of a fan with slopes begin at the height of the transducer, which sound at a post need not have
     most = min(max_bounces, MOST_REFLECTIONS) - 1 if passing is None else 0
-    count, radii = len(room.posts), np.append(room.posts[:, 2], np.zeros(len(room.edges)))
-    targets = np.vstack((room.posts[:, :2], room.edges.points))
-    ways = _ways_of_room(room, targets, radii, directions, max_length, most)
+    count, ways = len(room.posts), _ways_of_room(room, max_length, most)
+    targets, radii = _posts_and_edges(room)
     away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end)))
     listed = np.append(np.ones(count, np.bool_), np.isin(np.arange(len(room.edges)), edges))
     short = ways.lengths <= max_length - away[ways.starts] - away[ways.targets] + 2 * (
@@ -102,20 +88,24 @@ def ways_from_posts(
     return between, replace(to_edges, targets=rows)
 
 
-def _ways_of_room(
-    room: Room, targets: FloatArray, radii: FloatArray, directions: FloatArray, max_length: float, most: int
-) -> PostWays:
-    """Return the ways of up to `most` walls from each post to targets (t, 2), or those found before for this room."""
-    global _latest
-    known, asked = _latest, (most, max_length, len(directions))
-    if known is None or known.room is not room or (known.bounces, known.length, known.rays) != asked:
-        longest = np.full(len(targets), max_length)
-        found = [
+def _posts_and_edges(room: Room) -> tuple[FloatArray, FloatArray]:
+    """Return the centres of posts, then the edges, (t, 2) m, and their radii, (t,) m; 0 for edges."""
+    points = np.vstack((room.posts[:, :2], room.edges.points))
+    return points, np.append(room.posts[:, 2], np.zeros(len(room.edges)))
+
+
+# the ways are the same for every place, and scans of one room follow each other
+@lru_cache(maxsize=1)
+def _ways_of_room(room: Room, max_length: float, most: int) -> PostWays:
+    """Return the ways of up to `most` walls, up to `max_length` (m), from each post to posts and edges."""
+    targets, radii = _posts_and_edges(room)
+    longest, directions = np.full(len(targets), max_length), fan(_RAYS)
+    return PostWays.join(
+        [
             _ways(room, targets[post], post, targets, radii, longest, directions, most, None)
             for post in range(len(room.posts))
         ]
-        known = _latest = _RoomWays(room, *asked, PostWays.join(found))
-    return known.ways
+    )
 
 
 def _ways(
@@ -132,14 +122,14 @@ def _ways(
     """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets (t, 2) with these radii."""
     # the receiver, target 0, is none of them
     targets, radii, longest = np.vstack((place, targets)), np.append(0.0, radii), np.append(0.0, longest)
-    fan = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), np.empty((0, 3), np.int32))
+    near = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), np.empty((0, 3), np.int32))
     if most:
         detectable = all_rays(len(directions), len(targets))
-        fan = follow_fan(
+        near = follow_fan(
             place, directions, room.surfaces, room.reflectances, targets, longest, most, detectable, radii, passing
         )
-    candidates = with_direct_paths(fan.candidates, len(targets))
-    touched = np.where(np.arange(fan.touched.shape[1]) < candidates[:, 1:2], fan.touched[candidates[:, 0]], -1)
+    candidates = with_direct_paths(near.candidates, len(targets))
+    touched = np.where(np.arange(near.touched.shape[1]) < candidates[:, 1:2], near.touched[candidates[:, 0]], -1)
     over_walls = (touched < len(room.walls)).all(axis=1) & (candidates[:, 2] > 0)
     candidates, touched = candidates[over_walls], touched[over_walls]
     order = np.argsort(candidates[:, 2], kind="stable")
@@ -148,7 +138,7 @@ def _ways(
     nothing = Listing(np.zeros_like(room.surfaces.listing.starts), room.surfaces.listing.numbers[:0])
     real, _, lengths, _ = solve_candidates(
         place,
-        fan.touched,
+        near.touched,
         candidates,
         targets,
         np.full(len(targets), np.inf),
