@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.quantities import REFLECTANCE
-from sonarhw_compare.known_room.room_calibration import calibrate_in_room
+from sonarhw_compare.known_room.room_calibration import calibrate_board_and_room
 from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.probability_score import CalibrationBin, calibration_text, score_comparison
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
@@ -95,7 +95,7 @@ class Job:
 def calibrated(scans: Sequence[RealScan]) -> Calibrated:
     """Return the generic profile calibrated on scans, together with the reflectance of the arena."""
     placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name, scan.name) for scan in scans]
-    found = calibrate_in_room(load_board(GENERIC), placed, ROOM, room_too=True)
+    found = calibrate_board_and_room(load_board(GENERIC), placed, ROOM)
     (walls,) = found.reflectances
     return Calibrated(found.board, REFLECTANCE.value(found.room, WALLS), (walls.value - walls.low) / Z95)
 

@@ -78,13 +78,18 @@ def calibrate_with_room(
     """
     from sonarhw_compare.imports.given_scan import common_board
     from sonarhw_compare.known_room.found_reflectances import with_provenance
-    from sonarhw_compare.known_room.room_calibration import calibrate_in_room, room_profile
+    from sonarhw_compare.known_room.room_calibration import (
+        calibrate_board_and_room,
+        calibrate_in_room,
+        room_profile,
+    )
 
     room, given = open_room(room_name), [open_scan(log, board_name) for log in logs]
     board = common_board(given, board_name)
     scans = _placed(logs, given, room, places, poses)
     with progress_of_share() as show:
-        found = calibrate_in_room(board, scans, room, show, room_too=room_out is not None)
+        calibrate = calibrate_in_room if room_out is None else calibrate_board_and_room
+        found = calibrate(board, scans, room, show)
     write_text(out, room_profile(board, found, scans, room.name, profile_name(out)).text, force)
     if room_out is not None:
         titles = [scan.title for scan in scans]
@@ -181,14 +186,16 @@ def _room_lines(found: "RoomCalibration") -> list[str]:
     """Return what the scans give for the room, and to which room the profile belongs."""
     from sonarhw_compare.known_room.found_reflectances import reflectance_text
 
-    used = "used, and written with the room" if found.room_too else "not used; the profile belongs to the room file"
+    used = (
+        "used, and written with the room" if found.room_is_changed else "not used; the profile belongs to the room file"
+    )
     return [f"{reflectance_text(one)}; {used}" for one in found.reflectances]
 
 
 def _room_doubts(found: "RoomCalibration", room_name: str) -> list[str]:
     from sonarhw_compare.known_room.found_reflectances import is_contradicted
 
-    if found.room_too:
+    if found.room_is_changed:
         return []
     return [
         f"--room {room_name}: the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}; "

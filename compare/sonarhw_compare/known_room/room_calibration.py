@@ -1,8 +1,8 @@
 """The calibration of a board from scans of a known room: values, intervals, what stays and why.
 
 First the carrier's own body, then geometry and reflectances, then threshold and aperture by the rule for echoes and
-silence, then the spreads of threshold and range. The found reflectances are used only if the caller wants the room too:
-the profile belongs either to the room as it is, or to the room with these reflectances.
+silence, then the spreads of threshold and range. `calibrate_in_room` returns a profile that belongs to the room as it
+is, `calibrate_board_and_room` one that belongs to the room with the reflectances found.
 """
 
 import math
@@ -69,8 +69,8 @@ class RoomCalibration:
 
     board: Board  # with the values found
     room: Room  # to which the profile belongs: the given one, or with the reflectances found
-    reflectances: tuple[CalibratedValue, ...]  # of the materials, by these scans; the room has them if `room_too`
-    room_too: bool
+    reflectances: tuple[CalibratedValue, ...]  # of the materials, by these scans
+    room_is_changed: bool  # whether the room has these reflectances
     findings: tuple[CalibratedValue, ...]
     own_body: tuple[OwnBodyPart, ...]  # found; empty if none, or if it stays
     own_echoes: int  # readings of the own body
@@ -81,21 +81,53 @@ class RoomCalibration:
     after: tuple[ScanFigures, ...]
 
 
+@dataclass(frozen=True)
+class _Begun:
+    """A calibration after the searches that need no decision on the reflectances."""
+
+    start: Board
+    scans: Sequence[PlacedScan]
+    room: Room  # the given one
+    first: StartingTurntable
+    before: tuple[ScanFigures, ...]
+    fitted: TurntableFit
+    result: "_Result"
+
+    @property
+    def reflectances(self) -> tuple[CalibratedValue, ...]:
+        """Those of the materials, by the scans."""
+        return reflectances_of(self.room, self.fitted)
+
+
 def calibrate_in_room(
-    start: Board,
-    scans: Sequence[PlacedScan],
-    room: Room,
-    progress: Progress = lambda _share, _doing: None,
-    *,
-    room_too: bool = False,
+    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
 ) -> RoomCalibration:
     """Return the calibration of a board from scans of a known room, beginning with the profile `start`.
 
-    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. With
-    `room_too`, the room gets the reflectances found, and the profile belongs to this room. Raises InputError for a ring
-    of sensors, a scan without an echo, a scan that is given twice, or a room without a reflectance to find.
+    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. Raises
+    InputError for a ring of sensors, a scan without an echo, or a scan that is given twice.
     """
-    _check(start, scans, room_too)
+    _check(start, scans)
+    return _finished(_begun(start, scans, room, progress), room, progress)
+
+
+def calibrate_board_and_room(
+    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
+) -> RoomCalibration:
+    """Return the calibration of a board, as `calibrate_in_room` does, and of the reflectances of the room.
+
+    Raises InputError as `calibrate_in_room` does, and if the scans have no silence, or the room has no reflectance to
+    find.
+    """
+    _check(start, scans)
+    if all(reading.range is not None for scan in scans for reading in scan.readings):
+        raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
+    begun = _begun(start, scans, room, progress)
+    return _finished(begun, _reflecting_as_found(begun.result, room, begun.reflectances), progress)
+
+
+def _begun(start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress) -> _Begun:
+    """Find headings, the carrier's own body, geometry and reflectances."""
     progress(0.0, "searching headings")
     first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
     before = _compared(scans, room, start, replace(first, scale=start.turntable_scale))
@@ -105,41 +137,39 @@ def calibrate_in_room(
     fitted = fit_turntable(
         scans, room, result.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
     )
-    reflectances = reflectances_of(room, fitted)
-    if room_too:
-        room = _reflecting_as_found(result, room, reflectances)
-    _find_geometry(result, fitted, start)
-    _find_home(result, scans, fitted, start)
-    redundancy = float(np.mean([readings_per_independent(scan, result.board) for scan in scans]))
-    chosen = choose_detection(
+    return _Begun(start, scans, room, first, before, fitted, result)
+
+
+def _finished(begun: _Begun, room: Room, progress: Progress) -> RoomCalibration:
+    """Return the calibration for `room`: the given one, or with the reflectances found."""
+    result, scans, start = begun.result, begun.scans, begun.start
+    _find_geometry(result, begun.fitted, start)
+    _find_home(result, scans, begun.fitted, start)
+    places = begun.fitted.places
+    _find_detection(
+        result,
         scans,
         room,
-        result.board,
-        fitted.places,
-        redundancy,
+        places,
+        start,
         lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture"),
     )
-    if chosen.is_determined:
-        result.add("threshold_db", chosen.threshold_db, start.threshold_db, "dB")
-    else:
-        result.kept["threshold_db"] = "the logs have no silence, or no echo"
-    result.add("aperture_radius", chosen.aperture_radius, start.aperture_radius, "m")
-    _find_spreads(result, scans, room, fitted.places, start, lambda: progress(0.87, "finding spreads"))
+    _find_spreads(result, scans, room, places, start, lambda: progress(0.87, "finding spreads"))
     progress(0.93, "comparing")
-    after = _compared(scans, room, result.board, replace(first, scale=result.board.turntable_scale))
+    after = _compared(scans, room, result.board, replace(begun.first, scale=result.board.turntable_scale))
     progress(1.0, "comparing")
     return RoomCalibration(
         board=result.board,
         room=room,
-        reflectances=reflectances,
-        room_too=room_too,
+        reflectances=begun.reflectances,
+        room_is_changed=room is not begun.room,
         findings=tuple(result.findings),
         own_body=result.own_body,
         own_echoes=sum(row.kind is Kind.OWN_BODY for one in after for row in one.comparison.rows),
         kept=result.kept,
         proposals=tuple(result.proposals),
         doubts=_doubts(scans),
-        before=before,
+        before=begun.before,
         after=after,
     )
 
@@ -150,7 +180,7 @@ def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedSca
     Raises InputError if the text of the profile cannot be changed.
     """
     keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
-    which = "with these reflectances" if found.room_too else "as in its file"
+    which = "with these reflectances" if found.room_is_changed else "as in its file"
     header = [
         f"# Calibrated by `sonarhw calibrate` in room {harmless(room)!r}, beginning with profile {start.name!r}: "
         f"{', '.join(keys)}.",
@@ -165,15 +195,14 @@ def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedSca
     return calibrated_profile(start, name, header, found.findings, found.kept, found.own_body)
 
 
-def _check(start: Board, scans: Sequence[PlacedScan], room_too: bool) -> None:
+def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
+    """Raise InputError if no calibration is possible with this board and these scans."""
     if start.ring is not None:
         raise InputError(f"board {start.name!r} is a ring of sensors and has no turntable to calibrate")
     check_given_once(scans)
     for scan in scans:
         if all(reading.range is None for reading in scan.readings):
             raise InputError(f"{scan.title}: no reading has an echo; it cannot calibrate a board")
-    if room_too and all(reading.range is not None for scan in scans for reading in scan.readings):
-        raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
 
 
 class _Result:
@@ -301,6 +330,24 @@ def _find_home(result: _Result, scans: Sequence[PlacedScan], fitted: TurntableFi
     result.add_measured("home_angle_deg", degrees, start.home_angle_deg, "degrees")
 
 
+def _find_detection(
+    result: _Result,
+    scans: Sequence[PlacedScan],
+    room: Room,
+    places: Sequence[Place],
+    start: Board,
+    tick: Callable[[float], None],
+) -> None:
+    """Add threshold and aperture by the rule for echoes and silence; a threshold that no silence bounds stays."""
+    redundancy = float(np.mean([readings_per_independent(scan, result.board) for scan in scans]))
+    chosen = choose_detection(scans, room, result.board, places, redundancy, tick)
+    if chosen.is_determined:
+        result.add("threshold_db", chosen.threshold_db, start.threshold_db, "dB")
+    else:
+        result.kept["threshold_db"] = "the logs have no silence, or no echo"
+    result.add("aperture_radius", chosen.aperture_radius, start.aperture_radius, "m")
+
+
 def _find_spreads(
     result: _Result,
     scans: Sequence[PlacedScan],
@@ -309,6 +356,7 @@ def _find_spreads(
     start: Board,
     tick: Callable[[], None],
 ) -> None:
+    """Add the standard deviations of range and threshold; one that the profile states stays until contradicted."""
     of_range, of_threshold = spreads(scans, room, result.board, places, tick)
     for key, found, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
         low, high = max(found.value - Z95 * found.deviation, 0.0), found.value + Z95 * found.deviation
