@@ -114,7 +114,7 @@ class _Search:
         scan = PlacedScan(readings, place)
         self._evidence = evidence_of([scan], [PoseSpread()], board, room.air)
         # an object before a wall changes the first echo, while later ones are still explained
-        first_echoes = make_problem([scan], room, board, [], FOLLOWED, False)
+        first_echoes = make_problem([scan], room, board, [], FOLLOWED, all_echoes=False)
         self._first_echoes = replace(self._evidence, problems=(first_echoes,))
         self._arcs = arcs_of_scans([scan], board)
         # `Problem` leaves out readings of the own body

@@ -63,7 +63,7 @@ def fit_scans(
     """
     options = options or FitOptions()
     check_fit(scans, board, free, options)
-    problem = make_problem(scans, room, board, free, options.prediction, options.all_echoes)
+    problem = make_problem(scans, room, board, free, options.prediction, all_echoes=options.all_echoes)
 
     def tick(part: _Part, share: float) -> None:
         if cancelled is not None and cancelled():

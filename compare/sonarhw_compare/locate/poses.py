@@ -133,7 +133,7 @@ def locate_scan(
     free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
     scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
     check_fit([scan], board, free, options)
-    problem = make_problem([scan], room, board, free, options.prediction, options.all_echoes)
+    problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
     if not np.isfinite(scores.scores).any():
         raise InputError(

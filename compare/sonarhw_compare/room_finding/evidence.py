@@ -307,7 +307,7 @@ def evidence_of(
     """Return scans from places with these spreads as evidence."""
     first = RoomDraft(tuple(scan.place for scan in scans))
     nowhere = first.room(REFLECTANCE, air)
-    problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, True) for scan in scans)
+    problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, all_echoes=True) for scan in scans)
     course = course or Course()
     first = first if course.start is None else replace(course.start, places=first.places)
     return Evidence(problems, tuple(spreads), first, air, course, processes=processes)

@@ -385,15 +385,21 @@ def make_problem(
     board: Board,
     parameters: Sequence[Parameter],
     prediction: PredictionOptions,
+    *,
     all_echoes: bool,
 ) -> Problem:
-    """Return scans, room, board and parameters as a problem. Raises InputError if a scan is given twice."""
+    """Return scans, room, board and parameters as a problem. Without `all_echoes`, only the first ones are used.
+
+    Raises InputError if a scan is given twice.
+    """
     check_given_once(scans)
     air_is_free = any(isinstance(parameter.quantity, AirQuantity) for parameter in parameters)
     speeds = [reading.speed_of_sound for scan in scans for reading in scan.readings]
     speed = float(np.median(speeds)) if air_is_free else None
     return Problem(
-        tuple(scan_arrays(without_own_body(board.own_body, scan.readings), speed, all_echoes) for scan in scans),
+        tuple(
+            scan_arrays(without_own_body(board.own_body, scan.readings), speed, all_echoes=all_echoes) for scan in scans
+        ),
         room,
         tuple(scan.place for scan in scans),
         board,
@@ -404,7 +410,7 @@ def make_problem(
     )
 
 
-def scan_arrays(readings: Sequence[Reading], speed: float | None, all_echoes: bool) -> ScanArrays:
+def scan_arrays(readings: Sequence[Reading], speed: float | None, *, all_echoes: bool) -> ScanArrays:
     """Return readings as arrays for the kernel. If none has a second echo, the board is assumed to report one only.
 
     `speed` (m/s) converts echo times to ranges; None: the speed of sound of each reading.

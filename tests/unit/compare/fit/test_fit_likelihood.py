@@ -190,7 +190,7 @@ def test_the_likelihood_hardly_depends_on_where_paths_were_searched(searched: di
         replace(ARENA, reflectances=0.75 * ARENA.reflectances), place, replace(board, threshold_db=-42.5), 10
     )
     free = free_parameters(("threshold", "reflectance", "walls"), [""], ARENA, board)
-    problem = make_problem([PlacedScan(scan, place)], ARENA, board, free, PredictionOptions(), True)
+    problem = make_problem([PlacedScan(scan, place)], ARENA, board, free, PredictionOptions(), all_echoes=True)
     true = {"threshold": -42.5, "reflectance:board": 0.675}
     values = problem.start()
     for row, parameter in enumerate(problem.parameters):
@@ -260,7 +260,7 @@ def objective_of(
         for k, (one, heading) in enumerate(zip(ranges, headings, strict=True))
     ]
     free = free_parameters(("x",), [""], room, board)
-    problem = make_problem([PlacedScan(readings, Place("", HERE))], room, board, free, options, True)
+    problem = make_problem([PlacedScan(readings, Place("", HERE))], room, board, free, options, all_echoes=True)
     return problem.near(problem.start())
 
 
@@ -277,7 +277,7 @@ def test_a_likelihood_does_not_depend_on_the_values_at_which_paths_were_searched
     ]
     free = free_parameters((word,), [""], ARENA, BOARD)
     options = PredictionOptions(max_bounces=3, receiver=Receiver.FIRST_ECHO)
-    problem = make_problem([PlacedScan(readings, Place("", HERE))], ARENA, BOARD, free, options, False)
+    problem = make_problem([PlacedScan(readings, Place("", HERE))], ARENA, BOARD, free, options, all_echoes=False)
     start = problem.start()
     other = start.copy()
     other[: len(free)] = value

@@ -37,11 +37,11 @@ def test_an_unknown_place_is_refused_if_a_coordinate_is_fixed(free: list[str], f
 
 
 def test_readings_have_columns_for_later_echoes_only_if_any_has_a_second_one() -> None:
-    one = scan_arrays(scan((0.01,), ()).readings, None, True)
+    one = scan_arrays(scan((0.01,), ()).readings, None, all_echoes=True)
     assert one.ranges == pytest.approx(np.array([[0.01 * SPEED / 2], [math.nan]]), nan_ok=True)
     assert (one.counts.tolist(), one.ends.tolist()) == ([1, 0], [True, False])
-    several = scan_arrays(scan((0.01, 0.02), ()).readings, None, True)
+    several = scan_arrays(scan((0.01, 0.02), ()).readings, None, all_echoes=True)
     assert several.ranges[0, :2] == pytest.approx([1.7, 3.4])
     assert (several.counts.tolist(), several.ends.tolist()) == ([2, 0], [False, False])
-    first = scan_arrays(scan((0.01, 0.02), ()).readings, None, False)
+    first = scan_arrays(scan((0.01, 0.02), ()).readings, None, all_echoes=False)
     assert (first.ranges.shape, first.counts.tolist(), first.ends.tolist()) == ((2, 1), [1, 0], [True, False])

@@ -90,7 +90,7 @@ def exact_scan(x: float, y: float, degrees: float) -> PlacedScan:
 
 def problem_at(x: float, y: float, degrees: float, free: tuple[str, ...]) -> Problem:
     parameters = free_parameters(free, [""], ROOM, BOARD)
-    return make_problem([exact_scan(x, y, degrees)], ROOM, BOARD, parameters, PredictionOptions(), False)
+    return make_problem([exact_scan(x, y, degrees)], ROOM, BOARD, parameters, PredictionOptions(), all_echoes=False)
 
 
 def test_the_best_of_several_different_poses_is_that_of_an_exact_scan() -> None:

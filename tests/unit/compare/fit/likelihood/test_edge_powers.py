@@ -24,7 +24,7 @@ def levels_of(reflectance: float, searched: float) -> tuple[FloatArray, FloatArr
     """Return lengths, m, and levels, dB, of all paths with this reflectance of the walls, searched with another one."""
     free = free_parameters(["reflectance"], [""], ARENA, BOARD)
     scan = PlacedScan([Reading(0, 0, 0, 0.0, 0.0, (0.006,), 343.0)], HERE)
-    problem = make_problem([scan], ARENA, BOARD, free, FitOptions().prediction, False)
+    problem = make_problem([scan], ARENA, BOARD, free, FitOptions().prediction, all_echoes=False)
     values = problem.start()
     values[0] = searched
     objective = problem.near(values)

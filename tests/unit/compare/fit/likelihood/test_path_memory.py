@@ -27,7 +27,7 @@ def problem_of(*free: str) -> Problem:
     times = [(4e-3,), (5e-3,), (), (7e-3,), (8e-3,)]
     readings = [Reading(k, 0, 0, 1.2 * k, 0.1 * k, one, 343.0) for k, one in enumerate(times)]
     parameters: list[Parameter] = list(free_parameters(free, [""], ARENA, BOARD))
-    return make_problem([PlacedScan(readings, PLACE)], ARENA, BOARD, parameters, ONE_BOUNCE, False)
+    return make_problem([PlacedScan(readings, PLACE)], ARENA, BOARD, parameters, ONE_BOUNCE, all_echoes=False)
 
 
 @pytest.fixture
