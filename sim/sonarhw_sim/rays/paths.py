@@ -4,7 +4,7 @@ Paths do not depend on the heading of the transducer, so one search serves a who
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -30,7 +30,13 @@ from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.posts.cylinder import with_thin_posts
 from sonarhw_sim.rays.posts.post_chains import Chains, chains_of
 from sonarhw_sim.rays.posts.post_paths import post_paths, post_paths_to_edges
-from sonarhw_sim.rays.posts.post_ways import PostWays, ways_from_posts, ways_to_posts
+from sonarhw_sim.rays.posts.post_ways import (
+    MOST_REFLECTIONS,
+    PostSearch,
+    PostWays,
+    ways_from_posts,
+    ways_to_posts,
+)
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 
@@ -55,6 +61,16 @@ class PathSearch:
     faintest_diffraction: float = 1e-3  # gain; fainter diffracted paths are omitted, because their number is infinite
     axes: TransducerAxes | None = None  # where sender and receiver point, to list only paths that they can detect
     ka: float | None = None  # of a transducer at any heading, to list only diffracted paths that it can detect
+
+    @property
+    def directions(self) -> FloatArray:
+        """Those of the rays, (n,) rad: all round, or in front of the sender."""
+        return fan(self.rays, None if self.axes is None else self.axes.leaving)
+
+    @property
+    def reversed(self) -> "PathSearch":
+        """The search for reversed paths."""
+        return self if self.axes is None else replace(self, axes=self.axes.reversed)
 
     @property
     def edge_diffraction(self) -> EdgeDiffraction:
@@ -163,28 +179,25 @@ def find_paths(
     if _inside_post(room, source, passing) or _inside_post(room, end, passing):
         return _paths_of(PartialPaths.none())
     edges = _diffracting_edges(room, source, end, search)
-    leaving, arriving = _fan(search, back=False), _fan(search, back=True)
-    longest = search.max_length + SLACK
-    bounces, faintest = search.max_bounces, search.faintest_diffraction
-    out_ways = ways_to_posts(room, source, end, leaving, longest, bounces, passing)
-    between, to_edges = ways_from_posts(room, source, end, edges, longest, bounces, passing)
-    chains = chains_of(room, out_ways, between, bounces, faintest)
-    by_posts = chains, to_edges
-    out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, longest, by_posts, passing)
+    longest, bounces = search.max_length + SLACK, search.max_bounces
+    posts = PostSearch(room, longest, min(bounces, MOST_REFLECTIONS), search.faintest_diffraction, passing)
+    out_ways = ways_to_posts(posts, source, end, search.directions)
+    between, to_edges = ways_from_posts(posts, source, end, edges)
+    chains = chains_of(posts, out_ways, between)
+    out = _partial_paths_from(search, posts, source, end, edges, longest, (chains, to_edges))
     back, back_ways = out, out_ways
     if receiver is not None:
-        back_ways = ways_to_posts(room, end, source, arriving, longest, bounces, passing)
+        back_ways = ways_to_posts(posts, end, source, search.reversed.directions)
     # paths back are only used at edges
     if receiver is not None and len(edges):
-        axes = None if search.axes is None else search.axes.reversed
-        by_posts = chains_of(room, back_ways, between, bounces, faintest), to_edges
-        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, 0.0, by_posts, passing)
+        by_posts = chains_of(posts, back_ways, between), to_edges
+        back = _partial_paths_from(search.reversed, posts, end, source, edges, 0.0, by_posts)
     straight = out.select(np.flatnonzero(out.edges < 0))
     diffracted = diffracted_paths(room, out, back, search.edge_diffraction, longest, bounces)
     if passing is not None:
         columns = diffracted.points, diffracted.surfaces, diffracted.bends, diffracted.lengths
         diffracted = diffracted.select(np.flatnonzero(at_heights(*columns, passing.to_receiver)))
-    touching = post_paths(room, source, end, chains, back_ways, longest, bounces, faintest, passing)
+    touching = post_paths(posts, source, end, chains, back_ways)
     reflected = PartialPaths.join([straight, with_thin_posts(room, touching, search.wavelength)])
     if passing is not None:
         return _paths_of(sequences_once(PartialPaths.join([reflected, diffracted]), both_ways=receiver is None))
@@ -193,28 +206,20 @@ def find_paths(
     return _paths_of(shortest_first(PartialPaths.join([reflected, reverses, diffracted])))
 
 
-def _fan(search: PathSearch, back: bool) -> FloatArray:
-    """Return the directions in which paths leave, or from which they arrive, (n,) rad."""
-    axes = search.axes
-    return fan(search.rays, None if axes is None else axes.arriving if back else axes.leaving)
-
-
 def _partial_paths_from(
-    room: Room,
+    search: PathSearch,
+    posts: PostSearch,
     place: FloatArray,
     other: FloatArray,
     edges: NDArray[np.intp],
-    search: PathSearch,
-    axes: TransducerAxes | None,
-    directions: FloatArray,
     to_other: float,
     by_posts: tuple[Chains, PostWays],
-    passing: Passing | None,
 ) -> PartialPaths:
-    """Return the paths from `place` to these edges and, not longer than `to_other`, to the other end.
+    """Return the paths from `place` (2,) to these edges (e,) and, up to `to_other` (m), to the other end (2,).
 
-    `directions` (n,) rad are those of the rays, `by_posts` the chains to posts and the ways from posts to these edges.
+    `by_posts` are the chains from `place` to posts and the ways from posts to these edges.
     """
+    room, axes, directions = posts.room, search.axes, search.directions
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_partial(room, other, search)[edges])
     if axes is None:
@@ -223,11 +228,18 @@ def _partial_paths_from(
         there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
     found = find_partial_paths(
-        room, place, targets, edges, longest, directions, search.max_bounces, detectable, passing, search.steepest_bent
+        room,
+        place,
+        targets,
+        edges,
+        longest,
+        directions,
+        search.max_bounces,
+        detectable,
+        posts.passing,
+        search.steepest_bent,
     )
-    chains, to_edges = by_posts
-    bounces, faintest = search.max_bounces, search.faintest_diffraction
-    touching = post_paths_to_edges(room, place, chains, to_edges, edges, longest[1:], bounces, faintest, passing)
+    touching = post_paths_to_edges(posts, place, *by_posts, edges, longest[1:])
     if len(touching):
         found = PartialPaths.join([found, _new(touching, found)])
     found = with_thin_posts(room, found, search.wavelength)

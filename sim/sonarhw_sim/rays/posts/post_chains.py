@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.path_table import PathTable
-from sonarhw_sim.rays.posts.post_ways import MOST_REFLECTIONS, PostWays
+from sonarhw_sim.rays.posts.post_ways import MOST_REFLECTIONS, PostSearch, PostWays
 from sonarhw_sim.room.grid import IntArray, whole_numbers
 from sonarhw_sim.room.model import Room
 
@@ -36,17 +36,13 @@ class Chains(PathTable):
         return Chains(no, whole, whole, surfaces, no, no, no, no, np.empty(0, np.bool_))
 
 
-def chains_of(room: Room, ways: PostWays, between: PostWays, max_bounces: int, faintest: float) -> Chains:
-    """Return all chains that begin with `ways` and go on by ways `between` posts.
-
-    Those of several posts that are fainter than `faintest` (gain) may be omitted.
-    """
+def chains_of(search: PostSearch, ways: PostWays, between: PostWays) -> Chains:
+    """Return all chains that begin with `ways` and go on by ways `between` posts."""
     if not len(ways):
         return Chains.none()
-    most = min(max_bounces, MOST_REFLECTIONS)
-    chains = [_first(room, ways)]
-    for _ in range(most - 1):
-        chains.append(_longer(room, chains[-1], between, most, faintest))
+    chains = [_first(search.room, ways)]
+    for _ in range(search.max_bounces - 1):
+        chains.append(_longer(search, chains[-1], between))
     return Chains.join(chains)
 
 
@@ -81,9 +77,10 @@ def _first(room: Room, ways: PostWays) -> Chains:
     return Chains(ways.lengths, ways.targets, ways.bounces + 1, surfaces, 2 * radii, widths, openings, amplitudes, one)
 
 
-def _longer(room: Room, chains: Chains, between: PostWays, most: int, faintest: float) -> Chains:
+def _longer(search: PostSearch, chains: Chains, between: PostWays) -> Chains:
+    room = search.room
     first, way = equal_pairs(chains.posts, between.starts)
-    kept = chains.bounces[first] + between.bounces[way] < most
+    kept = chains.bounces[first] + between.bounces[way] < search.max_bounces
     first, way = first[kept], way[kept]
     before, posts = chains.select(first), between.targets[way]
     radii = room.posts[posts, 2]
@@ -102,5 +99,5 @@ def _longer(room: Room, chains: Chains, between: PostWays, most: int, faintest: 
         np.ones(len(way), np.bool_),
     )
     # behind a post, sound only gets fainter
-    loud = may_be_louder(chains, np.arange(len(chains)), np.zeros(len(chains)), faintest)
+    loud = may_be_louder(chains, np.arange(len(chains)), np.zeros(len(chains)), search.faintest)
     return chains.select(np.flatnonzero(loud))

@@ -21,6 +21,17 @@ _RAYS = 1440  # from a post, over two walls at most
 
 
 @dataclass(frozen=True)
+class PostSearch:
+    """Which paths by posts to search for."""
+
+    room: Room
+    max_length: float  # m, of the whole path
+    max_bounces: int  # at most MOST_REFLECTIONS
+    faintest: float  # gain; fainter paths by several posts, or by posts to edges, may be omitted
+    passing: Passing | None  # low surfaces that sound may pass; None: a search in the plan
+
+
+@dataclass(frozen=True)
 class PostWays(PathTable):
     """Ways over walls, straight to the centres of posts; one row each, in order of `starts`."""
 
@@ -36,44 +47,31 @@ class PostWays(PathTable):
         return PostWays(np.empty(0), whole, whole, whole, np.empty((0, 2), np.int32))
 
 
-def ways_to_posts(
-    room: Room,
-    place: FloatArray,
-    other: FloatArray,
-    directions: FloatArray,
-    max_length: float,
-    max_bounces: int,
-    passing: Passing | None,
-) -> PostWays:
-    """Return the ways from `place` (2,) to posts, of paths up to `max_length` (m) that continue to `other` (2,).
+def ways_to_posts(search: PostSearch, place: FloatArray, other: FloatArray, directions: FloatArray) -> PostWays:
+    """Return the ways from `place` (2,) to posts, of paths that continue to `other` (2,).
 
     They are in order of post. `directions` (n,) are those of evenly spaced rays (rad).
     """
-    most = min(max_bounces, MOST_REFLECTIONS) - 1
-    if most < 0 or len(room.posts) == 0:
+    posts, most = search.room.posts, search.max_bounces - 1
+    if most < 0 or len(posts) == 0:
         return PostWays.none()
-    radii = room.posts[:, 2]
-    longest = max_length + radii - np.hypot(*(room.posts[:, :2] - other).T)
-    return _ways(room, place, -1, room.posts[:, :2], radii, longest, directions, most, passing)
+    radii = posts[:, 2]
+    longest = search.max_length + radii - np.hypot(*(posts[:, :2] - other).T)
+    return _ways(search.room, place, -1, posts[:, :2], radii, longest, directions, most, search.passing)
 
 
 def ways_from_posts(
-    room: Room,
-    source: FloatArray,
-    end: FloatArray,
-    edges: NDArray[np.intp],
-    max_length: float,
-    max_bounces: int,
-    passing: Passing | None,
+    search: PostSearch, source: FloatArray, end: FloatArray, edges: NDArray[np.intp]
 ) -> tuple[PostWays, PostWays]:
-    """Return the ways from each post to posts and to `edges` (e,), of paths up to `max_length` (m) between two places.
+    """Return the ways from each post to posts and to `edges` (e,), of paths from `source` (2,) to `end` (2,).
 
     In a search with heights, only the straight ways.
     """
-    if max_bounces < 1 or len(room.posts) == 0:
+    room, max_length = search.room, search.max_length
+    if search.max_bounces < 1 or len(room.posts) == 0:
         return PostWays.none(), PostWays.none()
     # the rays of a fan with slopes begin at the height of the transducer, which sound at a post need not have
-    most = min(max_bounces, MOST_REFLECTIONS) - 1 if passing is None else 0
+    most = search.max_bounces - 1 if search.passing is None else 0
     count, ways = len(room.posts), _ways_of_room(room, max_length, most)
     targets, radii = _posts_and_edges(room)
     away = np.minimum(*(np.hypot(*(targets - place).T) for place in (source, end)))
