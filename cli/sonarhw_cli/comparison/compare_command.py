@@ -50,7 +50,7 @@ ComparisonPicture = Annotated[
     Path | None,
     typer.Option(
         help="Draw the measured scan over the prediction, and shade ranges by their probability if the profile has "
-        "a spread.",
+        "a spread. With --find-missing, draw found walls and posts dashed.",
         metavar=PICTURE_FILE,
     ),
 ]
@@ -130,12 +130,12 @@ def compare(
     comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
     tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
     probabilities = _Probabilities(model, receiver, pings or 1, tolerance)
+    changed = find_missing(comparison, receiver, as_json=as_json, out=out, force=force) if missing else None
     if plot is not None:
         from sonarhw_compare.matching.comparison_picture import draw_comparison
 
-        write_figure(plot, draw_comparison(comparison, probabilities.shading(comparison)), force)
+        write_figure(plot, draw_comparison(comparison, probabilities.shading(comparison), changed), force)
     if missing:
-        find_missing(comparison, receiver, as_json=as_json, out=out, force=force)
         return
     score = probabilities.score(comparison)
     notes = notes_beside(log_file, [row.reading for row in comparison.rows])

@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import FoundCauses
     from sonarhw_compare.matching.match import Comparison
     from sonarhw_sim.choices import Receiver
+    from sonarhw_sim.room.model import Room
 
 
 def find_missing(
     comparison: "Comparison", receiver: "Receiver | None", *, as_json: bool, out: Path | None, force: bool
-) -> None:
-    """Print the causes of the misfits of a comparison, and write the changed room to the file `out`."""
+) -> "Room":
+    """Print the causes of the misfits of a comparison, and write the changed room to the file `out`; return it."""
     found = _found(comparison, receiver)
     if out is not None and found.causes:
         write_text(out, found.room.text, force)
@@ -29,6 +30,7 @@ def find_missing(
         _print(found)
     if out is not None and not found.causes:
         warn(f"{out}: not written, because the room is unchanged")
+    return found.room
 
 
 def _found(comparison: "Comparison", receiver: "Receiver | None") -> "FoundCauses":

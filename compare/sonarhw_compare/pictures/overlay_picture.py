@@ -21,6 +21,7 @@ from sonarhw_compare.pictures.range_shading import RangeShading
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _SHADE_OF_LEGEND = 0.4  # opacity of the shading's sample
+_MOVED = 1e-3  # m, more than the rounding of a room file
 
 
 def draw_plan(
@@ -30,11 +31,12 @@ def draw_plan(
     origin: Origin = Origin.MEASURED,
     own_body: Sequence[tuple[float, float]] = (),
     shading: RangeShading | None = None,
+    changed: Room | None = None,
 ) -> Figure:
     """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them.
 
     `origin` names the measured points in the legend. `own_body` are measured points of the carrier of the sensor.
-    `shading` is drawn behind everything else.
+    `shading` is drawn behind everything else. Of `changed`, what the room does not have is drawn as found.
     """
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
@@ -47,6 +49,8 @@ def draw_plan(
             headings, ranges = np.array(readings).T
             sensors = standpoints(scan.board, scan.place, headings)
             axes.plot(*points_at(sensors, headings, ranges).T, marker, color=colour, ms=size, ls="none", label=label)
+    if changed is not None:
+        _draw_found(axes, scan.room, changed)
     mark_sensors(axes, scan.place.position)
     named = picture_text(title or f"{scan.room.name}, place {scan.place.name}")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
@@ -59,6 +63,35 @@ def draw_plan(
         handles.append(Patch(color=PREDICTED, alpha=_SHADE_OF_LEGEND, label="probability of a range"))
     figure.legend(handles=handles, loc="outside right upper")
     return laid_out(figure)
+
+
+def _draw_found(axes: Axes, room: Room, changed: Room) -> None:
+    """Draw the walls and posts of the changed room that are new or have moved."""
+    known = dict(zip(room.names, (*room.walls, *room.posts), strict=False))
+    walls = [
+        wall
+        for name, wall in zip(changed.names, changed.walls, strict=False)
+        if name not in known or _has_moved(known[name], wall)
+    ]
+    posts = [
+        post
+        for name, post in zip(changed.names[len(changed.walls) :], changed.posts, strict=False)
+        if name not in known
+    ]
+    for x0, y0, x1, y1 in walls:
+        axes.plot((x0, x1), (y0, y1), "--", color=PREDICTED, lw=2.5)
+    for x, y, radius in posts:
+        axes.add_patch(Circle((x, y), radius, fill=False, color=PREDICTED, lw=2, ls="--"))
+        axes.plot(x, y, "+", color=PREDICTED, ms=14, mew=2)  # a post may be smaller than a pixel
+    if walls or posts:
+        axes.plot([], [], "--", color=PREDICTED, lw=2.5, label="found wall or post")
+
+
+def _has_moved(before: FloatArray, after: FloatArray) -> bool:
+    """Return whether an end of a wall is beside its former line. The neighbour of a moved wall only gets longer."""
+    along = before[2:] - before[:2]
+    across = np.array([-along[1], along[0]]) / np.hypot(*along)
+    return bool(np.abs((after.reshape(2, 2) - before[:2]) @ across).max() > _MOVED)
 
 
 def _draw_shading(axes: Axes, scan: PredictedScan, shading: RangeShading) -> None:

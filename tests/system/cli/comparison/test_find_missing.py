@@ -16,10 +16,12 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_the_changed_room_contains_the_plate(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "found.toml"
+    out, plot = tmp_path / "found.toml", tmp_path / "found.svg"
     capsys.readouterr()
     room = str(Path(log).with_name("yard.toml"))
-    assert run(["compare", log, "--room", room, "--find-missing", "--json", "--out", str(out)]) == 0
+    assert (
+        run(["compare", log, "--room", room, "--find-missing", "--json", "--out", str(out), "--plot", str(plot)]) == 0
+    )
     figures = json.loads(capsys.readouterr().out)
     found = load_room(out)
     assert found.names[4:] == ("wall 1",)
@@ -27,6 +29,7 @@ def test_the_changed_room_contains_the_plate(log: str, tmp_path: Path, capsys: p
     low, high = sorted(found.walls[4, [1, 3]])
     assert low < 1.1 < high  # the point straight ahead; one place shows little of the length
     assert figures["causes"][0]["kind"] == "NewWall"
+    assert "<!-- found wall or post -->" in plot.read_text()
     assert figures["after"]["within_5cm"] > figures["within_5cm"]
 
 

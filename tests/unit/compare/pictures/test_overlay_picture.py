@@ -1,8 +1,10 @@
-"""The picture of a room with readings: everything is inside it."""
+"""The picture of a room with readings: everything is inside it, and what was found is drawn apart."""
 
 import numpy as np
 import pytest
+from matplotlib.patches import Circle
 from sonarhw_compare.pictures.overlay_picture import draw_plan
+from sonarhw_compare.room_edit import add_post, add_wall, move_wall
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import load_room
@@ -34,3 +36,21 @@ def test_labels_and_legend_are_inside_the_picture(room_name: str, place: str, bo
         "bottom": picture[-1],
     }.items():
         assert (edge == 255).all(), name
+
+
+def test_only_what_was_found_is_dashed() -> None:
+    room = load_room("simple")
+    changed = move_wall(add_wall(room, (0.2, 0.2), (0.4, 0.2), "shelving"), room.names.index("right"), (0.02, 0.0))
+    changed = add_post(changed, (0.3, 0.5), 0.01, "shelving")
+    scan = predict_scan(room, room.places["figure9"], load_board("paper"), np.array([0.0]))
+    figure = draw_plan(scan, changed=changed)
+    (axes,) = figure.axes
+    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+    walls = [np.asarray(line.get_xydata()).ravel().tolist() for line in dashed if len(np.asarray(line.get_xdata()))]
+    # the neighbours of the moved wall have only become longer
+    np.testing.assert_allclose(walls, [[0.948, 0.0, 0.948, 0.742], [0.2, 0.2, 0.4, 0.2]])
+    (post,) = (patch for patch in axes.patches if isinstance(patch, Circle))
+    assert (post.center, post.radius, post.get_linestyle()) == ((0.3, 0.5), 0.01, "--")
+    assert "found wall or post" in [text.get_text() for text in figure.legends[0].get_texts()]
+    plain = draw_plan(scan, changed=room)
+    assert "found wall or post" not in [text.get_text() for text in plain.legends[0].get_texts()]
