@@ -11,6 +11,7 @@ from sonarhw_sim.room.model import Place
 
 from sonarhw_compare.locate.poses import NEAR, Located, Pose
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
+from sonarhw_compare.pictures.labels import names_by_position
 from sonarhw_compare.pictures.overlay_picture import draw_heading, draw_room, mark_sensors
 from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
@@ -70,11 +71,11 @@ def _shade(axes: Axes, figure: Figure, located: Located) -> None:
 def _draw_places(axes: Axes, located: Located) -> None:
     """Draw the places of the room, each with its name behind the arrow of the pose found there."""
     label = "place"
-    for name, place in located.room.places.items():
-        at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
-        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6, label=label)
+    for position, names in names_by_position(located.room.places.values()).items():
+        at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, position) <= NEAR]
+        axes.plot(*position, "+", color="black", alpha=0.6, ms=6, label=label)
         label = ""  # one entry in the legend
-        _write_beside(axes, picture_text(name), place.position, at[0].heading + math.pi if at else math.pi, "black")
+        _write_beside(axes, names, position, at[0].heading + math.pi if at else math.pi, "black")
 
 
 def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:

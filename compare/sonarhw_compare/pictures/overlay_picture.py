@@ -9,9 +9,10 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
+from matplotlib.text import Annotation
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.pictures.colours import MEASURED, OWN_BODY, PREDICTED, WALL
@@ -21,6 +22,8 @@ from sonarhw_compare.pictures.range_shading import RangeShading
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 
 _SHADE_OF_LEGEND = 0.4  # opacity of the shading's sample
+_LIMITED, _LOWER, _HIGHER = "limited height", "lower than the transducer", "higher than the transducer"
+_LINES = {"": "-", _LIMITED: ":", _LOWER: ":", _HIGHER: "-."}  # of walls and posts
 _MOVED = 1e-3  # m, more than the rounding of a room file
 
 
@@ -40,7 +43,7 @@ def draw_plan(
     """
     figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
-    draw_room(axes, scan.room)
+    draw_room(axes, scan.room, scan.place)
     predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
     drawn = ((measured, ".", MEASURED, 6, origin.value), (own_body, "D", OWN_BODY, 4, "own body"))
@@ -116,17 +119,35 @@ def mark_sensors(
     axes.plot(x, y, "o", color=color, mec="white", ms=8, ls="none", label=label, zorder=5)
 
 
-def draw_heading(axes: Axes, position: tuple[float, float], heading: float, length: float, color: str) -> None:
-    """Draw an arrow of `length` m from `position` (m) in the direction `heading` (rad)."""
+def draw_heading(axes: Axes, position: tuple[float, float], heading: float, length: float, color: str) -> Annotation:
+    """Draw an arrow of `length` m from `position` (m) in the direction `heading` (rad), and return it."""
     x, y = position
     tip = x + length * math.cos(heading), y + length * math.sin(heading)
     arrow = {"arrowstyle": "-|>", "color": color, "lw": 2, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", tip, (x, y), arrowprops=arrow)
+    axes.update_datalim([tip])  # no arrow is drawn whose tip is outside of the axes
+    return axes.annotate("", tip, (x, y), arrowprops=arrow)
 
 
-def draw_room(axes: Axes, room: Room) -> None:
-    """Draw walls and posts."""
-    for x0, y0, x1, y1 in room.walls:
-        axes.plot((x0, x1), (y0, y1), "-", color=WALL, lw=2)
-    for x, y, radius in room.posts:
-        axes.add_patch(Circle((x, y), radius, color=WALL))
+def draw_room(axes: Axes, room: Room, place: Place | None = None) -> None:
+    """Draw walls and posts, with another line and an entry in the legend for those of limited height.
+
+    With a `place`, these are those above or below its transducer: none without a height, since none has an effect then.
+    """
+    heights = _named_heights(room, place)
+    for (x0, y0, x1, y1), name in zip(room.walls, heights, strict=False):
+        axes.plot((x0, x1), (y0, y1), _LINES[name], color=WALL, lw=2)
+    for (x, y, radius), name in zip(room.posts, heights[len(room.walls) :], strict=True):
+        axes.add_patch(Circle((x, y), radius, color=WALL, ls=_LINES[name], lw=2 if name else 1, fill=not name))
+    for name in sorted(set(heights) - {""}):
+        axes.plot([], [], _LINES[name], color=WALL, lw=2, label=name)
+
+
+def _named_heights(room: Room, place: Place | None) -> list[str]:
+    """Return what the legend says about the height of each wall and post; empty: nothing."""
+    lower, upper = room.heights[: room.levels.start].T
+    if place is None:
+        levels = {room.names[k]: room.heights[k, 0] for k in room.levels}
+        limited = (lower > levels.get("floor", -math.inf)) | (upper < levels.get("ceiling", math.inf))
+        return [*np.where(limited, _LIMITED, "").tolist()]
+    height = math.nan if place.height is None else place.height
+    return [*np.select([upper < height, lower > height], [_LOWER, _HIGHER], "").tolist()]

@@ -39,7 +39,7 @@ def plan_svg(comparison: Comparison) -> bytes:
     """Return the plan of the room with the measured points, by class, over the predicted ones."""
     figure, (axes,) = _figure((7.6, 6.4), 1)
     prediction = comparison.prediction
-    draw_room(axes, prediction.room)
+    draw_room(axes, prediction.room, prediction.place)
 
     def place(headings: FloatArray, ranges: FloatArray) -> FloatArray:
         return points_at(standpoints(prediction.board, prediction.place, headings), headings, ranges)

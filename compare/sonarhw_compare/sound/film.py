@@ -82,7 +82,9 @@ class _Stage:
 
     def _draw_plan(self, axes: Axes) -> list[Artist]:
         ping = self._ping
-        draw_room(axes, ping.prediction.room)
+        draw_room(axes, ping.prediction.room, ping.prediction.place)
+        if axes.get_legend_handles_labels()[0]:  # of walls and posts that the transducer is not level with
+            axes.legend(loc="upper right", fontsize=8)
         x, y = ping.prediction.standpoints[ping.index]
         deaf = ping.prediction.board.blanked_range(ping.prediction.room.air)
         axes.add_patch(Circle((x, y), deaf, fc=_SHADE, ec=_FAINT, ls="--", zorder=0))

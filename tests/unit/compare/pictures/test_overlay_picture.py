@@ -1,13 +1,14 @@
-"""The picture of a room with readings: everything is inside it, and what was found is drawn apart."""
+"""The picture of a room with readings: everything is inside it; other lines are what was found, and low walls."""
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from sonarhw_compare.pictures.overlay_picture import draw_plan
+from sonarhw_compare.pictures.overlay_picture import draw_plan, draw_room
 from sonarhw_compare.room_edit import add_post, add_wall, move_wall
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.model import load_room, parse_room
 
 
 # plans of nearly equal width and height, whose labels and legends were cut off; a wide one; and a tall one
@@ -54,3 +55,26 @@ def test_only_what_was_found_is_dashed() -> None:
     assert "found wall or post" in [text.get_text() for text in figure.legends[0].get_texts()]
     plain = draw_plan(scan, changed=room)
     assert "found wall or post" not in [text.get_text() for text in plain.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("place", "lines"),
+    [
+        (None, {"limited height": ":"}),
+        ("plan", {}),  # where heights have no effect
+        ("robot", {"lower than the transducer": ":"}),  # at 0.25 m: the step is below, bin and rug are not
+        ("high", {"higher than the transducer": "-."}),  # below the rug
+    ],
+)
+def test_walls_of_limited_height_have_another_line(place: str | None, lines: dict[str, str]) -> None:
+    more = "\n[places.high]\nposition = [1.3, 0.9]\nheight = 0.05\n"
+    room = parse_room(load_room("doorstep").text + more, "doorstep")
+    axes = Figure().add_subplot()
+    draw_room(axes, room, None if place is None else room.places[place])
+    drawn = {line.get_label(): line.get_linestyle() for line in axes.lines}
+    assert {label: line for label, line in drawn.items() if not str(label).startswith("_")} == lines
+    styles = dict(zip(room.names, [line.get_linestyle() for line in axes.lines], strict=False))
+    limited = {None: ["step", "rug"], "plan": [], "robot": ["step"], "high": ["rug"]}[place]
+    assert [name for name in room.names[: len(room.walls)] if styles[name] != "-"] == limited
+    (post,) = (patch for patch in axes.patches if isinstance(patch, Circle))
+    assert post.get_fill() == (place is not None)  # 0.4 m high
