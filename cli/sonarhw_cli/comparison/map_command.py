@@ -83,15 +83,14 @@ def map_logs(
     from sonarhw_compare.map import map_scans
 
     files = _outputs(out or [], force, room_name, board, poses_file, *log_files)
-    finds = files.room or files.report
-    if (finds or plan_next) and room_name:
-        wanted = f"--out {finds}" if finds else "--next"
-        raise InputError(f"{wanted}, --room {room_name}: a room is found, or given; give only one of them")
+    found_for = _option_that_finds(files, plan_next)
+    if found_for and room_name:
+        raise InputError(f"{found_for}, --room {room_name}: a room is found, or given; give only one of them")
     room = None if room_name is None else open_room(room_name)
     given = [open_scan(file, board) for file in log_files]
     chosen = common_board(given, board)
     scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
-    if None in spreads and not (finds or plan_next):
+    if None in spreads and not found_for:
         raise InputError(
             f"--poses {poses_file}: gives no pose of {log_files[spreads.index(None)]}; expected one of each log; "
             "write it there, or add --out ROOM.toml or --next, which find it with the room"
@@ -99,7 +98,7 @@ def map_logs(
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
     shown = None
     with progress_of_share() as show:
-        if finds or plan_next:
+        if found_for:
             shown = _room_of_scans(scans, moved, given, spreads, plan_next, show)
             room, scans = shown.room, shown.scans
         found = map_scans(scans, shown.board if shown else moved, room, lambda share: show(share, "mapping"))
@@ -167,6 +166,13 @@ def _outputs(out: Sequence[Path], force: bool, *inputs: str | Path | None) -> _O
             raise InputError(f"--out {other}, --out {path}: give one room file, one report and one picture at most")
         files = replace(files, **{kind: path})
     return files
+
+
+def _option_that_finds(files: _Outputs, plan_next: bool) -> str:
+    """Return the option that needs a found room, such as `--out FILE`; empty if none does."""
+    if file := files.room or files.report:
+        return f"--out {file}"
+    return "--next" if plan_next else ""
 
 
 def _room_of_logs(given: "Sequence[GivenScan]") -> "Room | None":

@@ -178,8 +178,8 @@ class _Search:
     def _objects(self, now: Scored) -> Iterator[_Proposal]:
         """Yield the post and the wall that explain most, refined."""
         unexplained = unexplained_readings(self._first_echoes, now.draft, self._noise)
-        for grown in (with_post, with_wall):
-            longer = grown(self._evidence, now, self._arcs, unexplained, self._noise)
+        for with_best in (with_post, with_wall):
+            longer = with_best(self._evidence, now, self._arcs, unexplained, self._noise)
             if longer.draft is now.draft:
                 continue
             found = refined(self._evidence, longer.draft, self._noise, _STEPS)

@@ -31,19 +31,20 @@ _CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks 
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
 _AT_ONCE = 8  # drafts between two checks whether the search is cancelled
-_FIRST_SCANS = 2  # with which many drafts are compared at first
-_LEAST_KEPT = 4  # drafts, of which all scans are used
-_HOPELESS = 100.0  # log-likelihood by which a draft is worse in some scans, and better in the others in no room so far
+_FIRST_SCANS = 2  # by which many drafts are compared at first
+_LEAST_KEPT = 4  # drafts, at least, that are compared by all scans
+_HOPELESS = 100.0  # log-likelihood: in no room so far, a draft worse by so much in some scans was the better one in all
 
 _Result = TypeVar("_Result")
 
 
-def _ignored(_draft: RoomDraft) -> None:
-    """Receive a draft; functions of the module can be sent to other processes."""
+# defaults of `Course`: functions of a module, because a lambda cannot be sent to other processes
+def _ignore(_draft: RoomDraft) -> None:
+    """Do nothing with a draft."""
 
 
-def _going_on() -> None:
-    """Let a search go on."""
+def _continue() -> None:
+    """Do not end a search."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ class Course:
 
     start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
     refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
-    accepted: Callable[[RoomDraft], None] = _ignored  # receives each draft with one more wall or post
-    check: Callable[[], None] = _going_on  # called before likelihoods; ends the search by an exception
+    accepted: Callable[[RoomDraft], None] = _ignore  # receives each draft with one more wall or post
+    check: Callable[[], None] = _continue  # called before likelihoods; ends the search by an exception
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Evidence:
     def log_likelihoods(
         self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
     ) -> list[float]:
-        """Return `log_likelihood` of several drafts, of all scans or these; processes divide them better than one."""
+        """Return `log_likelihood` of several drafts, of all scans or these. Many drafts at once use all processes."""
         found = [
             one
             for begin in range(0, len(drafts), _AT_ONCE)
@@ -253,7 +254,7 @@ def scored_if_near(evidence: Evidence, drafts: Sequence[RoomDraft], best: Scored
 
 
 def _stages(scans: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:
-    """Return the first scans, and about half of them, but more than the first."""
+    """Return the first scans, and the first half of all, but at least one more than these."""
     return scans[:_FIRST_SCANS], scans[: max(_FIRST_SCANS + 1, -(-len(scans) // 2))]
 
 

@@ -17,24 +17,22 @@ from sonarhw_compare.room_finding.surface_candidates import post_candidates, wal
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
 
 _USUAL = 5  # walls and posts that a room usually has, for the progress
-_TRIED = 8  # candidates at a time
+_TRIED = 8  # candidates for walls at a time
 _SHORT = 0.5  # m: a new wall that is shorter could be a post
-_POSTS = 6  # of them, each of which takes more time
-_COMPLETED = 2  # of them, whose ends are tried at other walls
+_POSTS = 6  # candidates for posts at a time; each takes more time than a wall
+_COMPLETED = 2  # best walls, whose ends are tried at other walls
 _CORNERS = 4  # points at which a corner is tried
-_STEPS = 2  # of the refinement after each of them
+_STEPS = 2  # of the refinement after each addition
 _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a reading counts as half explained
 
 _Part = TypeVar("_Part", int, DraftPost)  # the key of a wall, or a post
 
 
-def grown(
-    evidence: Evidence, arcs: tuple[Arc, ...], best: Scored, tick: Callable[[float], None] = lambda _share: None
-) -> Scored:
+def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored, tick: Callable[[float], None]) -> Scored:
     """Return the draft to which no wall and no post can be added that is worth its price.
 
-    What is no longer worth its price is removed on the way.
-    `tick` receives a share below 1 that grows with each wall and post; how many there will be is unknown.
+    What is no longer worth its price is removed on the way. `tick` receives a share below 1 that grows with each wall
+    and post, because their final number is unknown.
     """
     added = 0
     nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
