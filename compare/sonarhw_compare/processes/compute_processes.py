@@ -10,13 +10,14 @@ import subprocess
 import sys
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from sonarhw.errors import WorkersLost
 
 # of numeric libraries, so that each process uses one core
 ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_BETWEEN_CHECKS = 0.05  # s
 _RUN = "import sys; sys.path[:] = {!r}; from sonarhw_compare.processes.compute_loop import run; run()"
 
 
@@ -43,10 +44,13 @@ class ComputeProcesses:
         for process in self._processes:
             _send(process, (None, kept))
 
-    def results(self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> list[Any]:
+    def results(
+        self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]], check: Callable[[], None] = lambda: None
+    ) -> list[Any]:
         """Return `function(kept, *part)` for each part; each process takes the next part when it has finished one.
 
-        Raises the first error that the function raised, and WorkersLost if a process was killed.
+        Raises the first error that the function raised, and WorkersLost if a process was killed. `check` is called
+        while the processes compute; after an exception from it, only `close` may be called.
         """
         waiting = deque(enumerate(parts))
         answers: dict[int, tuple[bool, Any]] = {}
@@ -62,7 +66,11 @@ class ComputeProcesses:
                 if not answers[number][0]:
                     waiting.clear()
 
-        list(self._threads.map(compute, self._processes[: len(parts)]))
+        working = [self._threads.submit(compute, process) for process in self._processes[: len(parts)]]
+        while wait(working, _BETWEEN_CHECKS).not_done:
+            check()
+        for one in working:
+            one.result()  # raises WorkersLost
         for number in sorted(answers):
             succeeded, answer = answers[number]
             if not succeeded:

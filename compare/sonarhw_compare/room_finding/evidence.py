@@ -62,7 +62,8 @@ class Course:
     start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
     refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
     accepted: Callable[[RoomDraft], None] = _ignore  # receives each draft with one more wall or post
-    check: Callable[[], None] = _continue  # called before likelihoods; ends the search by an exception
+    tried: Callable[[], None] = _continue  # called before likelihoods
+    check: Callable[[], None] = _continue  # called before and during likelihoods; ends the search by an exception
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,7 @@ class Evidence:
         self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
     ) -> list[list[FloatArray]]:
         """Return `by_reading` of several drafts, of all scans or these."""
+        self.course.tried()
         self.course.check()
         scans = range(len(self.problems)) if scans is None else scans
         rooms = [draft.room(REFLECTANCE, self.air) for draft in drafts]
@@ -126,7 +128,9 @@ class Evidence:
         if processes is None or len(items) < 2:
             return function(self, items, *others)
         bounds = _bounds(len(items), len(processes))
-        parts = processes.results(function, [(items[begin:end], *others) for begin, end in pairwise(bounds)])
+        parts = processes.results(
+            function, [(items[begin:end], *others) for begin, end in pairwise(bounds)], self.course.check
+        )
         return [result for part in parts for result in part]
 
     def _to_send(self) -> "Evidence":

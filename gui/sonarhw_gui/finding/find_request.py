@@ -85,10 +85,9 @@ class FindProgress(RunProgress):
         self.newest: Hypotheses | None = None
         self.places: tuple[NextPlace, ...] = ()  # the best ones to scan next so far, best first
 
-    def check(self) -> None:
-        """Count a tried room. Raises Cancelled."""
+    def count(self) -> None:
+        """Count a tried room."""
         self.tried += 1
-        self.raise_if_cancelled()
 
     def tick(self, share: float) -> None:
         """Store the share that is done. Raises Cancelled."""
@@ -137,7 +136,7 @@ class FindRequest:
         board = _one_board(self.scans)
         if self.start is not None and not self.start.is_sound:
             raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
-        course = Course(self.start, self.refused, self._accept, self.progress.check)
+        course = Course(self.start, self.refused, self._accept, self.progress.count, self.progress.raise_if_cancelled)
         placed = find_room_and_poses(
             [self._placed(scan) for scan in self.scans], board, self.air, self._spreads(), self.progress.tick, course
         )
@@ -163,7 +162,7 @@ class FindRequest:
         by_name = {scan.name: scan for scan in self.scans}
         scans = tuple(by_name[place.name] for place in draft.places)
         placed = [replace(self._placed(scan), place=at) for scan, at in zip(scans, draft.places, strict=True)]
-        course = Course(check=self.progress.check)
+        course = Course(check=self.progress.raise_if_cancelled)
         board = scans[0].board
         evidence = evidence_of(placed, [PoseSpread()] * len(placed), board, self.air, course)
         return Hypotheses(draft, scans, board, support_of(evidence, draft, noise))

@@ -3,6 +3,7 @@
 import math
 import operator
 import os
+import select
 import subprocess
 import sys
 from dataclasses import replace
@@ -68,6 +69,17 @@ def test_each_part_has_its_result_and_an_error_is_raised_as_it_is() -> None:
             processes.results(os._exit, [()])
     finally:
         processes.close()
+
+
+def test_a_check_ends_the_wait_for_a_process() -> None:
+    def check() -> None:
+        raise Cancelled("the search was cancelled")
+
+    processes = ComputeProcesses(1, [])
+    with pytest.raises(Cancelled):
+        processes.results(select.select, [([], [])], check)  # waits for ever
+    processes.close()
+    assert len(processes) == 0
 
 
 def test_processes_end_with_the_process_that_started_them() -> None:
