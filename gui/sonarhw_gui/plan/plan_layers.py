@@ -241,7 +241,7 @@ def _posts_path(posts: FloatArray) -> QPainterPath:
 
 
 def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
-    """Put a label beside a point, towards the middle of the view, without overlap with the areas `taken`."""
+    """Put a label beside a point, towards the middle of the view and within it, clear of the areas `taken`."""
     label.setPos(*at)
     box = label.getViewBox()
     if box is None:
@@ -253,7 +253,9 @@ def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None
     beside = [(x, y) for x in across for y in along]
     sides = [(x, y + math.copysign(row, y)) for row in range(_ROWS) for x, y in beside]
     places = [QRectF(QPointF(point.x() - x * size.width(), point.y() - y * size.height()), size) for x, y in sides]
-    free = next((k for k, place in enumerate(places) if not any(map(place.intersects, taken))), 0)
+    clear = [k for k, place in enumerate(places) if not any(map(place.intersects, taken))]
+    within = [k for k in clear if box.sceneBoundingRect().contains(places[k])]
+    free = next(iter(within or clear), 0)
     label.setAnchor(sides[free])
     taken.append(places[free])
 

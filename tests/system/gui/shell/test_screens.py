@@ -205,3 +205,17 @@ def test_a_low_window_has_one_line_of_legend_until_more_is_pressed(
     on_screen(window, QSize(1280, 800), monkeypatch)
     window.docks.actions[1].trigger()
     assert (lines(), legend.more.isVisible()) == (2, False)
+
+
+def test_numbers_of_bounces_are_within_a_low_plan(
+    qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    size, _, look = SCREENS["1024x600, dark, text a third larger"]
+    window.session.showing.set_look(look)
+    on_screen(window, size, monkeypatch)
+    drawing = window.views.plan.drawing
+    view = drawing.plot.vb.sceneBoundingRect
+    until(qtbot, lambda: view().height() < size.height() / 2)
+    numbers = [label.textItem for label in drawing.path._labels if label.isVisible()]
+    assert numbers
+    until(qtbot, lambda: all(view().contains(one.mapRectToScene(one.boundingRect())) for one in numbers))
