@@ -1,8 +1,9 @@
 """Rooms found from scans of random rooms, beside the true ones: `python -m benchmarks.room_finding [FIRST LAST]`.
 
 With `--leave-out` before them, each room is found without its last scan, and the found and the true room predict it.
-With `--rough`, all places but the first are known within 5 cm and 3° (standard deviations); with `--unknown`, not at
-all. Each row then ends with the errors of the places found.
+With `--rough`, all places but the first are known within 5 cm and 3° (standard deviations); with `--headings`, only
+their headings are, with `--positions`, only their positions, and with `--unknown`, nothing. Each row then ends with the
+errors of the places found.
 
 Beside them are the walls of a map without a room file, from regions of constant depth, and the certainty grid. `held`:
 the number of found walls, and of those whose 95 % intervals hold the true offset, and the true direction. `s`: the
@@ -37,7 +38,12 @@ def main() -> None:
     )
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--leave-out", action="store_true", help="find each room without its last scan, and predict it")
-    for option, known in (("--rough", "within 5 cm and 3°"), ("--unknown", "for the first scan only")):
+    for option, known in (
+        ("--rough", "within 5 cm and 3°"),
+        ("--headings", "within 3°, without positions"),
+        ("--positions", "within 5 cm, without headings"),
+        ("--unknown", "for the first scan only"),
+    ):
         kinds.add_argument(option, dest="poses", action="store_const", const=option, help=f"places are known {known}")
     options = parser.parse_args()
     seeds, board = range(options.first, options.last), load_board("polaroid-6500")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.room_finding.evidence import PoseSpread
+from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
 from sonarhw_sim.room.model import Place
 
@@ -13,7 +13,7 @@ from benchmarks.cases.random_rooms import RandomRoom
 
 ROUGH = PoseSpread(0.05, math.radians(3))  # standard deviations of a place that is roughly known
 _Z95 = 1.96  # standard deviations to each side of a 95 % interval
-Spreads = list[PoseSpread | None]
+Spreads = list[PoseSpread]
 
 
 def exact_poses(case: RandomRoom, _seed: int) -> tuple[list[PlacedScan], Spreads]:
@@ -35,10 +35,29 @@ def unknown_poses(case: RandomRoom, _seed: int) -> tuple[list[PlacedScan], Sprea
     """Return the scans with the first place only."""
     nowhere = Place("", (0.0, 0.0))
     scans = [case.scans[0], *(replace(scan, place=nowhere) for scan in case.scans[1:])]
-    return scans, [PoseSpread(), *[None] * (len(scans) - 1)]
+    return scans, [PoseSpread(), *[UNKNOWN] * (len(scans) - 1)]
 
 
-POSES = {"--rough": rough_poses, "--unknown": unknown_poses}  # by the option of the benchmark
+def positions_unknown(case: RandomRoom, seed: int) -> tuple[list[PlacedScan], Spreads]:
+    """Return the scans with the first place, and random errors of the headings of all others."""
+    scans, _ = rough_poses(case, seed)
+    nowhere = [replace(scan, place=replace(scan.place, position=(0.0, 0.0))) for scan in scans[1:]]
+    return [scans[0], *nowhere], [PoseSpread(), *[PoseSpread(math.inf, ROUGH.heading)] * len(nowhere)]
+
+
+def headings_unknown(case: RandomRoom, seed: int) -> tuple[list[PlacedScan], Spreads]:
+    """Return the scans with the first place, and random errors of the positions of all others."""
+    scans, _ = rough_poses(case, seed)
+    turned = [replace(scan, place=replace(scan.place, heading=0.0)) for scan in scans[1:]]
+    return [scans[0], *turned], [PoseSpread(), *[PoseSpread(ROUGH.xy, math.inf)] * len(turned)]
+
+
+POSES = {
+    "--rough": rough_poses,
+    "--unknown": unknown_poses,
+    "--headings": positions_unknown,
+    "--positions": headings_unknown,
+}  # by the option of the benchmark
 
 
 def pose_text(case: RandomRoom, placed: PlacedRoom) -> str:

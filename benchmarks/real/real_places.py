@@ -18,9 +18,9 @@ from statistics import median
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.headings import heading_text
+from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.map import map_scans
-from sonarhw_compare.room_finding.evidence import PoseSpread
 from sonarhw_compare.room_finding.unknown_poses import PlacedRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -32,6 +32,8 @@ ON_WALL, ON_FOUND, TURNED = 0.05, 0.03, math.radians(2)  # m, m, rad
 INTERVAL = 1.96  # standard deviations: 95 %
 LEVER = 0.3  # m from the first place, nearer than which a position determines no turn about it
 MARKS = PoseSpread(0.03, math.radians(2))  # of marks on the floor
+STATED_HEADINGS = {**dict.fromkeys(("A00", "A01", "A02", "A03", "A04"), 0.0), "B01": 90.0, "B04": 135.0}  # degrees
+STATED = math.radians(5)  # standard deviation of a stated heading, which is "near" these degrees
 OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
 OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
 
@@ -109,15 +111,26 @@ def print_map(scans: Sequence[RealScan]) -> None:
         replace(one, place=replace(one.place, position=(scan.x, scan.y))) for scan, one in zip(scans, raw, strict=True)
     ]
     for title, given in (("poses by locate", raw), ("written positions", marked)):
-        print_found_room(title, given, [MARKS] * len(scans), room)
-    answer = print_found_room("first pose only", raw, [PoseSpread(), *[None] * (len(scans) - 1)], room)
-    print_turned(answer, raw[0].place, INTERVAL * spread, marked, room)
+        print_found_room(title, [(scan, MARKS) for scan in given], room)
+    print_found_room("written positions and stated headings", [stated(scan, MARKS.xy) for scan in marked], room)
+    for title, others in (
+        ("first pose only", [(scan, UNKNOWN) for scan in raw[1:]]),
+        ("first pose and stated headings", [stated(scan, math.inf) for scan in raw[1:]]),
+    ):
+        answer = print_found_room(title, [(raw[0], PoseSpread()), *others], room)
+        print_turned(answer, raw[0].place, INTERVAL * spread, marked, room)
 
 
-def print_found_room(
-    title: str, placed: Sequence[PlacedScan], spreads: Sequence[PoseSpread | None], room: Room
-) -> PlacedRoom:
-    """Print which walls of the arena are found, and which scans are left out; a spread of None is an unknown pose."""
+def stated(scan: PlacedScan, xy: float) -> tuple[PlacedScan, PoseSpread]:
+    """Return a scan at its stated heading, and the spread of its pose; `xy` (m) is that of the position."""
+    if (degrees := STATED_HEADINGS.get(scan.title)) is None:
+        return scan, PoseSpread(xy, math.inf)
+    return replace(scan, place=replace(scan.place, heading=math.radians(degrees))), PoseSpread(xy, STATED)
+
+
+def print_found_room(title: str, given: Sequence[tuple[PlacedScan, PoseSpread]], room: Room) -> PlacedRoom:
+    """Print which walls of the arena are found from scans and how well their places are known, and what is left out."""
+    placed, spreads = [scan for scan, _ in given], [spread for _, spread in given]
     answer = find_room_and_poses(placed, load_board("lego-nxt"), room.air, spreads)
     found = answer.found
     print(

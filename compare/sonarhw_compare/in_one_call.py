@@ -3,6 +3,7 @@
 Each function does what the command of the same name does. Room, place and board are those given, else those in the log.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -26,6 +27,7 @@ from sonarhw_compare.fit.plain_fit import Fit, fit_scan
 from sonarhw_compare.fit.values.fit_result import FitOptions, FitResult, Progress
 from sonarhw_compare.fit.values.quantities import ROOM_TOLERANCE
 from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput, ScanInput, given_scan
+from sonarhw_compare.locate.pose_spread import known_heading
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.matching.few_explained import few_explained
 from sonarhw_compare.matching.match import Comparison, headings_of, match_readings
@@ -173,18 +175,31 @@ def locate(
     *,
     receiver: Receiver | None = None,
     height: float | None = None,
+    heading: float | None = None,
+    heading_deviation: float = math.radians(5),
     progress: Callable[[float], None] = lambda _share: None,
 ) -> Located:
     """Return the possible poses of a scan in a room, with their probabilities.
 
     Scan, room and board are given as in `compare`. `height` (m) of the transducer includes floor and ceiling in the
-    prediction. `progress` receives the completed share, 0..1. Raises InputError.
+    prediction. `heading` (rad) of turntable step 0 is known within a standard deviation. `progress` receives the
+    completed share, 0..1. Raises InputError.
     """
     given = given_scan(scan)
     known, profile = given.room(room), given.board(board)
     _warn_of_doubts([given] if board is None else [], known, [])
     options = PredictionOptions(receiver=receiver)
-    located = locate_scan(given.readings, known, profile, prediction=options, height=height, tick=progress)
+    expected, spread = known_heading(heading, heading_deviation)
+    located = locate_scan(
+        given.readings,
+        known,
+        profile,
+        prediction=options,
+        height=height,
+        expected=expected,
+        spread=spread,
+        tick=progress,
+    )
     for doubt in located.doubts:
         warnings.warn(f"{given.where}: {doubt}", stacklevel=2)
     return located

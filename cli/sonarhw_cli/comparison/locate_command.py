@@ -31,6 +31,12 @@ Height = Annotated[
 NearPlace = Annotated[
     float, typer.Option(help="Distance within which a pose counts as a place of the room, metres.", min=0)
 ]
+KnownHeading = Annotated[
+    float | None, typer.Option("--heading", help="Known heading of turntable step 0, degrees.", metavar="DEG")
+]
+HeadingDeviation = Annotated[
+    float, typer.Option("--heading-sd", help="Standard deviation of --heading, degrees; 0 is exact.", min=0)
+]
 
 
 def locate(
@@ -39,6 +45,8 @@ def locate(
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
     height: Height = None,
+    heading: KnownHeading = None,
+    heading_sd: HeadingDeviation = 5.0,
     near: NearPlace = 0.1,
     out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar=PICTURE_FILE)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
@@ -48,10 +56,12 @@ def locate(
     if out is not None:
         checked_out(out, PICTURES, force, log_file, room_name, board)
     scan, room, chosen = open_in_room(log_file, room_name, board)
+    from sonarhw_compare.locate.pose_spread import known_heading
     from sonarhw_compare.locate.poses import locate_scan
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     prediction = PredictionOptions(receiver=receiver)
+    expected, spread = known_heading(None if heading is None else math.radians(heading), math.radians(heading_sd))
     with progress_of_share() as show:
         located = locate_scan(
             scan.readings,
@@ -59,6 +69,8 @@ def locate(
             chosen,
             prediction=prediction,
             height=height,
+            expected=expected,
+            spread=spread,
             tick=lambda share: show(share, "locating"),
         )
     if out is not None:

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
+    from sonarhw_compare.locate.pose_spread import PoseSpread
     from sonarhw_compare.locate.poses import Pose
     from sonarhw_compare.map import RoomMap
-    from sonarhw_compare.room_finding.evidence import PoseSpread
     from sonarhw_compare.room_finding.next_place import NextPlace
     from sonarhw_compare.room_finding.room_search import FoundRoom
     from sonarhw_sim.board.profile import Board
@@ -44,7 +44,8 @@ RoomToFollow = Annotated[
     typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar=ROOM_NAME),
 ]
 PosesFile = Annotated[
-    Path | None, typer.Option("--poses", help="Poses of all logs with their uncertainty.", metavar="FILE.csv")
+    Path | None,
+    typer.Option("--poses", help="Poses of all logs, some uncertain or unknown.", metavar="FILE.csv"),
 ]
 MapFiles = Annotated[
     list[Path] | None,
@@ -90,10 +91,11 @@ def map_logs(
     given = [open_scan(file, board) for file in log_files]
     chosen = common_board(given, board)
     scans, spreads = _with_poses(given, room, places or [], poses or [], poses_file)
-    if None in spreads and not found_for:
+    incomplete = [log for log, spread in zip(log_files, spreads, strict=False) if not spread.is_whole]
+    if incomplete and not found_for:
         raise InputError(
-            f"--poses {poses_file}: gives no pose of {log_files[spreads.index(None)]}; expected one of each log; "
-            "write it there, or add --out ROOM.toml or --next, which find it with the room"
+            f"--poses {poses_file}: gives no position or no heading of {incomplete[0]}; expected both of each log; "
+            "write them there, or add --out ROOM.toml or --next, which find them with the room"
         )
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
     shown = None
@@ -219,7 +221,7 @@ def _room_of_scans(
     scans: "list[PlacedScan]",
     board: "Board",
     given: "Sequence[GivenScan]",
-    spreads: "Sequence[PoseSpread | None]",
+    spreads: "Sequence[PoseSpread]",
     plan_next: bool,
     show: Callable[[float, str], None],
 ) -> _RoomOfScans:
@@ -287,7 +289,7 @@ def _with_poses(
     places: Sequence[str],
     poses: Sequence[str],
     poses_file: Path | None,
-) -> "tuple[list[PlacedScan], list[PoseSpread | None]]":
+) -> "tuple[list[PlacedScan], list[PoseSpread]]":
     """Return the scans at their places, and how uncertain these are."""
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.room_finding.pose_file import read_poses

@@ -23,9 +23,10 @@ from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, PRICE, PoseSpread, Scored, evidence_of, scored
+from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, PRICE, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import unexplained_readings, with_post, with_wall
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans

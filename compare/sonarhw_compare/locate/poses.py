@@ -2,7 +2,7 @@
 
 A lattice over the free space of the room is scored at every heading (`pose_search`). The likelihood of a fit is then
 maximized from the best maxima of the lattice and from the places of the room. The weights of these peaks are the
-posterior for a uniform prior over the room.
+posterior for a uniform prior over the room, or for a normal one of the position or heading if it is roughly known.
 
 Neighbouring readings of one echo have the same error: an edge that is too loud in the model is too loud at ten
 headings. The likelihood assumes independent errors, so its logarithm is divided by the number of readings per
@@ -36,6 +36,7 @@ from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.headings import turned_near
+from sonarhw_compare.locate.pose_spread import NOWHERE, UNKNOWN, PoseSpread, scores_with_prior, with_prior
 from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
@@ -119,13 +120,16 @@ def locate_scan(
     *,
     prediction: PredictionOptions | None = None,
     height: float | None = None,
+    expected: Place = NOWHERE,
+    spread: PoseSpread = UNKNOWN,
     tick: Callable[[float], None] = lambda _share: None,
 ) -> Located:
     """Return the possible poses of a scan in a room.
 
-    `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `tick` receives
-    the completed share, 0..1. Raises InputError if no reading has an echo, the board is a ring of sensors, the height
-    is not between floor and ceiling, or no position in the room has a path to an echo.
+    `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `expected` is the
+    place at which the pose is known within `spread`. `tick` receives the completed share, 0..1. Raises InputError if no
+    reading has an echo, the board is a ring of sensors, the height is not between floor and ceiling, or no position in
+    the room has a path to an echo.
     """
     if height is not None:
         room.check_height(height)
@@ -133,15 +137,17 @@ def locate_scan(
     free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
     scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
     check_fit([scan], board, free, options)
+    readings = without_own_body(board.own_body, readings)
+    redundancy = mean_run(*angles_and_ranges(readings))
+    free = with_prior(free, expected, spread, redundancy)
     problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
+    scores = scores_with_prior(scores, expected, spread, redundancy)
     if not np.isfinite(scores.scores).any():
         raise InputError(
             f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
             "near as those of the scan; check the room, the board and its blanking"
         )
-    readings = without_own_body(board.own_body, readings)
-    redundancy = mean_run(*angles_and_ranges(readings))
     starts = _starts(scores, room, board)
     tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
     poses = _weighed(_clear(_different(tops), room, board), redundancy)

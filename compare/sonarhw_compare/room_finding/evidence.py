@@ -19,6 +19,7 @@ from sonarhw_compare.fit.likelihood.echo_paths import PathMemory
 from sonarhw_compare.fit.likelihood.objective import Problem, make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft, post_name, wall_name
@@ -48,14 +49,6 @@ def _continue() -> None:
 
 
 @dataclass(frozen=True)
-class PoseSpread:
-    """Standard deviations of a place; 0 is exact."""
-
-    xy: float = 0.0  # m, of x and of y
-    heading: float = 0.0  # rad
-
-
-@dataclass(frozen=True)
 class Course:
     """Where a search begins, what it leaves out, and the functions that follow it."""
 
@@ -71,7 +64,7 @@ class Evidence:
     """Scans and board, against which drafts are held."""
 
     problems: tuple[Problem, ...]  # one for each scan; room and place are those of the draft
-    spreads: tuple[PoseSpread, ...]  # of the places of the first draft
+    spreads: tuple[PoseSpread, ...]  # of the places; each is expected where the search begins, unless it says where
     first: RoomDraft  # with the walls and posts at which the search begins
     air: Air
     course: Course = field(default_factory=Course)
@@ -167,8 +160,9 @@ class Evidence:
         return any(_alike(one, other) for other in self.course.refused)
 
     def pose_errors(self, draft: RoomDraft, scan: int) -> tuple[tuple[float, float], ...]:
-        """Return how far x, y (m) and heading (rad) of a place have moved, each with its standard deviation."""
-        spread, now, then = self.spreads[scan], draft.places[scan], self.first.places[scan]
+        """Return how far x, y (m) and heading (rad) of a place are from the expected ones, each with its deviation."""
+        spread, now = self.spreads[scan], draft.places[scan]
+        then = spread.around or self.first.places[scan]
         turned = math.remainder(now.heading - then.heading, math.tau)
         x, y = (at - first for at, first in zip(now.position, then.position, strict=True))
         return (x, spread.xy), (y, spread.xy), (turned, spread.heading)

@@ -9,16 +9,16 @@ from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
 from sonarhw_compare.imports.foreign_csv import opened, short_lines
-from sonarhw_compare.room_finding.evidence import PoseSpread
+from sonarhw_compare.locate.pose_spread import PoseSpread
 
 HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
 _WHAT = "a table of poses (CSV)"
 
 
-def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread | None]]:
+def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread]]:
     """Return place and spread for each of `logs`, by name; an empty standard deviation is exact.
 
-    A spread of None is a row without x, y and heading: the pose is unknown.
+    Without x and y, the position is unknown; without a heading, the heading is.
 
     Raises InputError with file and line if the file is unreadable or not of this form, or lacks a log.
     """
@@ -28,19 +28,21 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
     if missing:
         raise InputError(f"{path}: no row for {missing[0].name}; the first column names each log")
     chosen = [poses[log.name] for log in logs]
-    if chosen and chosen[0][1] is None:
-        raise InputError(f"{path}: {logs[0].name}: expected the pose of the first log; the others may be unknown")
+    if chosen and not chosen[0][1].is_whole:
+        raise InputError(
+            f"{path}: {logs[0].name}: expected position and heading of the first log; others may be unknown"
+        )
     return chosen
 
 
-def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSpread | None]]:
+def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSpread]]:
     """Return place and spread of each line below the header, by the name of its log."""
     header = next(lines, None)
     if header is None:
         raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
     if header.strip() != HEADER:
         raise InputError(f"{path}: line 1: expected the header {HEADER}, got {header.rstrip()!r}")
-    poses: dict[str, tuple[Place, PoseSpread | None]] = {}
+    poses: dict[str, tuple[Place, PoseSpread]] = {}
     for number, row in enumerate(csv.reader(lines), start=2):
         if row:
             name, pose = _pose(row, f"{path}: line {number}")
@@ -50,22 +52,20 @@ def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSprea
     return poses
 
 
-def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread | None]]:
+def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread]]:
     if len(row) != len(HEADER.split(",")):
         raise InputError(f"{where}: expected {len(HEADER.split(','))} columns ({HEADER}), got {len(row)}")
     name, *cells = (cell.strip() for cell in row)
-    if not any(cells):
-        return Path(name).name, (Place(Path(name).stem, (0.0, 0.0)), None)
-    if not all(cells[:3]):
-        raise InputError(
-            f"{where}: expected x, y and heading, or a row without numbers for an unknown pose; a heading without a "
-            "position, or a position without a heading, cannot be used"
-        )
     x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
     if min(xy, turn) < 0:
         raise InputError(f"{where}: expected standard deviations of 0 or more, got {min(xy, turn):g}")
-    place = Place(Path(name).stem, (x, y), math.radians(heading))
-    return Path(name).name, (place, PoseSpread(xy, math.radians(turn)))
+    has_position, has_heading = bool(cells[0] and cells[1]), bool(cells[2])
+    if not has_position and (cells[0] or cells[1] or cells[3]):
+        raise InputError(f"{where}: expected x and y, or neither and no sd_xy_m: the position is unknown")
+    if not has_heading and cells[4]:
+        raise InputError(f"{where}: expected a heading, or no sd_heading_deg: the heading is unknown")
+    spread = PoseSpread(xy if has_position else math.inf, math.radians(turn) if has_heading else math.inf)
+    return Path(name).name, (Place(Path(name).stem, (x, y), math.radians(heading)), spread)
 
 
 def _number(text: str, where: str) -> float:

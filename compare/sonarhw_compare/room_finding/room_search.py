@@ -12,6 +12,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import (
@@ -20,7 +21,6 @@ from sonarhw_compare.room_finding.evidence import (
     ROUGH,
     Course,
     Evidence,
-    PoseSpread,
     Scored,
     evidence_of,
     scored,

@@ -6,21 +6,25 @@ another room, and the one that explains all scans best is kept. One scan in a pa
 that are almost as probable, but the walls that it then needs contradict the other scans at the wrong ones.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_compare.processes.late_processes import LateProcesses
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course, PoseSpread
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course
 from sonarhw_compare.room_finding.room_search import LARGE, FoundRoom, find_room
 
-_LOCATED = PoseSpread(0.05, 0.06)  # m, rad: of a located scan; wide, because the scan itself gives its pose
+# m, rad: of what is unknown of the pose of a located scan; wide, because the scan itself gives it
+_LOCATED = PoseSpread(0.05, 0.06)
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
 _POOR = 0.25  # of the share that the room explains of the other scans; a scan that is explained less is not placed
@@ -63,22 +67,22 @@ def find_room_and_poses(
     scans: Sequence[PlacedScan],
     board: Board,
     air: Air,
-    spreads: Sequence[PoseSpread | None] = (),
+    spreads: Sequence[PoseSpread] = (),
     tick: Callable[[float], None] = lambda _share: None,
     course: Course | None = None,
 ) -> PlacedRoom:
-    """Return the room and the poses that explain scans; a spread of None is an unknown pose, by default all are exact.
+    """Return the room and the poses that explain scans. Scans with a whole pose give the first room.
 
-    `tick` receives the completed share, 0..1; `course` continues a search. Raises InputError as `find_room` does, and
-    if no pose is known.
+    `spreads` are the standard deviations of the places of the scans, by default exact; positions, headings or both may
+    be unknown. `tick` receives the completed share, 0..1; `course` continues a search. Raises InputError as `find_room`
+    does, and if no whole pose is known.
     """
     spreads = spreads or [PoseSpread()] * len(scans)
-    known = {k: spread for k, spread in enumerate(spreads) if spread is not None}
-    if not known:
-        raise InputError("no pose is known; give that of the first log")
     with LateProcesses(len(scans), LARGE) as processes:
-        search = _Search(tuple(scans), known, board, air, tick, course or Course(), processes)
-        stage = search.room_of({k: scans[k] for k in known}, 0.0, 1.0)
+        search = _Search(tuple(scans), tuple(spreads), board, air, tick, course or Course(), processes)
+        if not search.known:
+            raise InputError("no pose is known; give that of the first log")
+        stage = search.room_of(search.known, 0.0, 1.0)
         poses: dict[int, tuple[Pose, ...]] = {}
         while located := search.located(stage):
             longer = search.extended(stage, located)
@@ -99,15 +103,20 @@ def find_room_and_poses(
 
 @dataclass(frozen=True)
 class _Search:
-    """The scans, those of known pose, and what the search for a room needs."""
+    """The scans, how well their poses are known, and what the search for a room needs."""
 
     scans: tuple[PlacedScan, ...]
-    known: dict[int, PoseSpread]  # by number
+    spreads: tuple[PoseSpread, ...]  # of their places
     board: Board
     air: Air
     tick: Callable[[float], None]
     course: Course
     processes: LateProcesses
+
+    @cached_property
+    def known(self) -> dict[int, PlacedScan]:
+        """The scans of which the whole pose is known, by number."""
+        return {k: scan for k, scan in enumerate(self.scans) if self.spreads[k].is_whole}
 
     def room_of(self, placed: dict[int, PlacedScan], done: float, part: float) -> _Stage:
         """Return the room of some scans; `done` and `part` are shares of the progress with this number of scans."""
@@ -117,16 +126,38 @@ class _Search:
         def tick(share: float) -> None:
             self.tick((step + done + part * share) / steps)
 
-        spreads = [self.known.get(k, _LOCATED) for k in placed]
+        spreads = [self._spread(k, scan.place) for k, scan in placed.items()]
         found = find_room(list(placed.values()), self.board, self.air, spreads, tick, self.course, self.processes)
         return _Stage(placed, found)
+
+    def _spread(self, k: int, begins: Place) -> PoseSpread:
+        """Return the spread of the pose of a scan: what is known of it, and for the rest that of a located scan."""
+        if (spread := self.spreads[k]).is_whole:
+            return spread
+        given, spread = self.scans[k].place, spread.with_width
+        has_position, has_heading = math.isfinite(spread.xy), math.isfinite(spread.heading)
+        return PoseSpread(
+            spread.xy if has_position else _LOCATED.xy,
+            spread.heading if has_heading else _LOCATED.heading,
+            replace(
+                begins,
+                position=given.position if has_position else begins.position,
+                heading=given.heading if has_heading else begins.heading,
+            ),
+        )
 
     def located(self, stage: _Stage) -> dict[int, Located]:
         """Return the possible poses of all other scans in a room."""
         room = stage.found.draft.room(REFLECTANCE, self.air)
         return {
             k: locate_scan(
-                scan.readings, room, self.board, prediction=FOLLOWED, tick=lambda _share: self.course.check()
+                scan.readings,
+                room,
+                self.board,
+                prediction=FOLLOWED,
+                expected=scan.place,
+                spread=self.spreads[k],
+                tick=lambda _share: self.course.check(),
             )
             for k, scan in enumerate(self.scans)
             if k not in stage.placed
@@ -155,7 +186,7 @@ class _Search:
 
     def room_with(self, stage: _Stage, poses: Mapping[int, Pose], done: float, part: float) -> _Stage:
         """Return the room with more scans at their poses; scans of known poses begin where they are given."""
-        before = stage.refined | {k: self.scans[k] for k in self.known}
+        before = stage.refined | self.known
         more = {
             k: replace(self.scans[k], place=replace(self.scans[k].place, position=pose.position, heading=pose.heading))
             for k, pose in poses.items()

@@ -15,8 +15,9 @@ from sonarhw_gui.work.run_progress import RunProgress
 if TYPE_CHECKING:
     from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
     from sonarhw_compare.fit.values.fit_result import PlacedScan
+    from sonarhw_compare.locate.pose_spread import PoseSpread
     from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
-    from sonarhw_compare.room_finding.evidence import PoseSpread, Support
+    from sonarhw_compare.room_finding.evidence import Support
     from sonarhw_compare.room_finding.next_place import NextPlace
     from sonarhw_compare.room_finding.room_search import FoundRoom
 
@@ -157,7 +158,8 @@ class FindRequest:
         self.progress.newest = self._supported(draft, ROUGH)
 
     def _supported(self, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
-        from sonarhw_compare.room_finding.evidence import Course, PoseSpread, evidence_of, support_of
+        from sonarhw_compare.locate.pose_spread import PoseSpread
+        from sonarhw_compare.room_finding.evidence import Course, evidence_of, support_of
 
         by_name = {scan.name: scan for scan in self.scans}
         scans = tuple(by_name[place.name] for place in draft.places)
@@ -172,14 +174,14 @@ class FindRequest:
 
         return PlacedScan(scan.readings, replace(scan.place, name=scan.name), scan.name)
 
-    def _spreads(self) -> "list[PoseSpread | None]":
-        from sonarhw_compare.room_finding.evidence import PoseSpread
+    def _spreads(self) -> "list[PoseSpread]":
+        from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 
         accuracy = self.accuracy
         if accuracy.xy is None:
-            return [PoseSpread(), *[None] * (len(self.scans) - 1)]
+            return [PoseSpread(), *[UNKNOWN] * (len(self.scans) - 1)]
         spread = PoseSpread(accuracy.xy, accuracy.heading)
-        return [spread if scan.known or scan is self.scans[0] else None for scan in self.scans]
+        return [spread if scan.known or scan is self.scans[0] else UNKNOWN for scan in self.scans]
 
 
 @dataclass(frozen=True, eq=False)

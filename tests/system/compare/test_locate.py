@@ -10,6 +10,7 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.comparison.locate_command import _figures_of
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -85,6 +86,25 @@ def test_a_rectangle_has_two_equally_probable_poses(located: Located) -> None:
     assert located.places() == {}
 
 
+@pytest.mark.parametrize("spread", [PoseSpread(heading=math.pi / 2, xy=math.inf), PoseSpread(0.3808, math.inf)])
+def test_a_rough_heading_or_position_decides_between_two_poses_by_its_own_likelihood(
+    in_rectangle: list[Reading], spread: PoseSpread
+) -> None:
+    # the other pose is half a turn and 0.7616 m away: two deviations
+    expected = Place("", (0.5, 0.4), 0.3 - math.tau)
+    best = locate_scan(in_rectangle, RECTANGLE, BOARD, expected=expected, spread=spread).poses[0]
+    assert best.probability == pytest.approx(1 / (1 + math.exp(-2.0)), abs=0.06)
+    assert math.dist(best.position, expected.position) < 0.01
+
+
+def test_an_exact_heading_is_kept(in_rectangle: list[Reading]) -> None:
+    there = Place("", (1.2, 0.7), 0.3 + math.pi)
+    (pose,) = locate_scan(in_rectangle, RECTANGLE, BOARD, expected=there, spread=PoseSpread(math.inf, 0.0)).poses
+    assert math.dist(pose.position, there.position) < 0.02
+    assert abs(math.remainder(pose.heading - there.heading, math.tau)) < math.radians(0.3)
+    assert pose.deviations[2] < math.radians(0.16)
+
+
 def test_locate_and_fit_find_the_same_pose(arena: Room) -> None:
     # rough refinement alone ends 1.8 deviations away
     board = load_board("hc-sr04")
@@ -123,8 +143,10 @@ def test_the_command_writes_poses_as_json_and_a_picture(tmp_path: Path, capsys: 
     log, picture = tmp_path / "scan.mcap", tmp_path / "located.png"
     command = ["simulate", "rooms/arena.toml", "--place", "p3", "--board", "lego-nxt", "--out", str(log)]
     assert run(command) == 0
-    assert run(["locate", str(log), "--out", str(picture), "--json"]) == 0
+    known = ["--heading", "0", "--heading-sd", "0.1"]
+    assert run(["locate", str(log), *known, "--out", str(picture), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
+    assert printed["poses"][0]["heading_deviation_deg"] < 0.16
     assert printed["place"] == "p3"
     assert printed["fits_room"]
     assert printed["explained"] > 0.95

@@ -11,12 +11,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.processes import late_processes
 from sonarhw_compare.processes.compute_processes import ComputeProcesses
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding import room_search
 from sonarhw_compare.room_finding.draft import draft_of_room
-from sonarhw_compare.room_finding.evidence import ROUGH, Course, PoseSpread, evidence_of
+from sonarhw_compare.room_finding.evidence import ROUGH, Course, evidence_of
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.room_search import find_room
 from sonarhw_sim.board.profile import load_board

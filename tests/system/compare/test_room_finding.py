@@ -119,7 +119,7 @@ def test_an_unknown_pose_needs_a_search_for_the_room(
     poses.write_text("log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg\na.mcap,0,0,0,,\nb.mcap,,,,,")
     first, second = logs(folder, "ab")
     assert run(["map", first, second, "--poses", str(poses)]) == 2
-    assert f"--poses {poses}: gives no pose of {second}; " in capsys.readouterr().err
+    assert f"--poses {poses}: gives no position or no heading of {second}; " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

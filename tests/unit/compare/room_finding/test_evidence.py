@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import (
     REFLECTANCE,
     ROUGH,
-    PoseSpread,
     all_scored,
     evidence_of,
     leading,

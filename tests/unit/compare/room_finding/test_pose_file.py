@@ -4,7 +4,9 @@ import math
 from pathlib import Path
 
 import pytest
+from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.room_finding.pose_file import HEADER, read_poses
+from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
 
@@ -28,10 +30,21 @@ def test_poses_come_in_the_order_of_the_logs(tmp_path: Path) -> None:
     assert (second_spread.xy, second_spread.heading) == (0.0, 0.0)  # an empty standard deviation is exact
 
 
-def test_a_row_without_numbers_is_an_unknown_pose_but_not_for_the_first_log(tmp_path: Path) -> None:
-    rows = table(tmp_path, HEADER, "a.mcap,1,2,0,,", "b.mcap,,,,,")
-    assert [spread is None for _, spread in read_poses(rows, LOGS)] == [False, True]
-    with pytest.raises(InputError, match=r"b\.mcap: expected the pose of the first log"):
+@pytest.mark.parametrize(
+    ("row", "place", "spread"),
+    [
+        ("b.mcap,,,,,", Place("b", (0.0, 0.0)), UNKNOWN),
+        ("b.mcap,,,180,,", Place("b", (0.0, 0.0), math.pi), PoseSpread(math.inf, 0.0)),
+        ("b.mcap,,,180,,90", Place("b", (0.0, 0.0), math.pi), PoseSpread(math.inf, math.pi / 2)),
+        ("b.mcap,1,2,,0.03,", Place("b", (1.0, 2.0)), PoseSpread(0.03, math.inf)),
+    ],
+)
+def test_what_a_row_lacks_is_unknown_but_not_for_the_first_log(
+    tmp_path: Path, row: str, place: Place, spread: PoseSpread
+) -> None:
+    rows = table(tmp_path, HEADER, "a.mcap,1,2,0,,", row)
+    assert read_poses(rows, LOGS)[1] == (place, spread)
+    with pytest.raises(InputError, match=r"b\.mcap: expected position and heading of the first log"):
         read_poses(rows, LOGS[::-1])
 
 
@@ -42,8 +55,9 @@ def test_a_row_without_numbers_is_an_unknown_pose_but_not_for_the_first_log(tmp_
         ([], "poses.csv: the file is empty; expected the header log,x_m"),
         ([HEADER, "a.mcap,1,2,0,,"], "no row for b.mcap"),
         ([HEADER, "a.mcap,1,2,0,,", "a.mcap,1,2,0,,"], "line 3: a.mcap was given before"),
-        ([HEADER, "a.mcap,1,,,,"], "line 2: expected x, y and heading, or a row without numbers"),
-        ([HEADER, "a.mcap,,,90,,2"], "line 2: .*; a heading without a position, or a position without a heading"),
+        ([HEADER, "a.mcap,1,,0,,"], "line 2: expected x and y, or neither"),
+        ([HEADER, "a.mcap,,,90,0.03,2"], "line 2: expected x and y, or neither and no sd_xy_m"),
+        ([HEADER, "a.mcap,1,2,,0.03,2"], "line 2: expected a heading, or no sd_heading_deg"),
         ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
         ([HEADER, "a.mcap,1,two,0,,"], "line 2: expected a number, got 'two'"),
         ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),

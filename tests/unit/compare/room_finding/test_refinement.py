@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft, draft_of_room
 from sonarhw_compare.room_finding.evidence import (
     FINE,
@@ -14,7 +15,6 @@ from sonarhw_compare.room_finding.evidence import (
     REFLECTANCE,
     ROUGH,
     Evidence,
-    PoseSpread,
     evidence_of,
 )
 from sonarhw_compare.room_finding.refining.heading_errors import heading_error

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, PoseSpread, evidence_of, scored
+from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, evidence_of, scored
 from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
 from sonarhw_compare.room_finding.wall_ends import with_gaps
 from sonarhw_sim.board.profile import load_board

@@ -1,15 +1,17 @@
 """Scans are placed where the room that follows explains all scans best; the rest is left out."""
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.room_finding import unknown_poses
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import PoseSpread
 from sonarhw_compare.room_finding.room_search import FoundRoom
 from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
@@ -67,7 +69,7 @@ def test_well_explained_scans_come_first_then_the_best_and_foreign_ones_never(mo
     # the room explains 0.8 of its own scans: 0.72 is enough at once, less than a quarter of their mean never
     shares = {1: [0.75, 0.8], 2: [0.65, 0.65, 0.8], 3: [0.15], 4: [0.74, 0.8]}
     rooms = with_answers(monkeypatch, shares)
-    result = find_room_and_poses(scans(5), BOARD, Air(), [PoseSpread(), None, None, None, None])
+    result = find_room_and_poses(scans(5), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 4])
     assert rooms[:3] == [["0"], ["0", "1", "4"], ["0", "1", "2", "4"]]
     assert [scan.title for scan in result.scans] == ["0", "1", "2", "4"]
     assert [scan.place.position[0] for scan in result.scans] == [0.0, 1.0, 2.0, 4.0]
@@ -82,10 +84,28 @@ def test_of_similar_poses_that_whose_room_explains_all_scans_best_is_taken(
     rooms = with_answers(
         monkeypatch, {1: [0.8]}, {1: (pose(5.0, 0.6), pose(7.0, 0.4))}, lambda x: 100.0 if x == right else 0.0
     )
-    result = find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(), None])
+    result = find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(), UNKNOWN])
     assert [scan.place.position[0] for scan in result.scans] == [0.0, right]
     assert [found.probability for found in result.poses["1"]] == [0.6, 0.4]
     assert rooms == [["0"], ["0", "1"], ["0", "1"], ["0", "1"]]  # the last one from the refined places
+
+
+def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_answers(monkeypatch, {1: [0.8], 2: [0.8]})
+    given: list[tuple[PoseSpread, ...]] = []
+    found = unknown_poses.find_room
+    monkeypatch.setattr(unknown_poses, "find_room", lambda *all: (given.append(tuple(all[3])), found(*all))[1])
+    nowhere, turned, moved = scans(3)
+    turned = replace(turned, place=replace(NOWHERE, heading=0.3))
+    moved = replace(moved, place=replace(NOWHERE, position=(2.2, 0.1)))
+    known = [PoseSpread(), PoseSpread(math.inf, 0.05), PoseSpread(0.0, math.inf)]
+    find_room_and_poses([nowhere, turned, moved], BOARD, Air(), known)
+    first, second, third = given[-1]
+    assert first == PoseSpread()
+    # located at (1, 0) and (2, 0), heading 0.1: what is not known is expected there
+    assert (second.heading, second.around) == (0.05, Place("", (1.0, 0.0), 0.3))
+    assert (third.xy, third.around) == (0.001, Place("", (2.2, 0.1), 0.1))
+    assert (second.xy, third.heading) == (0.05, 0.06)
 
 
 def test_known_poses_need_one_room(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,4 +120,4 @@ def test_known_poses_need_one_room(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_a_known_pose_nothing_is_found() -> None:
     with pytest.raises(InputError, match="no pose is known"):
-        find_room_and_poses(scans(2), BOARD, Air(), [None, None])
+        find_room_and_poses(scans(2), BOARD, Air(), [UNKNOWN, UNKNOWN])

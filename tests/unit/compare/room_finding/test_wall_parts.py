@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import Evidence, PoseSpread, evidence_of, scored
+from sonarhw_compare.room_finding.evidence import Evidence, evidence_of, scored
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.wall_ends import with_end_moved, with_gaps
 from sonarhw_sim.air import Air
