@@ -64,9 +64,7 @@ class Marginals:
         return mean[rows] - [one.expected or 0.0 for one in self.tolerated], self.covariance[np.ix_(rows, rows)]
 
 
-def marginals_of(
-    problem: Problem, values: FloatArray, options: FitOptions, tick: Callable[[float], None] = lambda _: None
-) -> Marginals:
+def marginals_of(problem: Problem, values: FloatArray, options: FitOptions, tick: Callable[[float], None]) -> Marginals:
     """Return the posterior near the best `values` (size,) of a problem without tolerated values."""
     tolerated = tolerated_at(problem, values, options)
     whole = problem.with_tolerated(tolerated)

@@ -36,7 +36,7 @@ class StartingTurntable:
 
 
 def starting_turntable(
-    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[float], None] = lambda _share: None
+    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[float], None]
 ) -> StartingTurntable:
     """Return scale and threshold, shared by all scans, and the pose of each with which most of their echoes match."""
     # a face beside the axis would need a search for paths at every heading; the range offset stands for it

@@ -82,7 +82,7 @@ def fit_turntable(
     room: Room,
     board: Board,
     start: StartingTurntable,
-    tick: Callable[[], None] = lambda: None,
+    tick: Callable[[], None],
 ) -> TurntableFit:
     """Return the geometry of the board and the poses of the scans. `tick` is called before each search of paths."""
     # the actual heading of the zero is free, so the home angle is 0 here

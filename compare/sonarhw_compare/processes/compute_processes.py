@@ -45,7 +45,7 @@ class ComputeProcesses:
             _send(process, (None, kept))
 
     def results(
-        self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]], check: Callable[[], None] = lambda: None
+        self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]], check: Callable[[], None]
     ) -> list[Any]:
         """Return `function(kept, *part)` for each part; each process takes the next part when it has finished one.
 

@@ -29,12 +29,12 @@ class LiveDevice:
         self,
         opener: ScannerOpener,
         job: ScannerJob,
+        arrived: Callable[[], None],
         after: "LiveDevice | None" = None,
-        arrived: Callable[[], None] = lambda: None,
     ) -> None:
-        """`after`: an earlier connection, which must end first because it may still use the port.
+        """`arrived` is called after each reading, in the thread.
 
-        `arrived` is called after each reading, in the thread.
+        `after`: an earlier connection, which must end first because it may still use the port.
         """
         self.status = JobState()
         self.link: LinkState | None = None

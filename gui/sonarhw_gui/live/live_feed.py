@@ -152,7 +152,7 @@ class LiveFeed:
         self._end_reported = False
         device = self._device
         if device is None or device.over or device.leaving:
-            device = self._device = LiveDevice(self._opener, job, device, self._arrived)
+            device = self._device = LiveDevice(self._opener, job, self._arrived, device)
             self._last_state = device.status  # before the thread, whose error is reported with a tick
             device.start()
         else:

@@ -53,7 +53,7 @@ class ReadingSource:
         scanners: ScannerChoice,
         scan_settings: ScanSettings,
         parent: QObject,
-        arrived: Callable[[], None] = lambda: None,
+        arrived: Callable[[], None],
     ) -> None:
         """`arrived` is called after each reading of the scanner, in its thread."""
         self._scanners = scanners

@@ -55,19 +55,23 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> list[ComputeProcesses]:
     return started
 
 
+def go_on() -> None:
+    """Let the processes compute to the end."""
+
+
 def test_each_part_has_its_result_and_an_error_is_raised_as_it_is() -> None:
     processes = ComputeProcesses(2, 12)
     try:
-        assert processes.results(operator.truediv, [(3,), (4,)]) == [4.0, 3.0]
+        assert processes.results(operator.truediv, [(3,), (4,)], go_on) == [4.0, 3.0]
         with pytest.raises(ZeroDivisionError, match="division by zero") as failed:
-            processes.results(operator.truediv, [(3,), (0,)])
+            processes.results(operator.truediv, [(3,), (0,)], go_on)
         assert "compute_loop.py" in failed.value.__notes__[0]
-        assert processes.results(operator.add, [(1,)]) == [13]
-        assert processes.results(operator.add, [(number,) for number in range(7)]) == [*range(12, 19)]  # in turn
+        assert processes.results(operator.add, [(1,)], go_on) == [13]
+        assert processes.results(operator.add, [(number,) for number in range(7)], go_on) == [*range(12, 19)]  # in turn
         processes.keep(20)
-        assert processes.results(operator.add, [(1,), (2,)]) == [21, 22]
+        assert processes.results(operator.add, [(1,), (2,)], go_on) == [21, 22]
         with pytest.raises(WorkersLost):
-            processes.results(os._exit, [()])
+            processes.results(os._exit, [()], go_on)
     finally:
         processes.close()
 
@@ -87,7 +91,7 @@ def test_processes_end_with_the_process_that_started_them() -> None:
     # no `if __name__ == "__main__"`; the answer comes when the last process has closed standard error
     script = (
         "import os, signal; from sonarhw_compare.processes.compute_processes import ComputeProcesses\n"
-        "ComputeProcesses(2, 1).results(max, [(2,), (3,)]); os.kill(os.getpid(), signal.SIGTERM)"
+        "ComputeProcesses(2, 1).results(max, [(2,), (3,)], lambda: None); os.kill(os.getpid(), signal.SIGTERM)"
     )
     ended = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, timeout=60, check=False)
     assert (ended.returncode != 0, ended.stderr) == (True, b"")
@@ -115,7 +119,7 @@ def test_the_processes_of_one_search_compute_for_the_next(two_cores: list[Comput
             processes = late.for_work(1, owner, lambda kept=kept: kept)
             assert processes is not None
             # what an owner has sent stays until another one sends
-            assert processes.results(operator.add, [(1,)]) == [{30: 20}.get(kept, kept) + 1]
+            assert processes.results(operator.add, [(1,)], go_on) == [{30: 20}.get(kept, kept) + 1]
         assert len(two_cores) == 1
 
 

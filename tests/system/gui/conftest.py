@@ -104,7 +104,7 @@ def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPath
     """Record a log of a complete scan with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("recorded"), ORDER)
     with serve(FakeBoard(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, settings))
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, settings), lambda: None)
         live.start()
         live.disconnect()
         live.join()

@@ -34,7 +34,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 @pytest.fixture
 def model(tmp_path: Path) -> Iterator[ShownModel]:
     owner = QObject()
-    source = ReadingSource(ScannerChoice(None, None, owner), ScanSettings(tmp_path), owner)
+    source = ReadingSource(ScannerChoice(None, None, owner), ScanSettings(tmp_path), owner, lambda: None)
     model = ShownModel(Scene(None, None, load_board("polaroid-6500")), Look(), source, owner)
     yield model
     model.close()

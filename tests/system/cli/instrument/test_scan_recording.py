@@ -45,7 +45,9 @@ def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path |
     room = load_room(room_file) if room_file else None
     scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
     with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(folder, FOUR, traces=False)))
+        live = LiveDevice(
+            lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(folder, FOUR, traces=False)), lambda: None
+        )
         live.start()
         live.disconnect()
         live.join()
@@ -83,7 +85,9 @@ def test_a_scan_of_the_window_that_the_scanner_refuses_leaves_no_log(tmp_path: P
     beyond_the_cable = ScanOrder(0.0, math.radians(170), 6)
     scene = scene_with(load_board("polaroid-6500"))
     with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(tmp_path, beyond_the_cable)))
+        live = LiveDevice(
+            lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(tmp_path, beyond_the_cable)), lambda: None
+        )
         live.start()
         live.disconnect()
         live.join()

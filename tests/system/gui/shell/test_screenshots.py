@@ -126,7 +126,7 @@ def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFact
     """Record a log of one full turn with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
     with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(bench, settings))
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(bench, settings), lambda: None)
         live.start()
         live.disconnect()
         live.join()
