@@ -44,13 +44,14 @@ class RunControl(QObject):
         if self._worker is not None:
             self._worker.close()
 
-    def _run(self, request: RunRequest) -> None:
-        """Start a run; a running one is cancelled."""
+    def _run(self, request: RunRequest, state: Any) -> None:
+        """Start a run, with this state; a running one is cancelled."""
         self.cancel()
         if self._worker is None:
             self._worker = Worker(self._thread)
         self._progress = request.progress
         self._worker.submit(request)
+        self._set_state(state)
 
     def _end(self, answer: Any) -> None:
         self._progress = None

@@ -76,8 +76,7 @@ class CauseControl(RunControl):
         shown = self._shown()
         newest = shown.readings[-_MOST_READINGS:]
         request = CauseRequest(shown.scene, newest, len(shown.readings) - len(newest), RunProgress())
-        self._run(request)
-        self._set_state(self._running(request.progress))
+        self._run(request, self._running(request.progress))
 
     def _running(self, progress: RunProgress) -> CausesState:
         return CausesState(running=True, share=progress.share)

@@ -160,9 +160,8 @@ class FindControl(RunControl):
         self._begin(request, replace(state, running="searching", places=(), searched_in=room_of(self._shown().scene)))
 
     def _begin(self, request: FindRequest | NextRequest, state: FindState) -> None:
-        self._run(request)
         self._newest = None
-        self._set_state(replace(state, share=0.0, tried=0))
+        self._run(request, replace(state, share=0.0, tried=0))
 
     def _idle(self) -> FindState:
         """Return the state with the walls found so far."""

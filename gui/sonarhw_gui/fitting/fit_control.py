@@ -36,8 +36,7 @@ class FitControl(RunControl):
         """Fit to the readings shown; a running fit is cancelled."""
         shown = self._shown()
         request = FitRequest(shown.scene, shown.readings[-_MOST_READINGS:], settings, RunProgress())
-        self._run(request)
-        self._set_state(self._running(request.progress))
+        self._run(request, self._running(request.progress))
 
     def _running(self, progress: RunProgress) -> FitState:
         return FitState(running=True, share=progress.share, step=progress.step)
