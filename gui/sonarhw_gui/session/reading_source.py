@@ -132,22 +132,22 @@ class ReadingSource:
             return f"these readings were recorded at place {place}; they are now compared from {scene.pose.name}"
         return ""
 
-    def begin(self) -> None:
-        """Reset the rate: other readings are shown from now on."""
-        self._rate = RateMeter()
-
     def scan(self, scene: Scene, takes_board: bool = False) -> None:
         """Start a live scan; a log is closed. `takes_board`: see `ScanJob`."""
-        self.begin()
-        self.replay.unload()
+        self.close_log()
         self.scan_scene = scene
         self.live.start(scene, takes_board)
 
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
         """Show a log, at its end; `path`: its file."""
-        self.begin()
+        self._rate = RateMeter()
         self._opened = ReplayedLog(log, name, path)
         self.replay.load(log)
+
+    def close_log(self) -> None:
+        """Show the readings of the scanner again."""
+        self._rate = RateMeter()
+        self.replay.unload()
 
     def extend(self, log: Log) -> None:
         """Show the readings that the loaded log has now."""

@@ -250,8 +250,8 @@ class ShownModel(QObject):
 
     # called by the session
 
-    def begin(self) -> None:
-        """Start with no readings."""
+    def drop_readings(self) -> None:
+        """Drop what belongs to the readings: others follow."""
         self._forget_question()
         self.history.forget_notes()
         self.shown = replace(self.shown, notes=self.note_store.open(None, ()))

@@ -38,16 +38,17 @@ from sonarhw_gui.sound.sound_control import SoundControl
 from sonarhw_gui.store.csv_preview import ReadCsvRequest
 from sonarhw_gui.store.documents import Documents
 from sonarhw_gui.store.file_watch import FileWatch, ReloadBoard, WatchedFile
+from sonarhw_gui.store.followed_log import FollowedLog
 from sonarhw_gui.store.open_requests import (
     FollowLogRequest,
     LogGrown,
+    LogOpened,
     Opened,
     OpenRequest,
     OpenRoomRequest,
     RoomOpened,
     is_csv,
 )
-from sonarhw_gui.store.torn_log import TornLog
 
 _BUSY = "a scan is running; stop it before you connect another scanner"
 _LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
@@ -83,13 +84,12 @@ class WindowSession(QObject):
         self._source = ReadingSource(self.scanners, scan_settings, self, self._timer.wake)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
-        self._torn = TornLog()
         self._scanner_place, self.scanner_board = ScannerPlace(scene), ScannerBoard()
         self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
         self.documents = Documents(scan_settings.folder)
-        self.files = FileWatch()
+        self.files, self._followed = FileWatch(), FollowedLog()
         self.fitting = FitControl(lambda: self.shown, self)
         self.causes = CauseControl(lambda: self.shown, self)
         self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self)
@@ -133,7 +133,7 @@ class WindowSession(QObject):
         """Scan with the chosen scanner, and record."""
         self._scan_due = False
         if self.live.possible and not self.live.running:
-            self._begin()
+            self._drop_readings()
             self._move_fake(self._scanner_place.follow(self.scanners.url, self.shown.scene))
             for doubt in self._scanner_place.doubts(self.scanners.url, self.shown.scene):
                 self.noticed.emit(doubt)
@@ -182,15 +182,14 @@ class WindowSession(QObject):
 
     def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
         """Show all readings of a log for replay; `path`: its file."""
-        self._begin()
+        self._drop_readings()
         self.showing.follow(log.readings)
         self._source.load(log, name, path)
         self.showing.open_notes()
-        self.files.watch(WatchedFile.LOG, path if log.torn else None)
         if log.torn:
             now = time.monotonic()
-            self._torn.hold(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown", path, now)
-            self._report_torn(now)
+            self._followed.follow(path, f"{name}: {log.torn}; {len(log.readings)} whole readings are shown", now)
+            self._warn_of_torn(now)
         elif not log.readings:
             self.warned.emit(f"{name}: contains no readings")
         doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
@@ -201,8 +200,8 @@ class WindowSession(QObject):
     def leave_replay(self) -> None:
         """Close the log, and return to the last live scan in the scene from before the replay."""
         if self.replay.loaded:
-            self._begin()
-            self.replay.unload()
+            self._drop_readings()
+            self._source.close_log()
             if self._before_replay is not None:
                 self.set_scene(self._before_replay)
             self.showing.follow(self.live.readings)
@@ -278,6 +277,14 @@ class WindowSession(QObject):
             self.unsaved.saved(self.shown.scene)
             self.showing.refresh()
             self.files.watch(WatchedFile.ROOM, Path(path))
+
+    @Slot()
+    def play_sound(self) -> None:
+        """Play the sound of the asked heading or the selected reading, or end that."""
+        if self.sound.state is None:
+            self.sound.open(self.shown)
+        else:
+            self.sound.close()
 
     @Slot(object)
     def _use(self, target: ScannerTarget) -> None:
@@ -363,17 +370,15 @@ class WindowSession(QObject):
         self.recent_changed.emit(self.documents.recent)
         if self.live.running:
             return  # requested before the scan began; it would change the room of the scan
-        if isinstance(opened, LogGrown):
-            self._take_grown(opened)
-            return
-        if isinstance(opened, RoomOpened):
-            scene = opened.at_known_place(self.shown.scene, self._source.recorded_in.place)
-            self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
-            self._warn_if_recorded_elsewhere(scene)
-            self.set_scene(scene)
-            self.files.watch(WatchedFile.ROOM, opened.path)
-            self.room_opened.emit()
-            return
+        match opened:
+            case LogOpened():
+                self._take_log(opened)
+            case RoomOpened():
+                self._take_room(opened)
+            case LogGrown():
+                self._take_grown(opened)
+
+    def _take_log(self, opened: LogOpened) -> None:
         self.files.watch(WatchedFile.ROOM, None)
         here, metadata = self.shown.scene, opened.log.metadata
         if not self.replay.loaded:
@@ -384,28 +389,34 @@ class WindowSession(QObject):
         if opened.scene.room_file != metadata.room_file:  # restored; edits of the own room need no warning
             self._warn_if_recorded_elsewhere(opened.scene)
 
+    def _take_room(self, opened: RoomOpened) -> None:
+        scene = opened.at_known_place(self.shown.scene, self._source.recorded_in.place)
+        self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
+        self._warn_if_recorded_elsewhere(scene)
+        self.set_scene(scene)
+        self.files.watch(WatchedFile.ROOM, opened.path)
+        self.room_opened.emit()
+
     def _take_grown(self, grown: LogGrown) -> None:
-        now, replayed = time.monotonic(), self._source.replayed
-        self.files.rest(WatchedFile.LOG, grown.took, now)
+        self._followed.rest(grown.took, time.monotonic())
+        replayed = self._source.replayed
         if replayed is None or replayed.path != grown.path:
             return
         self._source.extend(grown.log)
         self.showing.follow(self._source.all_readings)
         if not grown.log.torn:
-            self.files.watch(WatchedFile.LOG, None)
+            self._followed.stop()
 
-    def _report_torn(self, now: float) -> None:
-        for message in self._torn.report(now):
-            self.warned.emit(message)
+    def _warn_of_torn(self, now: float) -> None:
+        for warning in self._followed.due_warnings(now):
+            self.warned.emit(warning)
 
     def _look_at_files(self, now: float) -> None:
         """Follow a log that grows, and offer to reload a changed room or board."""
-        self._report_torn(now)
+        self._warn_of_torn(now)
+        if grown := self._followed.grown_file(now):
+            self.documents.submit(FollowLogRequest(grown))
         for what, path in self.files.changed(now):
-            if what is WatchedFile.LOG:
-                self._torn.forget()
-                self.documents.submit(FollowLogRequest(path))
-                continue
             board = self.shown.scene.board
             again = OpenRoomRequest(path, board) if what is WatchedFile.ROOM else ReloadBoard(path)
             self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
@@ -430,14 +441,13 @@ class WindowSession(QObject):
         self._notify(notice)
         return fresh
 
-    def _begin(self) -> None:
+    def _drop_readings(self) -> None:
+        """Prepare for other readings."""
         self.warned.emit("")
-        self.files.watch(WatchedFile.LOG, None)
-        self._torn.forget()
-        self._source.begin()
+        self._followed.stop()
         self.fitting.cancel()
         self.causes.cancel()
-        self.showing.begin()
+        self.showing.drop_readings()
 
     @Slot()
     def _follow_replay(self) -> None:
@@ -445,14 +455,6 @@ class WindowSession(QObject):
             self.showing.update_soon()  # together with the other changes of this tick
         else:
             self.showing.refresh()
-
-    @Slot()
-    def play_sound(self) -> None:
-        """Play the sound of the asked heading or the selected reading, or end that."""
-        if self.sound.state is None:
-            self.sound.open(self.shown)
-        else:
-            self.sound.close()
 
     @Slot()
     def _follow_sound(self) -> None:
@@ -474,7 +476,7 @@ class WindowSession(QObject):
             scan_due=self._scan_due,
             fake_still="" if self.replay.loaded else place.fake_still(self.scanners.url, self.shown.scene),
             uncompared=self.showing.forecast.uncompared,
-            following=self.files.grows(WatchedFile.LOG, time.monotonic()),
+            following=self._followed.grows(time.monotonic()),
         )
         if status != self.status:
             self.status = status

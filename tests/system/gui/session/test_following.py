@@ -38,7 +38,7 @@ def test_a_log_that_is_being_written_is_followed_to_its_end(
     recorded: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("sonarhw_gui.store.torn_log.TORN_AFTER", 1e6)
+    monkeypatch.setattr("sonarhw_gui.store.followed_log.TORN_AFTER", 1e6)
     path, rest = growing
     window = open_with()
     window.session.open_file(str(path))
