@@ -6,7 +6,6 @@ Each subcommand has its own file and imports heavy modules inside its function, 
 import errno
 import logging
 import os
-import re
 import sys
 from typing import Annotated
 
@@ -27,6 +26,7 @@ from sonarhw_cli.console.lines import choose_verbosity, print_detail, print_erro
 from sonarhw_cli.console.output import ClosedOutput
 from sonarhw_cli.console.plain_help import CommandList
 from sonarhw_cli.console.progress import CompilationProgress
+from sonarhw_cli.error_wording import library_message, parser_message
 from sonarhw_cli.instrument import bench_commands as bench
 from sonarhw_cli.instrument import board_command as board
 from sonarhw_cli.instrument import calibrate_command as calibrate
@@ -45,25 +45,6 @@ from sonarhw_cli.prediction import profile_command, room_command
 from sonarhw_cli.prediction import simulate_command as simulate
 from sonarhw_cli.window import demo_command as demo
 from sonarhw_cli.window import gui_command as gui
-
-# phrases in the messages of the option parser about numbers, and their replacements
-_REWORDED = (
-    ("Value error, ", ""),
-    ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
-    ("Input should be a valid number, unable to parse string as a number", "expected a number"),
-    ("Input should be ", "expected a number "),
-)
-
-# options in errors of the library, which names none: it serves the window and Python programs too
-_OPTIONS = (
-    (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
-    (r"^places: expected", "--place: expected"),
-    (r"; free it too, or", "; add it to --free, or"),
-    (r"; give a room$", "; give one with --room"),
-    (r"; give a place, or free the position$", "; give --place, or add position to --free"),
-    (r"; give a place, or X,Y in metres;", "; give --place NAME or --place X,Y in metres;"),
-    (r": give a place, or X,Y in metres;", ": give --place NAME or --place X,Y in metres;"),
-)
 
 app = CommandList(
     name="sonarhw",
@@ -166,9 +147,9 @@ def _status(arguments: list[str] | None) -> int:
         return exit_wanted.exit_code
     except SonarError as error:
         print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
-        return _report(_with_position_hint(_with_options(str(error)), given), error.exit_status)
+        return _report(library_message(error, given), error.exit_status)
     except typer.TyperException as error:
-        return _refuse(_with_position_hint(_with_help(_reworded(error), error), given), error.exit_code)
+        return _refuse(parser_message(error, given), error.exit_code)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except BrokenPipeError:
@@ -177,59 +158,6 @@ def _status(arguments: list[str] | None) -> int:
         # an error about a file contains its name; without a name, the full disk is that of standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
         return _report(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
-
-
-def _with_options(message: str) -> str:
-    """Return an error of the library with the names of the options that the reader needs."""
-    for words, option in _OPTIONS:
-        message = re.sub(words, option, message)
-    return message
-
-
-def _reworded(error: typer.TyperException) -> str:
-    """Return the message of the option parser; about a value, as `--step x: expected a number`."""
-    from pydantic import ValidationError
-
-    message = error.format_message()
-    for theirs, ours in _REWORDED:
-        message = message.replace(theirs, ours)
-    choice = re.fullmatch(r"Invalid value for '([^']+)': '(.*)' is not one of '(.*)'\.", message, re.DOTALL)
-    if choice is not None:
-        *others, last = choice[3].split("', '")
-        return f"{choice[1]} {choice[2]}: expected {', '.join(others)} or {last}"
-    rejected = re.match(r"Invalid value for '([^']+)': (expected .*)", message)
-    if rejected is None or not isinstance(error.__cause__, ValidationError):
-        return message
-    return f"{rejected[1]} {error.__cause__.errors()[0]['input']}: {rejected[2]}"
-
-
-def _with_help(message: str, error: typer.TyperException) -> str:
-    """Return the message with the command that lists arguments and options, if one is missing or unknown."""
-    context = getattr(error, "ctx", None)
-    if context is not None and (group := _group_with_command(message, context.command)):
-        return f"{message.partition('.')[0]}; did you mean `{context.command_path} {group}`?"
-    if context is None or message.endswith("?") or not message.startswith(("Missing ", "No such ", "Got unexpected ")):
-        return message
-    return f"{message.rstrip('.')}; see `{context.command_path} --help`"
-
-
-def _group_with_command(message: str, root: object) -> str:
-    """Return `log export` for the message that `export` is unknown; empty if no group has such a command."""
-    unknown = re.match(r"No such command '([^']*)'", message)
-    groups: dict[str, object] = getattr(root, "commands", {})
-    found = (
-        f"{name} {unknown[1]}"
-        for name, group in groups.items()
-        if unknown and unknown[1] in getattr(group, "commands", {})
-    )
-    return next(found, "")
-
-
-def _with_position_hint(message: str, arguments: list[str]) -> str:
-    """Return the message with how to write X,Y if an argument ends with a comma."""
-    extra = message.startswith(("Got unexpected extra argument", "--place: expected one for each"))
-    split = extra and any(one.endswith(",") for one in arguments)
-    return f"{message}; write X,Y without a space" if split else message
 
 
 def _refuse(message: str, status: int) -> int:
