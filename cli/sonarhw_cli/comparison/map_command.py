@@ -1,6 +1,6 @@
 """`sonarhw map`: estimate a room from one or several scans."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +11,7 @@ from sonarhw_compare.pictures.picture_file import PICTURES
 
 from sonarhw.errors import InputError
 from sonarhw.harmless_text import counted
+from sonarhw_cli.comparison.find_room import RoomOfScans, room_of_scans, rounded_point
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan
 from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force
@@ -23,11 +24,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.locate.pose_spread import PoseSpread
-    from sonarhw_compare.locate.poses import Pose
     from sonarhw_compare.map import RoomMap
-    from sonarhw_compare.room_finding.next_place import NextPlace
-    from sonarhw_compare.room_finding.room_search import FoundRoom
-    from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
 
@@ -98,56 +95,43 @@ def map_logs(
             "write them there, or add --out ROOM.toml or --next, which find them with the room"
         )
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
-    shown = None
+    found = None
     with progress_of_share() as show:
         if found_for:
-            shown = _room_of_scans(scans, moved, given, spreads, plan_next, show)
-            room, scans = shown.room, shown.scans
-        found = map_scans(scans, shown.board if shown else moved, room, lambda share: show(share, "mapping"))
-    doubts = list(_doubts(found, room_name is not None, shown))
+            found = room_of_scans(scans, moved, given, spreads, plan_next, show)
+            room, scans = found.room, found.scans
+        mapped = map_scans(scans, found.board if found else moved, room, lambda share: show(share, "mapping"))
+    doubts = list(_doubts(mapped, room_name is not None, found))
     for doubt in doubts:
         warn(doubt)
     known = None if poses or poses_file else _room_of_logs(given)
-    _write(files, found, room, shown, known, doubts, force)
+    _write(files, mapped, room, found, known, doubts, force)
     if as_json:
-        print_json(_figures(found) | ({} if shown is None else {"found": shown.figures}))
+        print_json(_figures(mapped) | ({} if found is None else {"found": found.figures}))
         return
-    _print(found, room is not None)
-    for line in shown.lines if shown else ():
+    _print(mapped, room is not None)
+    for line in found.lines if found else ():
         print_line(line)
 
 
-@dataclass(frozen=True)
-class _RoomOfScans:
-    """A found room for the outputs of the command."""
-
-    found: "FoundRoom"
-    board: "Board"
-    room: "Room"  # of its file
-    scans: "list[PlacedScan]"  # from the refined places
-    figures: dict[str, Any]
-    lines: list[str]
-    left_out: tuple[str, ...]  # titles of scans that could not be located
-
-
-def _doubts(found: "RoomMap", is_given: bool, shown: _RoomOfScans | None) -> Iterator[str]:
+def _doubts(mapped: "RoomMap", is_given: bool, found: RoomOfScans | None) -> Iterator[str]:
     """Yield one line for each reason to doubt a map."""
     from sonarhw_compare.map.features import CONFIRMING
 
-    if found.places < CONFIRMING:
+    if mapped.places < CONFIRMING:
         yield (
-            f"scans from {counted(found.places, 'place')} only: walls, corners and edges are confirmed by "
+            f"scans from {counted(mapped.places, 'place')} only: walls, corners and edges are confirmed by "
             f"{CONFIRMING} places; until then they are possible, or missing"
         )
-    if found.followed_room is not None and found.undetermined > found.echoes / 2:
-        count = f"{found.undetermined} of {found.echoes} echoes have no path in"
+    if mapped.followed_room is not None and mapped.undetermined > mapped.echoes / 2:
+        count = f"{mapped.undetermined} of {mapped.echoes} echoes have no path in"
         yield (
             f"{count} this room; check the room, the board and the places of the scans"
             if is_given
             else f"{count} the room in which sound is followed: walls may be false or missing; give the room with "
             "--room, or more scans"
         )
-    for title in shown.left_out if shown else ():
+    for title in found.placed.left_out if found else ():
         yield f"{title}: its pose was not found, so the room is found without it"
 
 
@@ -185,102 +169,36 @@ def _room_of_logs(given: "Sequence[GivenScan]") -> "Room | None":
 
 def _write(
     files: _Outputs,
-    found: "RoomMap",
+    mapped: "RoomMap",
     room: "Room | None",
-    shown: _RoomOfScans | None,
+    found: RoomOfScans | None,
     known: "Room | None",
     doubts: Sequence[str],
     force: bool,
 ) -> None:
     """Write room file, report and picture. `known` is the room that the logs contain."""
-    if shown and files.room:
-        write_text(files.room, shown.room.text, force)
-    if shown and files.report:
+    if found and files.room:
+        write_text(files.room, found.room.text, force)
+    if found and files.report:
         from sonarhw_compare.report.map_report import MapReport, map_report_html
 
         report = MapReport(
-            shown.found, shown.room, tuple(shown.scans), shown.board, found, known, tuple(shown.lines), tuple(doubts)
+            found.found, found.room, tuple(found.scans), found.board, mapped, known, tuple(found.lines), tuple(doubts)
         )
         write_text(files.report, map_report_html(report), force)
     if files.picture:
-        write_figure(files.picture, _figure(found, room, shown, known), force)
+        write_figure(files.picture, _figure(mapped, room, found, known), force)
 
 
-def _figure(found: "RoomMap", room: "Room | None", shown: _RoomOfScans | None, known: "Room | None") -> "Figure":
-    if shown is None:
+def _figure(mapped: "RoomMap", room: "Room | None", found: RoomOfScans | None, known: "Room | None") -> "Figure":
+    if found is None:
         from sonarhw_compare.map.map_picture import draw_map
 
-        return draw_map(found, room)
+        return draw_map(mapped, room)
     from sonarhw_compare.report.found_room_picture import draw_found_room
     from sonarhw_compare.room_finding.found_room_file import open_ends
 
-    return draw_found_room(shown.scans, shown.room, shown.board, open_ends(shown.found), known)
-
-
-def _room_of_scans(
-    scans: "list[PlacedScan]",
-    board: "Board",
-    given: "Sequence[GivenScan]",
-    spreads: "Sequence[PoseSpread]",
-    plan_next: bool,
-    show: Callable[[float, str], None],
-) -> _RoomOfScans:
-    from sonarhw_compare.room_finding.evidence import with_offset
-    from sonarhw_compare.room_finding.found_room_file import (
-        assumptions,
-        found_room,
-        found_room_figures,
-        open_ends,
-    )
-    from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
-    from sonarhw_sim.air import Air
-
-    air = given[0].room().air if given[0].log is not None and given[0].log.metadata.room_text else Air()
-    placed = find_room_and_poses(scans, board, air, spreads, lambda share: show(share, "finding the room"))
-    found = placed.found
-    lines = [f"{title}: {'; '.join(map(_pose_text, poses))}" for title, poses in placed.poses.items()]
-    lines.append(
-        f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
-        f"{counted(len(open_ends(found)), 'open end')}; "
-        f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts"
-    )
-    lines += assumptions(found, board)
-    figures = found_room_figures(found) | {
-        "poses": {title: [_pose_figures(pose) for pose in poses] for title, poses in placed.poses.items()},
-        "left_out": list(placed.left_out),
-    }
-    room = found_room(found, placed.scans, board)
-    board = with_offset(board, found.draft)
-    if plan_next:
-        from sonarhw_compare.room_finding.next_place import next_places
-
-        nexts = next_places(found, room, board, tick=lambda share: show(share, "planning the next scan"))
-        lines += map(_next_text, nexts)
-        figures["next"] = [
-            {
-                "position_m": _rounded(one.position),
-                "gain_nats": round(one.gain, 3),
-                "headings_deg": [[in_degrees(end, 3) for end in ends] for ends in one.sectors],
-            }
-            for one in nexts
-        ]
-    return _RoomOfScans(found, board, room, list(placed.scans), figures, lines, placed.left_out)
-
-
-def _next_text(one: "NextPlace") -> str:
-    x, y = one.position
-    sectors = ", ".join(f"{in_degrees(first, 0):.0f}° to {in_degrees(last, 0):.0f}°" for first, last in one.sectors)
-    return f"scan next at {x:.2f}, {y:.2f} m: {one.gain:.1f} nats; most from headings {sectors or 'none'}"
-
-
-def _pose_figures(pose: "Pose") -> dict[str, float]:
-    x, y = _rounded(pose.position)
-    return {"x_m": x, "y_m": y, "heading_deg": in_degrees(pose.heading, 3), "probability": round(pose.probability, 6)}
-
-
-def _pose_text(pose: "Pose") -> str:
-    x, y = pose.position
-    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
+    return draw_found_room(found.scans, found.room, found.board, open_ends(found.found), known)
 
 
 def _with_poses(
@@ -336,22 +254,22 @@ def _place(scan: "GivenScan", room: "Room | None", wanted: str | None) -> "Place
     return known.place(wanted)
 
 
-def _figures(found: "RoomMap") -> dict[str, Any]:
-    layers = {"all": found.plain, "direct": found.direct}
+def _figures(mapped: "RoomMap") -> dict[str, Any]:
+    layers = {"all": mapped.plain, "direct": mapped.direct}
     return {
-        "readings": sum(len(scan.readings) for scan in found.scans),
-        "places": found.places,
-        "confirmed": found.plain.features.confirmed,
-        "rejected": found.rejected,
-        "undetermined": found.undetermined,
+        "readings": sum(len(scan.readings) for scan in mapped.scans),
+        "places": mapped.places,
+        "confirmed": mapped.plain.features.confirmed,
+        "rejected": mapped.rejected,
+        "undetermined": mapped.undetermined,
         **{
             name: {
                 "regions": len(layer.features.arcs),
                 "unexplained": len(layer.features.alone),
                 "walls": [
                     {
-                        "start_m": _rounded(wall.start),
-                        "end_m": _rounded(wall.end),
+                        "start_m": rounded_point(wall.start),
+                        "end_m": rounded_point(wall.end),
                         "normal_deg": in_degrees(wall.normal, 3),
                         "regions": len(wall.arcs),
                         "confirmed": layer.features.confirmed and not wall.possible,
@@ -360,7 +278,7 @@ def _figures(found: "RoomMap") -> dict[str, Any]:
                 ],
                 "points": [
                     {
-                        "position_m": _rounded(point.position),
+                        "position_m": rounded_point(point.position),
                         "kind": "corner" if point.is_corner else "edge",
                         "regions": len(point.arcs),
                     }
@@ -372,14 +290,10 @@ def _figures(found: "RoomMap") -> dict[str, Any]:
     }
 
 
-def _rounded(point: tuple[float, float]) -> list[float]:
-    return [round(at, 6) + 0.0 for at in point]
-
-
-def _print(found: "RoomMap", given: bool) -> None:
-    layers = [("all readings", found.plain)]
-    if found.followed_room is not None:
-        layers.append(("direct readings", found.direct))
+def _print(mapped: "RoomMap", given: bool) -> None:
+    layers = [("all readings", mapped.plain)]
+    if mapped.followed_room is not None:
+        layers.append(("direct readings", mapped.direct))
     for title, layer in layers:
         features = layer.features
         corners = sum(point.is_corner for point in features.points)
@@ -395,21 +309,21 @@ def _print(found: "RoomMap", given: bool) -> None:
             f"{title}: {counted(len(features.arcs), 'region')} of constant depth, {', '.join(counts)}; "
             f"{counted(len(features.alone), 'region')} unexplained"
         )
-    for line in _multipath_lines(found, given):
+    for line in _multipath_lines(mapped, given):
         print_line(line)
 
 
-def _multipath_lines(found: "RoomMap", given: bool) -> Iterator[str]:
+def _multipath_lines(mapped: "RoomMap", given: bool) -> Iterator[str]:
     """Yield what is known about readings by several reflections, and what is not."""
     from sonarhw_compare.map.features import CONFIRMING
 
-    if found.followed_room is None:
+    if mapped.followed_room is None:
         yield (
-            f"not determined which of {counted(found.echoes, 'reading')} came by several reflections: there are "
+            f"not determined which of {counted(mapped.echoes, 'reading')} came by several reflections: there are "
             f"no confirmed walls to follow sound in; give the room with --room, or scans from {CONFIRMING} places"
         )
         return
     where = "this room" if given else "a room of the walls found"
-    yield f"{counted(found.rejected, 'reading')} removed: in {where}, they came by several reflections"
-    if found.undetermined:
-        yield f"{counted(found.undetermined, 'reading')} kept but not determined: no path in {where} explains the echo"
+    yield f"{counted(mapped.rejected, 'reading')} removed: in {where}, they came by several reflections"
+    if mapped.undetermined:
+        yield f"{counted(mapped.undetermined, 'reading')} kept but not determined: no path in {where} explains the echo"

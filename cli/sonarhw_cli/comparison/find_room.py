@@ -1,0 +1,122 @@
+"""The room that `sonarhw map` finds from scans, and where to scan next, for the outputs of the command."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sonarhw_compare.headings import in_degrees
+
+from sonarhw.harmless_text import counted
+
+if TYPE_CHECKING:
+    from sonarhw_compare.fit import PlacedScan
+    from sonarhw_compare.imports.given_scan import GivenScan
+    from sonarhw_compare.locate.pose_spread import PoseSpread
+    from sonarhw_compare.locate.poses import Pose
+    from sonarhw_compare.room_finding.next_place import NextPlace
+    from sonarhw_compare.room_finding.room_search import FoundRoom
+    from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
+    from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.room.model import Room
+
+
+@dataclass(frozen=True)
+class RoomOfScans:
+    """A found room, the poses of the scans in it, and where to scan next."""
+
+    placed: "PlacedRoom"
+    room: "Room"  # of its file
+    board: "Board"  # with the range offset found
+    given_board: "Board"
+    next_places: "tuple[NextPlace, ...] | None"  # best first; None: they were not asked for
+
+    @property
+    def found(self) -> "FoundRoom":
+        """The walls and posts, with their uncertainties."""
+        return self.placed.found
+
+    @property
+    def scans(self) -> "list[PlacedScan]":
+        """The scans at their refined places, without those that could not be located."""
+        return list(self.placed.scans)
+
+    @property
+    def lines(self) -> list[str]:
+        """What was found, as lines to print."""
+        from sonarhw_compare.room_finding.found_room_file import assumptions, open_ends
+
+        found = self.found
+        return [
+            *(f"{title}: {'; '.join(map(_pose_text, poses))}" for title, poses in self.placed.poses.items()),
+            f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
+            f"{counted(len(open_ends(found)), 'open end')}; "
+            f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts",
+            *assumptions(found, self.given_board),
+            *map(_next_text, self.next_places or ()),
+        ]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """What was found, as figures for JSON."""
+        from sonarhw_compare.room_finding.found_room_file import found_room_figures
+
+        poses = {title: list(map(_pose_figures, several)) for title, several in self.placed.poses.items()}
+        figures = found_room_figures(self.found) | {"poses": poses, "left_out": list(self.placed.left_out)}
+        if self.next_places is not None:
+            figures["next"] = list(map(_next_figures, self.next_places))
+        return figures
+
+
+def room_of_scans(
+    scans: "list[PlacedScan]",
+    board: "Board",
+    given: "Sequence[GivenScan]",
+    spreads: "Sequence[PoseSpread]",
+    plan_next: bool,
+    show: Callable[[float, str], None],
+) -> RoomOfScans:
+    """Return the room that scans show, with the places to scan next if wanted. `show` receives share and step."""
+    from sonarhw_compare.room_finding.evidence import with_offset
+    from sonarhw_compare.room_finding.found_room_file import found_room
+    from sonarhw_compare.room_finding.next_place import next_places
+    from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+    from sonarhw_sim.air import Air
+
+    air = given[0].room().air if given[0].log is not None and given[0].log.metadata.room_text else Air()
+    placed = find_room_and_poses(scans, board, air, spreads, lambda share: show(share, "finding the room"))
+    room, with_found_offset = found_room(placed.found, placed.scans, board), with_offset(board, placed.found.draft)
+    nexts = None
+    if plan_next:
+        nexts = next_places(
+            placed.found, room, with_found_offset, tick=lambda share: show(share, "planning the next scan")
+        )
+    return RoomOfScans(placed, room, with_found_offset, board, nexts)
+
+
+def rounded_point(point: tuple[float, float]) -> list[float]:
+    """Return x and y rounded to µm."""
+    return [round(at, 6) + 0.0 for at in point]
+
+
+def _next_text(one: "NextPlace") -> str:
+    x, y = one.position
+    sectors = ", ".join(f"{in_degrees(first, 0):.0f}° to {in_degrees(last, 0):.0f}°" for first, last in one.sectors)
+    return f"scan next at {x:.2f}, {y:.2f} m: {one.gain:.1f} nats; most from headings {sectors or 'none'}"
+
+
+def _next_figures(one: "NextPlace") -> dict[str, object]:
+    return {
+        "position_m": rounded_point(one.position),
+        "gain_nats": round(one.gain, 3),
+        "headings_deg": [[in_degrees(end, 3) for end in ends] for ends in one.sectors],
+    }
+
+
+def _pose_text(pose: "Pose") -> str:
+    x, y = pose.position
+    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
+
+
+def _pose_figures(pose: "Pose") -> dict[str, float]:
+    x, y = rounded_point(pose.position)
+    return {"x_m": x, "y_m": y, "heading_deg": in_degrees(pose.heading, 3), "probability": round(pose.probability, 6)}
