@@ -15,7 +15,7 @@ Count = Callable[[int, int], int]
 NOT_MEASURED = (
     "contract",
     "soak",
-    "system/cli/instrument/test_calibrate_command.py",
+    "system/cli/comparison/test_calibrate_command.py",
     "system/cli/prediction/test_figures_command.py",
     "system/compare/test_fit.py",
     "system/compare/test_locate.py",

@@ -16,6 +16,7 @@ from sonarhw.errors import ExitStatus, SonarError
 from sonarhw_cli.bringup import doctor_command as doctor
 from sonarhw_cli.bringup import flash_command as flash
 from sonarhw_cli.bringup import wiring_command as wiring
+from sonarhw_cli.comparison import calibrate_command as calibrate
 from sonarhw_cli.comparison import compare_command as compare
 from sonarhw_cli.comparison import fit_command as fit
 from sonarhw_cli.comparison import locate_command as locate
@@ -29,7 +30,6 @@ from sonarhw_cli.console.progress import CompilationProgress
 from sonarhw_cli.error_wording import library_message, parser_message
 from sonarhw_cli.instrument import bench_commands as bench
 from sonarhw_cli.instrument import board_command as board
-from sonarhw_cli.instrument import calibrate_command as calibrate
 from sonarhw_cli.instrument import fake_command as fake
 from sonarhw_cli.instrument import import_command as import_csv
 from sonarhw_cli.instrument import info_command as info

@@ -29,7 +29,7 @@ from sonarhw_cli.console.options import (
     order_in_degrees,
 )
 from sonarhw_cli.console.output import checked_out
-from sonarhw_cli.instrument.scan_command import (
+from sonarhw_cli.instrument.scan_request import (
     ScanRequest,
     check_request,
     log_metadata,
