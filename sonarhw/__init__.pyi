@@ -33,8 +33,8 @@ from sonarhw_sim.predict.by_name import predict
 
 from .device.endpoint import serve
 from .device.fake_board import FakeBoard
-from .device.fault_schedule import read_faults
-from .device.faulty_board import FaultyDevice
+from .device.faults.fault_schedule import read_faults
+from .device.faults.faulty_board import FaultyDevice
 from .echo_source import EchoSource, Ping, PingResult
 from .errors import SonarError
 from .host.recorder import Recorder

@@ -10,18 +10,24 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from sonarhw.device.command_checks import (
+    RefusalError,
+    check_baud,
+    check_resend,
+    check_settings,
+    check_test,
+    check_turntable,
+    check_wiring,
+    readings_to_make,
+)
 from sonarhw.device.paced_line import Line
-from sonarhw.wire.codes import Approach, Input, Outcome, Refusal, ResetCause, State, TraceKind, Wiring, Zero
+from sonarhw.wire.codes import Input, Outcome, Refusal, ResetCause, State, Wiring, Zero
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected
 from sonarhw.wire.limits import (
     BAUD_TIMEOUT,
     HEARTBEAT,
     HOST_SILENCE,
     KEPT_READINGS,
-    MAX_ECHOES,
-    MAX_TEST,
-    MAX_TESTED,
-    MOST_READINGS,
     RECEIVE_ROOM,
 )
 from sonarhw.wire.messages import (
@@ -61,14 +67,6 @@ from sonarhw.wire.messages import (
 )
 
 BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dropped
-
-
-class RefusalError(Exception):
-    """The current command must be answered with a refusal."""
-
-    def __init__(self, code: Refusal, text: str) -> None:
-        super().__init__(text)
-        self.code, self.text = code, text
 
 
 class ActionError(Exception):
@@ -371,11 +369,10 @@ class ProtocolDevice(ABC):
             case Hello():
                 self._greet(message, sequence, now)
             case Configure():
-                _check_settings(message)
+                check_settings(message)
                 self.line.send(self.configure(message, sequence), now)
             case ConfigureTurntable():
-                if message.approach not in [*Approach]:
-                    raise RefusalError(Refusal.OUT_OF_RANGE, f"approach is {message.approach}; expected 0, 1 or 2")
+                check_turntable(message)
                 self.line.send(self.configure_turntable(message, sequence), now)
             case Home():
                 self._start(_Action(key, Accepted(sequence), State.HOMING, self.homing(now)), now)
@@ -383,7 +380,7 @@ class ProtocolDevice(ABC):
                 self._start(_Action(key, Accepted(sequence), State.TURNING, self.turning(message, now)), now)
             case StartScan():
                 total, wakes = self.scanning(message, now)
-                count = _readings_to_make(message, total)
+                count = readings_to_make(message, total)
                 self._kept.clear()
                 self._made = message.first
                 accepted = Started(sequence, count, message.first)
@@ -397,10 +394,7 @@ class ProtocolDevice(ABC):
                 self.set_zero(now)
                 self.line.send(Accepted(sequence), now)
             case ConfigureWiring():
-                if message.change > sum(Wiring) or message.inverted & ~message.change:
-                    given = f"change {message.change}, inverted {message.inverted}"
-                    text = f"{given}; expected 0 to 15, and none beyond change"
-                    raise RefusalError(Refusal.OUT_OF_RANGE, text)
+                check_wiring(message)
                 inverted = self.configure_wiring(Wiring(message.change), Wiring(message.inverted), now)
                 self.line.send(WiringSettings(sequence, inverted), now)
             case AskCapabilities():
@@ -420,26 +414,20 @@ class ProtocolDevice(ABC):
         self.line.send(self.info(sequence), now)
 
     def _resend(self, request: Resend, sequence: int, now: float) -> None:
-        if not 1 <= request.count <= KEPT_READINGS:
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.count} readings; expected 1 to {KEPT_READINGS}")
+        check_resend(request)
         self.line.send(Accepted(sequence), now)
         for reading in self._kept:
             if request.first <= reading.number < request.first + request.count:
                 self.line.send(reading, now)
 
     def _set_baud(self, request: SetBaud, sequence: int, now: float) -> None:
-        if request.baud not in self.line.bauds:
-            possible = ", ".join(map(str, self.line.bauds))
-            reason = f"expected {possible}" if possible else "the line has no baud rate"
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.baud} baud; {reason}")
+        check_baud(request, self.line.bauds)
         self.line.send(Accepted(sequence), now)
         self._former_baud = self.line.baud
         self.line.change(request.baud)
 
     def _test_link(self, request: TestLink, sequence: int, now: float) -> None:
-        if not 1 <= len(request.data) <= MAX_TEST or request.size > MAX_TESTED:
-            text = f"data of {len(request.data)} bytes, size {request.size}; expected 1 to {MAX_TEST} bytes"
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"{text}, and a size of at most {MAX_TESTED}")
+        check_test(request)
         repeats = -(-request.size // len(request.data))
         self.line.send(LinkTested(sequence, (request.data * repeats)[: request.size]), now)
 
@@ -464,29 +452,3 @@ class ProtocolDevice(ABC):
         self.line.send(action.accepted, now)
         if action.finished:
             self.line.send(action.finished, now)
-
-
-def _check_settings(request: Configure) -> None:
-    """Raise RefusalError for settings that are invalid for every device."""
-    if request.trace not in [*TraceKind]:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"trace is {request.trace}; expected 0, 1 or 2")
-    if request.trace_bits not in (0, 8, 16):
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"trace_bits is {request.trace_bits}; expected 0, 8 or 16")
-    if not 1 <= request.echoes <= MAX_ECHOES:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"echoes is {request.echoes}; expected 1 to {MAX_ECHOES}")
-    if request.listen_us == 0:
-        raise RefusalError(Refusal.OUT_OF_RANGE, "listen_us is 0; expected a time after blanking_us")
-    if request.speed_of_sound == 0:
-        raise RefusalError(Refusal.OUT_OF_RANGE, "speed_of_sound is 0; expected mm/s above 0")
-
-
-def _readings_to_make(order: StartScan, total: int) -> int:
-    """Return the number of readings that a command requests of a scan of `total`. Raises RefusalError."""
-    if total > MOST_READINGS:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"{total} readings; expected at most {MOST_READINGS}")
-    if total and order.first >= total:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"first is {order.first}; expected 0 to {total - 1}")
-    most = total - order.first
-    if order.count > most:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"count is {order.count}; expected 0 to {most}")
-    return order.count or most

@@ -9,7 +9,8 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sonarhw.device.device_protocol import ActionError, ProtocolDevice, RefusalError
+from sonarhw.device.command_checks import RefusalError
+from sonarhw.device.device_protocol import ActionError, ProtocolDevice
 from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.device.wiring_faults import NOISE_ECHO, Wires, WiringFault

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from sonarhw.device.endpoint import Endpoint, serve
-from sonarhw.device.fault_schedule import read_faults
-from sonarhw.device.faulty_board import FaultyDevice
+from sonarhw.device.faults.fault_schedule import read_faults
+from sonarhw.device.faults.faulty_board import FaultyDevice
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import ScanOrder

@@ -67,7 +67,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "`Session.start` sets it before its only use",
     ),
     (
-        "sonarhw/device/faulty_board.py",
+        "sonarhw/device/faults/faulty_board.py",
         "self._newest = -1",
         ("-1 → (1)", "1 → (0)", "1 → (2)"),
         "no board makes a ping at 0 s, before it is homed",

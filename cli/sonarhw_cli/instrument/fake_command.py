@@ -40,7 +40,7 @@ def fake(
     from sonarhw_sim.board.profile import load_board
 
     from sonarhw.device.endpoint import Endpoint, open_server_port, read_pace
-    from sonarhw.device.fault_schedule import read_faults
+    from sonarhw.device.faults.fault_schedule import read_faults
     from sonarhw.device.server_ports import host_and_port
 
     check_one_line(pty, tcp)

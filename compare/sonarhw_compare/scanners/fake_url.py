@@ -16,8 +16,8 @@ from sonarhw_sim.room.model import Place, Room, load_room
 from sonarhw.device.device import Device
 from sonarhw.device.endpoint import Pace, read_pace, serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.fault_schedule import NO_FAULTS, Faults, read_faults
-from sonarhw.device.faulty_board import FaultyDevice, faulty_identity
+from sonarhw.device.faults.fault_schedule import NO_FAULTS, Faults, read_faults
+from sonarhw.device.faults.faulty_board import FaultyDevice, faulty_identity
 from sonarhw.device.wiring_faults import Wires
 from sonarhw.errors import InputError
 

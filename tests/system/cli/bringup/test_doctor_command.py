@@ -15,8 +15,8 @@ from sonarhw.bringup.doctor import Plate, examine
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.fault_schedule import read_faults
-from sonarhw.device.faulty_board import FaultyDevice
+from sonarhw.device.faults.fault_schedule import read_faults
+from sonarhw.device.faults.faulty_board import FaultyDevice
 from sonarhw.device.wiring_faults import Wires, WiringFault
 from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace

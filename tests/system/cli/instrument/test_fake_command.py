@@ -11,7 +11,7 @@ from sonarhw_cli.app import run
 
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.device.fault_schedule import KNOWN
+from sonarhw.device.faults.fault_schedule import KNOWN
 from sonarhw.log import read_log
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.reference_pages import keys_in_reference

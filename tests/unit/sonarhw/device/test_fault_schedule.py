@@ -5,8 +5,17 @@ import re
 
 import pytest
 
-from sonarhw.device.fault_schedule import KNOWN, AfterPings, At, Event, FaultKind, Faults, NowAndThen, read_faults
-from sonarhw.device.line_noise import LineNoise
+from sonarhw.device.faults.fault_schedule import (
+    KNOWN,
+    AfterPings,
+    At,
+    Event,
+    FaultKind,
+    Faults,
+    NowAndThen,
+    read_faults,
+)
+from sonarhw.device.faults.line_noise import LineNoise
 from sonarhw.errors import InputError, SonarError
 from sonarhw.host.driver import Driver
 from sonarhw.wire.codes import Outcome, Refusal

@@ -6,7 +6,7 @@ The same seed damages the same bytes.
 import math
 import random
 
-from sonarhw.device.fault_schedule import Faults
+from sonarhw.device.faults.fault_schedule import Faults
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Accepted, Info, ReadingMessage
 

@@ -1,6 +1,6 @@
 """The faults of a fake scanner and their times, as in the option `--faults` and in `fake:ROOM?faults=`.
 
-`sonarhw.device.faulty_board` applies them. `docs/devices/faults.md` documents the format.
+`sonarhw.device.faults.faulty_board` applies them. `docs/devices/faults.md` documents the format.
 
     drop=1/5000,reset@r20,unplug=1@~30        loses 1 of 5000 bytes, resets after 20 pings, unplugs about every 30 s
 """

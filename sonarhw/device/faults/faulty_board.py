@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.fault_schedule import AfterPings, At, Event, FaultKind, Faults, NowAndThen
-from sonarhw.device.line_noise import LineNoise, nonsense
+from sonarhw.device.faults.fault_schedule import AfterPings, At, Event, FaultKind, Faults, NowAndThen
+from sonarhw.device.faults.line_noise import LineNoise, nonsense
 from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.messages import Info, MessageError, ReadingMessage
 

@@ -1,0 +1,1 @@
+"""A fake board with faults: lost and damaged bytes, resets, unplugged cables, silence."""
