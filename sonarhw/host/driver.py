@@ -100,37 +100,42 @@ class Driver:
         the bytes of every undamaged frame.
         """
         self.where = where  # for error messages
+        self.assembler = ReadingAssembler(clock)
+        self._tap = tap or _ignore
+        # what the device has sent about itself
         self.info: Info | None = None
         self.busy: str | None = None  # reason why the device serves only another host
         self.kept = KEPT_READINGS  # newest readings that the device can send again
-        self._checked = False  # whether orders and readings must agree; a replayed log plays another scan
-        self._fired: tuple[int, int] | None = None  # device time (µs) and number of the newest reading
-        self.device_statistics: Statistics | None = None
-        self._counted: Counter[str] = Counter()
-        self._round_trip: float | None = None  # s, smoothed
         self.heartbeat: Heartbeat | None = None  # the newest
-        self._lost_before = 0  # readings lost in earlier scans
-        self.assembler = ReadingAssembler(clock)
-        self._tap = tap or _ignore
+        self.device_statistics: Statistics | None = None
+        # bytes and frames
         self._decoder = FrameDecoder()
         self._outgoing = bytearray()
         self._sequence = first_sequence % 0x10000
         self._device_sequence: int | None = None
         self._device_time = 0  # µs, of the newest frame
+        self._newest_beat = 0  # device time of the newest heartbeat, µs
+        # unanswered commands, and the newest Home, Turn or StartScan
         self._open: dict[int, Command] = {}
         self._action: Command | None = None
-        self._action_since = 0  # device time when the running action was requested, µs
+        self._action_since = 0  # device time when it was requested, µs
         self._repeats_for_finish = 0
-        self._arrivals = ReadingArrivals(0)
-        self._resend: Command | None = None
-        self._resend_at = 0.0
-        self._resend_tries: tuple[tuple[int, int] | None, int] = (None, 0)
+        # readings of the newest scan
         self._readings: list[Reading] = []
+        self._arrivals = ReadingArrivals(0)
+        self._resend: Command | None = None  # the unanswered one
+        self._resend_at = 0.0  # earliest time of the next one
+        self._fired: tuple[int, int] | None = None  # device time (µs) and number of the newest reading
+        self._checked = False  # whether orders and readings must agree; a replayed log plays another scan
+        # times at the host
         self._last_byte: float | None = None  # time of the last byte received; None until the first command
         self._last_message = 0.0  # time of the last valid message; unmatched answers do not count
         self._last_sent = 0.0  # time of the last command sent
-        self._arrived = 0.0
-        self._newest_beat = 0  # device time of the newest heartbeat, µs
+        self._arrived = 0.0  # time of arrival of the newest bytes
+        # counts
+        self._counted: Counter[str] = Counter()
+        self._lost_before = 0  # readings lost in earlier scans
+        self._round_trip: float | None = None  # s, smoothed
 
     # interface for the caller
 
@@ -352,7 +357,7 @@ class Driver:
         self._fired = None
         if self._resend:
             self.forget(self._resend)
-        self._resend, self._resend_tries = None, (None, 0)
+        self._resend = None
         self._readings.clear()
 
     def _expected(self, order: StartScan) -> ReadingArrivals:
@@ -385,20 +390,13 @@ class Driver:
     # missing readings
 
     def _request_missing(self, now: float) -> None:
-        wanted = self._arrivals.next_resend()
-        if wanted is None:
+        if self._arrivals.next_resend() is None:
             if self._action and self._action.finished:  # no more trace chunks of the last reading will arrive
                 self._readings += self.assembler.flush()
             return
-        if self._resend is not None or now < self._resend_at:
-            return
-        count = self._resend_tries[1] + 1 if self._resend_tries[0] == wanted else 1
-        self._resend_tries = wanted, count
-        if count > ASKS:
-            self._arrivals.give_up()
-            return
-        self._count(resends=1)
-        self._resend = self.command(Resend(*wanted), now)
+        if self._resend is None and now >= self._resend_at and (wanted := self._arrivals.request(ASKS)):
+            self._count(resends=1)
+            self._resend = self.command(Resend(*wanted), now)
 
     # sent commands, silence, counts
 

@@ -18,6 +18,8 @@ class ReadingArrivals:
         self._first = first
         self._kept = kept
         self._missing: set[int] = set()
+        self._requested: tuple[int, int] | None = None  # by the newest Resend
+        self._requests = 0  # for the same readings, one after another
 
     def arrived(self, number: int) -> bool:
         """Record the arrival of a reading. Return False if it arrived before or has an invalid number."""
@@ -48,8 +50,18 @@ class ReadingArrivals:
         # at most `kept` readings are missing; older ones are lost
         return first, max(self._missing) - first + 1
 
+    def request(self, most: int) -> tuple[int, int] | None:
+        """Return what `next_resend` returns, as a request. After `most` for the same readings, they are lost: None."""
+        wanted = self.next_resend()
+        self._requests = self._requests + 1 if wanted == self._requested else 1
+        self._requested = wanted
+        if self._requests > most:
+            self.give_up()
+            return None
+        return wanted
+
     def give_up(self) -> None:
-        """Count all missing readings as lost, after too many requests."""
+        """Count all missing readings as lost."""
         self._give_up(set(self._missing))
 
     def _give_up(self, numbers: set[int]) -> None:
