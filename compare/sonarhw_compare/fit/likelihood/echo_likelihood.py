@@ -119,10 +119,12 @@ def log_likelihoods(
         densities[:] = noise.stray
         undetected = 0.0
         for k in range(reported.shape[0]):
+            # leave out what arrives too late or is too faint at every heading
             if reported[k] > farthest or needed[k] > 1.0:
                 if nearest[k] > farthest:
                     break
                 continue
+            # find range and directions at this heading
             ahead, home = leaving[k, 0] * hx + leaving[k, 1] * hy, arriving[k, 0] * hx + arriving[k, 1] * hy
             if ahead < _ASIDE or home < _ASIDE:
                 continue
@@ -132,6 +134,7 @@ def log_likelihoods(
                 there, on, back_x, back_y = _legs(one, rise[k], turn[k], kinds[k])
                 ahead, home = (one[0] * hx + one[1] * hy) / there, back_x * hx + back_y * hy
                 found = (there + on) / 2 * board.stretch + board.offset
+            # weigh by the beam, departing and arriving
             amplitude = beam(ahead, board.ka, table)
             if amplitude < needed[k]:
                 continue
@@ -139,6 +142,7 @@ def log_likelihoods(
             if amplitude < needed[k]:
                 continue
             amplitude *= strengths[k]
+            # add the later paths that the receiver does not separate
             power = 0.0
             for j in range(k + 1, paths.until[k]):
                 there = leaving[j, 0] * hx + leaving[j, 1] * hy
@@ -147,6 +151,7 @@ def log_likelihoods(
             chance, late = _detection(amplitude, power, noise, lateness)
             if chance == 0.0:
                 continue
+            # count it as an echo at each reported range, and as no echo
             found += late
             silence = 1.0 - chance * _mass(found, ranges, count, ends, board, noise.range)
             undetected += math.log(silence)
