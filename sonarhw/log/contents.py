@@ -78,6 +78,16 @@ class RecordedScan:
     homed: tuple[float, ...] = ()  # times of homings during the scan, s on the clock of the readings
 
     @property
+    def made(self) -> int:
+        """The number of readings that the device made: those announced, unless the scan was stopped."""
+        return self.finished.readings if self.finished else self.expected or 0
+
+    @property
+    def missing(self) -> int:
+        """The number of readings that the device made but the log does not contain."""
+        return max(0, self.made - len(self.readings))
+
+    @property
     def angle_warning(self) -> str | None:
         """Clause with the angles that may be wrong, and the reason; None if there are none."""
         slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS

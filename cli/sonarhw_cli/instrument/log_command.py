@@ -82,12 +82,10 @@ def log_recover(
 
 
 def _lost(log: "Log") -> str:
-    # readings that a stopped scan did not make are not missing
-    made = [scan.finished.readings if scan.finished else scan.expected or 0 for scan in log.scans]
-    missing = sum(max(0, count - len(scan.readings)) for count, scan in zip(made, log.scans, strict=True))
+    missing, made = sum(scan.missing for scan in log.scans), sum(scan.made for scan in log.scans)
     if not missing:
         return "no reading is known to be missing"
-    return f"{missing} of {counted(sum(made), 'reading')} {'is' if missing == 1 else 'are'} missing"
+    return f"{missing} of {counted(made, 'reading')} {'is' if missing == 1 else 'are'} missing"
 
 
 def _figures(file: Path, log: "Log") -> dict[str, Any]:

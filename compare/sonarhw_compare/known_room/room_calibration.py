@@ -16,7 +16,7 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.harmless_text import counted, harmless
-from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.fit_result import PlacedScan, Progress
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.known_room.detection_rule import Between, choose_detection
 from sonarhw_compare.known_room.found_reflectances import (
@@ -44,8 +44,6 @@ _CONTRADICTED = 2.58
 _SAME_ZERO = math.radians(10.0)  # most difference of the zero between logs, up to which it belongs to the board
 _FEWEST_SCANS = 3  # for the rule to be sure
 _LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

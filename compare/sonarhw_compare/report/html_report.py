@@ -250,10 +250,8 @@ def _log(report: Report) -> Facts:
         device = log.info
         number = f", serial number {device.serial}" if device.serial else ""
         facts.append(("device", f"{device.firmware}{number}, protocol {device.major}.{device.minor}"))
-    made = sum(scan.finished.readings if scan.finished else scan.expected or 0 for scan in log.scans)
-    kept = len(log.readings)
     scans = "one scan" if len(log.scans) == 1 else f"{len(log.scans)} scans"
-    facts.append(("readings", f"{kept} in {scans}, {max(0, made - kept)} lost"))
+    facts.append(("readings", f"{len(log.readings)} in {scans}, {sum(scan.missing for scan in log.scans)} lost"))
     facts.append(("frames", str(len(log.frames))))
     facts.append(("file", f"{log.condition}: {log.torn}" if log.torn else log.condition))
     facts += [("angles in doubt", scan.angle_warning) for scan in log.scans if scan.angle_warning]

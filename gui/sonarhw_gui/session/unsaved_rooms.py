@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
 
 from sonarhw.errors import InputError, OutputError
@@ -10,6 +9,7 @@ from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.scene.scene_memory import SceneMemory
 from sonarhw_gui.session.unsaved_file import UnsavedRoom, is_changed, read_unsaved, room_text, write_unsaved
 from sonarhw_gui.shown.notices import Notice
+from sonarhw_gui.store.new_recording import free_name
 
 _SOON = 1.0  # s from a change until it is written; a crash loses this much
 
@@ -137,7 +137,7 @@ class UnsavedRooms:
             when=time.time(),
         )
         if self._file is None or not self._is_ours(self._file):
-            self._file = _free_name(folder, Path(opened.room_file or "room").stem)
+            self._file = free_name(folder, Path(opened.room_file or "room").stem, ".json")
         text = unsaved.model_dump_json(indent=1)
         write_unsaved(self._file, text)
         self._text, self._stored = text, changed
@@ -162,8 +162,3 @@ def _question(path: Path, unsaved: UnsavedRoom, scene: Scene) -> Notice:
     if scene.room and scene.room.text != unsaved.opened.room_text:
         text += "; the file has changed since then"
     return Notice(text, "Restore", RestoreRoom(path), "Discard", DiscardRoom(path))
-
-
-def _free_name(folder: Path, stem: str) -> Path:
-    names = (folder / f"{stem}{'' if k == 1 else f'_{k}'}.json" for k in count(1))
-    return next(name for name in names if not name.exists())

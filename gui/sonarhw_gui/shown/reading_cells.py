@@ -36,7 +36,7 @@ def class_name(kind: Class) -> str:
     return MARKS[kind].name if kind in MARKS else "silent"
 
 
-def heading_text(rows: ReadingRows, row: int) -> str:
+def _heading_text(rows: ReadingRows, row: int) -> str:
     """Return the heading, rounded so that 360.0° becomes 0.0°."""
     return f"{round(float(rows.headings[row]), 1) % 360:.1f}°"
 
@@ -47,7 +47,7 @@ def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
         case Column.NUMBER:
             return str(row)
         case Column.HEADING:
-            return heading_text(rows, row)
+            return _heading_text(rows, row)
         case Column.MEASURED:
             return _length(rows.measured[row], look)
         case Column.PREDICTED:

@@ -28,7 +28,7 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
     except OSError as error:
         raise LogError(f"{folder}: cannot be created: {error.strerror}; recordings are stored there") from error
     now = time.time()
-    path = _free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_name_part(scene)}")
+    path = free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_name_part(scene)}", ".mcap")
     room = scene.written_room
     metadata = LogMetadata(
         made_by="scan",
@@ -47,6 +47,7 @@ def _name_part(scene: Scene) -> str:
     return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
 
 
-def _free_name(folder: Path, stem: str) -> Path:
-    names = (folder / (f"{stem}.mcap" if k == 1 else f"{stem}_{k}.mcap") for k in count(1))
+def free_name(folder: Path, stem: str, suffix: str) -> Path:
+    """Return a file in `folder` that does not exist: the stem, with a number from 2 on if necessary."""
+    names = (folder / f"{stem}{'' if k == 1 else f'_{k}'}{suffix}" for k in count(1))
     return next(name for name in names if not name.exists())

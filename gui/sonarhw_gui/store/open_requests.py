@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
 
 from sonarhw_sim.board.profile import Board
@@ -14,6 +13,7 @@ from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw_gui.scene.scene import Scene, first_place, scene_of_log, scene_with
 from sonarhw_gui.store.csv_preview import ReadCsvRequest
+from sonarhw_gui.store.new_recording import free_name
 
 LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
 
@@ -78,16 +78,11 @@ class OpenCsvRequest:
         except OSError as error:
             why = f"cannot be created: {error.strerror}; imported scans are stored there"
             raise LogError(f"{self.folder}: {why}") from error
-        path = self._free_name()
+        path = free_name(self.folder, self.source.path.stem, LOG)
         write_scan(path, LogMetadata("import", time.time()), readings)
         log = read_log(path)
         notice = f"{self.source.path.name} was imported as {path.name}, in {self.folder}"
         return LogOpened(path, log, scene_of_log(log.metadata), notice)
-
-    def _free_name(self) -> Path:
-        stem = self.source.path.stem
-        names = (self.folder / f"{stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
-        return next(name for name in names if not name.exists())
 
 
 @dataclass(frozen=True)

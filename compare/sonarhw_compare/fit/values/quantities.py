@@ -140,16 +140,12 @@ class PartQuantity(Quantity):
     write: Callable[["Room", Mapping[str, float]], "Room"]  # as `put`, and also in the text of the room file
 
 
-def temperature_at(speed: float, air: Air) -> float:
-    """Return the temperature (°C) at which the air has this speed of sound (m/s), from -40 to 60 °C."""
-    from scipy.optimize import brentq
-
-    def excess(temperature: float) -> float:
-        return replace(air, temperature_c=temperature).speed_of_sound - speed
-
-    if excess(_COLDEST) > 0:
-        return _COLDEST
-    return float(brentq(excess, _COLDEST, _WARMEST, xtol=1e-6)) if excess(_WARMEST) > 0 else _WARMEST
+def nearest_temperature(speed: float, air: Air) -> float:
+    """Return the temperature (°C) at which the speed of sound in the air is nearest to this one (m/s)."""
+    found = air.temperature_at(speed)
+    if found is None:
+        found = _COLDEST if speed < air.speed_at(_COLDEST) else _WARMEST
+    return found
 
 
 def reflectance_of(room: "Room", material: str) -> float:
@@ -342,7 +338,7 @@ SPEED = AirQuantity(
     label="speed of sound",
     key="temperature_c",
     value=lambda air: air.speed_of_sound,
-    put=lambda air, value: replace(air, temperature_c=temperature_at(value, air)),
+    put=lambda air, value: replace(air, temperature_c=nearest_temperature(value, air)),
 )
 THRESHOLD = BoardQuantity(
     name="threshold",

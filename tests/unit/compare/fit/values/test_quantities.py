@@ -11,9 +11,9 @@ from sonarhw_compare.fit.values.quantities import (
     WORDS,
     BoardQuantity,
     PlaceQuantity,
+    nearest_temperature,
     quantity_named,
     reflectance_of,
-    temperature_at,
     words_of,
 )
 from sonarhw_sim.air import Air
@@ -33,12 +33,12 @@ PLACE = Place("here", (0.3, 0.4), heading=1.0)
 @pytest.mark.parametrize("celsius", [-40.0, -10.0, 0.0, 20.0, 36.6, 60.0])
 def test_the_temperature_of_a_speed_of_sound_is_the_inverse_of_the_speed(celsius: float) -> None:
     air = Air(celsius)
-    assert temperature_at(air.speed_of_sound, Air(5.0)) == pytest.approx(celsius, abs=1e-5)
+    assert nearest_temperature(air.speed_of_sound, Air(5.0)) == pytest.approx(celsius, abs=1e-5)
 
 
 def test_speeds_outside_the_range_have_the_coldest_and_the_warmest_air() -> None:
-    assert temperature_at(Air(-40.0).speed_of_sound - 1.0, Air()) == -40.0
-    assert temperature_at(Air(60.0).speed_of_sound + 1.0, Air()) == 60.0
+    assert nearest_temperature(Air(-40.0).speed_of_sound - 1.0, Air()) == -40.0
+    assert nearest_temperature(Air(60.0).speed_of_sound + 1.0, Air()) == 60.0
 
 
 def test_each_quantity_of_place_board_and_air_reads_back_what_was_put() -> None:
