@@ -72,7 +72,7 @@ class BScanView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             self.canvas.set_look(shown.look)
             for pane in self.panes.values():
                 pane.set_look(shown.look)

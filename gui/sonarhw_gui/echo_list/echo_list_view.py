@@ -54,7 +54,7 @@ class EchoListView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """List the echoes of another heading, and redraw after a change of the look."""
         before, self._shown = self._shown, shown
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             self._set_look(shown)
         question = shown.question
         if question is None:

@@ -92,9 +92,9 @@ class FindPanel(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if before is None or before.look != shown.look:
+        if before is None or before.look is not shown.look:
             self._fill()
-        elif any(getattr(before, part) is not getattr(shown, part) for part in ("readings", "overlays", "scene")):
+        elif shown.changed_since(before, "readings", "overlays", "scene"):
             self._enable()
             if self._is_elsewhere(before) is not self._is_elsewhere(shown):
                 self._draw()

@@ -66,7 +66,7 @@ class FitPanel(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             unit = shown.look.unit
             self.where.setItemText(0, f"within {unit.of(NEAR):.2g} {unit.label} of here")
             self._draw()

@@ -85,7 +85,7 @@ class PlanDrawing(Canvas):
         """Draw the changes since the last call."""
         before, self.shown = self.shown, shown
         self.repaint_whole()
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             self._set_look(shown.look)
         if before is None or before.scene.room is not shown.scene.room:
             self.draw_room()
@@ -93,23 +93,23 @@ class PlanDrawing(Canvas):
             self._draw_predicted(before, shown)
         if self._measured:
             self._draw_measured(before, shown)
-        if _differ(before, shown, "scene", "readings", "chosen", "asked", "look", "hidden"):
+        if shown.changed_since(before, "scene", "readings", "chosen", "asked", "look", "hidden"):
             self.sensor.draw(shown)
-        if _differ(before, shown, "scene", "cursor"):
+        if shown.changed_since(before, "scene", "cursor"):
             self.pointer.draw(shown)
-        if _differ(before, shown, "proposal", "compared", "readings", "scene", "hidden", "look"):
+        if shown.changed_since(before, "proposal", "compared", "readings", "scene", "hidden", "look"):
             self.proposal.draw(shown.proposal, self._marks)
-        if _differ(before, shown, "found"):
+        if shown.changed_since(before, "found"):
             self.found.draw(shown.found)
-        if self._measured and _differ(before, shown, "overlays"):
+        if self._measured and shown.changed_since(before, "overlays"):
             self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
-        if _differ(before, shown, "sound", "look"):
+        if shown.changed_since(before, "sound", "look"):
             self.sound.draw(shown)
             if shown.sound is not None and (before is None or before.sound is None):
                 self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
         if before is None or _is_another_room(before, shown) or self._grows(before, shown):
             self.fit()
-        if before is None or _differ(before, shown, "readings", "compared", "scene", "chosen", "hidden", "look"):
+        if shown.changed_since(before, "readings", "compared", "scene", "chosen", "hidden", "look"):
             self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
 
     def _grows(self, before: Shown, shown: Shown) -> bool:
@@ -282,14 +282,14 @@ class PlanDrawing(Canvas):
         self.arrows.set_look(look)
 
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
-        if before is None or before.outline is not shown.outline:
+        if shown.changed_since(before, "outline"):
             self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
-        if _differ(before, shown, *_PATH_PARTS):
+        if shown.changed_since(before, *_PATH_PARTS):
             self.path.draw(shown)
 
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
-        fresh = before is None or not shown.same_readings(before)
+        fresh = not shown.same_readings(before)
         if fresh:
             positions = partial(standpoints, shown.scene.board, shown.scene.pose)
             self._marks.draw(
@@ -298,9 +298,9 @@ class PlanDrawing(Canvas):
                     for kind, points in shown.classes.items()
                 }
             )
-        if fresh or _differ(before, shown, "notes"):
+        if fresh or shown.changed_since(before, "notes"):
             self.notes.draw(shown.notes, self._marks)
-        if fresh or _differ(before, shown, "chosen"):
+        if fresh or shown.changed_since(before, "chosen"):
             self._marks.ring(shown.chosen)
 
     def _tip(self, index: int) -> str:
@@ -322,11 +322,6 @@ class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
             ev.accept()
         else:
             super().mouseDragEvent(ev, axis)
-
-
-def _differ(before: Shown | None, shown: Shown, *parts: str) -> bool:
-    """Return whether any of these parts is a different object than before."""
-    return before is None or any(getattr(before, part) is not getattr(shown, part) for part in parts)
 
 
 def _is_another_room(before: Shown, shown: Shown) -> bool:

@@ -80,21 +80,21 @@ class RangeView(Canvas):
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         self.repaint_whole()
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             self._set_look(shown.look)
-        if before is None or before.outline is not shown.outline:
+        if shown.changed_since(before, "outline"):
             self._draw_outline(shown)
-        if before is None or before.chances is not shown.chances or before.look != shown.look:
+        if shown.changed_since(before, "chances", "look"):
             self.shading.draw(shown.chances, shown.look.palette.predicted)
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
         self.shading.setVisible(shown.chances is not None and shown.draws(ViewLayer.PREDICTED))
-        if before is None or not shown.same_readings(before):
+        if not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
-        if before is None or before.notes is not shown.notes or not shown.same_readings(before):
+        if shown.changed_since(before, "notes") or not shown.same_readings(before):
             self.notes.draw(shown.notes, self._marks[0])
-        if before is None or before.overlays is not shown.overlays:
+        if shown.changed_since(before, "overlays"):
             visible = [scan for scan in shown.overlays if scan.visible]
             self.overlays.draw(
                 {scan.style: _over_heading(scan.series.headings, scan.series.ranges) for scan in visible}

@@ -53,7 +53,7 @@ class ReadingModel(QAbstractTableModel):
     def show_state(self, shown: Shown) -> None:
         """Update readings, classes and look."""
         before, self._shown = self._shown, shown
-        if before is None or (before.look, before.origin) != (shown.look, shown.origin):
+        if shown.changed_since(before, "look", "origin"):
             self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
             self._sentences.clear()
             self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
@@ -63,7 +63,7 @@ class ReadingModel(QAbstractTableModel):
             self._change(shown.rows, order_of(shown.rows, self.query, shown.notes))
         elif before.notes is not shown.notes:
             self._change(self.rows, order_of(self.rows, self.query, shown.notes))
-        if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
+        if shown.changed_since(before, "outdated", "look"):
             self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
             self._emit_data_changed()
 

@@ -128,7 +128,7 @@ class TableView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             self._set_look(shown)
         if before is not None and before.hidden is not shown.hidden:
             self._draw_switches(shown)
@@ -136,13 +136,13 @@ class TableView(QWidget):
         self._following = True  # added or removed rows move the selection; the user has picked nothing
         self.model.show_state(shown)
         self._following = False
-        if before is None or not shown.same_readings(before):
+        if not shown.same_readings(before):
             self._count(shown)
-        if before is None or before.notes is not shown.notes:
+        if shown.changed_since(before, "notes"):
             self._count_notes(shown)
         if before is None or _width_inputs(before) != _width_inputs(shown):
             self._widen_columns(shown)
-        if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
+        if shown.changed_since(before, "outdated", "look"):
             self._fade_counts(shown)
         self._follow(shown.chosen)
         self.view.lay_out()

@@ -67,10 +67,9 @@ class DifferenceView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the differences of other scans, and redraw after a change of the look."""
         before, self._shown = self._shown, shown
-        restyled = before is None or before.look != shown.look
-        if restyled:
+        if shown.changed_since(before, "look"):
             self._set_look(shown.look)
-        if restyled or before is None or _other_scans(before, shown):
+        if shown.changed_since(before, "look", "overlays", "pair", "readings", "scene"):
             self._draw(shown)
 
     def fit(self) -> None:
@@ -135,11 +134,6 @@ class DifferenceView(QWidget):
             return None
         headings = np.degrees([row.heading for row in self.difference.rows])
         return int(np.argmin(np.abs(headings - box.mapSceneToView(place).x())))
-
-
-def _other_scans(before: Shown, shown: Shown) -> bool:
-    parts = ("overlays", "pair", "readings", "scene")
-    return any(getattr(before, part) is not getattr(shown, part) for part in parts)
 
 
 def _difference(shown: Shown) -> tuple[ScanDifference | None, str]:

@@ -144,10 +144,13 @@ class Shown:
         """Return the heading of a reading in the room, rad."""
         return self.scene.pose.heading + self.scene.board.turned(self.readings[reading].angle)
 
-    def same_readings(self, other: "Shown") -> bool:
-        """Return whether `other` has the same readings in the same classes at the same points."""
-        mine, others = ((one.readings, one.compared, one.scene, one.hidden) for one in (self, other))
-        return all(part is other_part for part, other_part in zip(mine, others, strict=True))
+    def changed_since(self, before: "Shown | None", *parts: str) -> bool:
+        """Return whether any of these parts is another object than in `before`, which a view drew last, if anything."""
+        return before is None or any(getattr(before, part) is not getattr(self, part) for part in parts)
+
+    def same_readings(self, before: "Shown | None") -> bool:
+        """Return whether `before` has the same readings in the same classes at the same points."""
+        return not self.changed_since(before, "readings", "compared", "scene", "hidden")
 
     def draws(self, layer: ViewLayer) -> bool:
         """Return whether a layer is drawn."""

@@ -79,9 +79,9 @@ class TraceView(QWidget):
         before, self._shown = self._shown, shown
         if before is None or before.trace is not shown.trace or _marked(before) != _marked(shown):
             self.canvas.repaint_whole()
-        if before is None or before.look != shown.look:
+        if shown.changed_since(before, "look"):
             self._set_look(shown.look)
-        if before is None or before.trace is not shown.trace or before.look != shown.look:
+        if shown.changed_since(before, "trace", "look"):
             self._draw(shown.trace)
         self._show_layers(shown)
         if shown.trace is None and not self._duration:
