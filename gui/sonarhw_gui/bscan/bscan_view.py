@@ -20,8 +20,8 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.flow_layout import FlowLayout
 from sonarhw_gui.plots.canvas import Canvas
-from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
+from sonarhw_gui.shown.initial_range import initial_range
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.bscan_picture import BScans, BScanSettings, Pane

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication, QDialog, QGridLayout, QHBoxLayout, Q
 from sonarhw_gui.dialogs.command_palette import plain_name
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS
-from sonarhw_gui.plots.legend import mark_picture
+from sonarhw_gui.plots.legend_pictures import mark_picture
 
 _COLUMNS = 3
 _CLASS_WIDTH = 250  # pixels

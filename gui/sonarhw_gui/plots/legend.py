@@ -1,31 +1,130 @@
 """The legend above the views. Marks and colours mean the same in all views; tooltips explain each entry."""
 
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-import pyqtgraph as pg
-from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
-from PySide6.QtCore import QMargins, QPointF, QRectF, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPixmap, QResizeEvent
+from PySide6.QtCore import QMargins, Qt, Signal, Slot
+from PySide6.QtGui import QColor, QIcon, QPalette, QResizeEvent
 from PySide6.QtWidgets import QToolButton, QWidget
 from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.note_symbol import NOTE_SIZE, note_symbol
-from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Palette, Unclassed, ViewLayer
-from sonarhw_gui.parts.eye import EYE_WIDTH, draw_eye
+from sonarhw_gui.look.palette import LIGHT, MARKS, Class, Unclassed, ViewLayer
 from sonarhw_gui.parts.flow_layout import FlowLayout
+from sonarhw_gui.plots.legend_pictures import (
+    Picture,
+    filled_picture,
+    line_picture,
+    mark_picture,
+    note_picture,
+    outline_picture,
+    patch_picture,
+    switch_picture,
+    tick_picture,
+)
 from sonarhw_gui.shown.shown import Shown
 
-Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels per pixel
 ORIGIN = "ORIGIN"  # in a text, stands for the origin of the readings
-_SIZE = 14  # pixels
-_LINE = 26  # pixels
-SWITCH_SIZE = QSize(round(EYE_WIDTH) + _SIZE, _SIZE)  # of `switch_picture` with a mark
-_FADED = 0.4  # opacity
+
+
+@dataclass(frozen=True)
+class _Entry:
+    picture: Picture
+    name: str
+    meaning: str
+
+
+_NOTE, _WALL = "note", "wall"
+_PREDICTIONS = ViewLayer.PREDICTED, ViewLayer.RAYS  # of a room
+SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
+# drawn only while the panel of the room search is open
+FOUND, SPEAKING = "wall found", {"for it": "speaking_for", "against it": "against"}
+_SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
+_ENTRIES: dict[Class | ViewLayer, _Entry] = {
+    **{
+        kind: _Entry(partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
+        for kind in Kind
+        if kind in MARKS
+    },
+    Unclassed.MEASURED: _Entry(
+        partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
+    ),
+    ViewLayer.TRACE: _Entry(
+        partial(line_picture, "measured", _SOLID, 2), f"{ORIGIN} trace", "the received signal that the board recorded"
+    ),
+    ViewLayer.PREDICTED: _Entry(
+        partial(line_picture, "predicted", _SOLID, 2),
+        "predicted",
+        "the range or trace that the model predicts; dashed in the trace view",
+    ),
+    ViewLayer.THRESHOLD: _Entry(
+        partial(line_picture, "threshold", _DASHED, 1),
+        "threshold",
+        "detection threshold; weaker echoes are not detected",
+    ),
+    ViewLayer.RAYS: _Entry(
+        partial(line_picture, "chosen", _SOLID, 2),
+        "rays",
+        "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
+    ),
+    ViewLayer.BEAM: _Entry(
+        partial(patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"
+    ),
+    ViewLayer.BLANKING: _Entry(
+        partial(patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"
+    ),
+}
+_EXPLAINED = (
+    _Entry(partial(line_picture, "wall", _SOLID, 2), _WALL, "a wall or post of the room"),
+    _Entry(partial(filled_picture, "d"), "sensor", "the position of the sensor; drag it to move it"),
+    _Entry(
+        partial(line_picture, "faint", Qt.PenStyle.DotLine, 2),
+        "newest",
+        "where the turntable points now",
+    ),
+    _Entry(
+        tick_picture,
+        "turntable zero",
+        "the heading of step 0 of the turntable: the short line at the sensor",
+    ),
+    _Entry(note_picture, _NOTE, "a note on a reading; N edits that of the selected reading"),
+    _Entry(partial(line_picture, "predicted", _SOLID, 2), SOUND[0], "the burst on its path, with its wavefront"),
+    _Entry(
+        partial(line_picture, "faint", _DASHED, 1),
+        SOUND[1],
+        "echoes of walls within this disc arrive while the board is deaf (blanking); pale once the board listens",
+    ),
+    _Entry(
+        partial(outline_picture, "o", 10, "measured", 2),
+        SOUND[2],
+        "the range that the board would report for an echo at this moment; filled once it detects one",
+    ),
+    _Entry(
+        partial(line_picture, "predicted", _DASHED, 3),
+        FOUND,
+        "a wall or post that the search for the room has found; the selected one is thick",
+    ),
+    _Entry(
+        partial(outline_picture, "o", 11, "predicted", 2),
+        "for it",
+        "an echo that speaks for the selected wall or post: without it, the room would not explain this reading",
+    ),
+    _Entry(
+        partial(outline_picture, "x", 11, "long", 2),
+        "against it",
+        "an echo that speaks against the selected wall or post: without it, the room would explain this reading better",
+    ),
+    _Entry(
+        partial(outline_picture, "o", 11, "chosen", 1.3), "selected", "the selected reading, with a ring in every view"
+    ),
+    _Entry(
+        partial(outline_picture, "crosshair", 11, "chosen", 1.3),
+        "pointer",
+        "the position of the mouse, in all views",
+    ),
+)
 
 
 class Legend(QWidget):
@@ -130,14 +229,14 @@ class Legend(QWidget):
         self._draw()
         self._fold()
 
-    def _made(self, layer: Class | ViewLayer, entry: "_Entry") -> QToolButton:
+    def _made(self, layer: Class | ViewLayer, entry: _Entry) -> QToolButton:
         button = QToolButton(autoRaise=True)
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         button.setToolTip(f"{entry.meaning}. Click to hide or show it in all views")
         button.clicked.connect(lambda: self.switched.emit(layer, layer in self._hidden))
         return button
 
-    def _explained(self, entry: "_Entry") -> QToolButton:
+    def _explained(self, entry: _Entry) -> QToolButton:
         """Return an entry of a mark that is always drawn."""
         button = QToolButton(autoRaise=True)
         button.setText(entry.name)
@@ -165,200 +264,3 @@ class Legend(QWidget):
             if not visible:
                 colours.setColor(QPalette.ColorRole.ButtonText, QColor(self._palette.faint))
             button.setPalette(colours)
-
-
-def switch_picture(picture: Picture, colours: Palette, ratio: float, visible: bool) -> QPixmap:
-    """Return an eye, open or struck out, beside the mark or line that it shows or hides."""
-    drawn = picture(colours, ratio)
-    width, height = drawn.deviceIndependentSize().width(), _SIZE
-    both = _blank(round(EYE_WIDTH + width), height, ratio)
-    with QPainter(both) as painter:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        draw_eye(painter, colours.ink if visible else colours.faint, height / 2, visible)
-        painter.setOpacity(1.0 if visible else _FADED)
-        painter.drawPixmap(QPointF(EYE_WIDTH, 0.0), drawn)
-    return both
-
-
-def no_picture(colours: Palette, ratio: float) -> QPixmap:
-    """Return an empty picture, for a class without a mark."""
-    return _blank(1, _SIZE, ratio)
-
-
-def _blank(width: int, height: int, ratio: float) -> QPixmap:
-    picture = QPixmap(round(width * ratio), round(height * ratio))
-    picture.setDevicePixelRatio(ratio)
-    picture.fill(Qt.GlobalColor.transparent)
-    return picture
-
-
-def mark_picture(kind: Class, colours: Palette, ratio: float) -> QPixmap:
-    """Return the mark of a class, for legends and lists."""
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        colour, hollow = colours.of(kind), MARKS[kind].hollow
-        pen, brush = (pg.mkPen(colour, width=1.3), None) if hollow else (None, pg.mkBrush(colour))
-        drawSymbol(painter, MARKS[kind].symbol, 10, pg.mkPen(pen), pg.mkBrush(brush))
-    return picture
-
-
-def _symbol_picture(symbol: str, filled: bool, colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        pen = pg.mkPen(None) if filled else pg.mkPen(colours.chosen, width=1.3)
-        drawSymbol(painter, symbol, 11, pen, pg.mkBrush(colours.ink if filled else None))
-    return picture
-
-
-def _line_picture(colour: str, style: Qt.PenStyle, width: float, colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_LINE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setPen(pg.mkPen(getattr(colours, colour), width=ratio * width, style=style))
-        painter.drawLine(QPointF(0, _SIZE / 2), QPointF(_LINE, _SIZE / 2))
-    return picture
-
-
-def _counted_picture(colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        drawSymbol(painter, "o", 10, pg.mkPen(colours.measured, width=2), pg.mkBrush(None))
-    return picture
-
-
-def _speaking_picture(symbol: str, colour: str, colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        drawSymbol(painter, symbol, 11, pg.mkPen(getattr(colours, colour), width=2), pg.mkBrush(None))
-    return picture
-
-
-def _note_picture(colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.translate(QPointF(-2.3, 15.7))  # the symbol is in the upper right quarter
-        drawSymbol(
-            painter, note_symbol(), NOTE_SIZE, pg.mkPen(colours.note_ink, width=1), pg.mkBrush(colours.note_paper)
-        )
-    return picture
-
-
-def _tick_picture(colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setPen(pg.mkPen(colours.ink, width=2.5 * ratio))
-        painter.drawLine(QPointF(1, _SIZE / 2), QPointF(_SIZE - 1, _SIZE / 2))
-    return picture
-
-
-def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
-    picture = _blank(_SIZE, _SIZE, ratio)
-    with QPainter(picture) as painter:
-        painter.setPen(QColor(colours.faint))  # a patch without a frame is hardly visible in the dark palette
-        painter.setBrush(QColor(getattr(colours, colour)))
-        painter.drawRect(QRectF(0.5, 1.5, _SIZE - 1, _SIZE - 3))
-    return picture
-
-
-@dataclass(frozen=True)
-class _Entry:
-    picture: Picture
-    name: str
-    meaning: str
-
-
-_NOTE, _WALL = "note", "wall"
-_PREDICTIONS = ViewLayer.PREDICTED, ViewLayer.RAYS  # of a room
-SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
-# drawn only while the panel of the room search is open
-FOUND, SPEAKING = "wall found", {"for it": "speaking_for", "against it": "against"}
-_SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
-_ENTRIES: dict[Class | ViewLayer, _Entry] = {
-    **{
-        kind: _Entry(partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
-        for kind in Kind
-        if kind in MARKS
-    },
-    Unclassed.MEASURED: _Entry(
-        partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
-    ),
-    ViewLayer.TRACE: _Entry(
-        partial(_line_picture, "measured", _SOLID, 2), f"{ORIGIN} trace", "the received signal that the board recorded"
-    ),
-    ViewLayer.PREDICTED: _Entry(
-        partial(_line_picture, "predicted", _SOLID, 2),
-        "predicted",
-        "the range or trace that the model predicts; dashed in the trace view",
-    ),
-    ViewLayer.THRESHOLD: _Entry(
-        partial(_line_picture, "threshold", _DASHED, 1),
-        "threshold",
-        "detection threshold; weaker echoes are not detected",
-    ),
-    ViewLayer.RAYS: _Entry(
-        partial(_line_picture, "chosen", _SOLID, 2),
-        "rays",
-        "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
-    ),
-    ViewLayer.BEAM: _Entry(
-        partial(_patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"
-    ),
-    ViewLayer.BLANKING: _Entry(
-        partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"
-    ),
-}
-_EXPLAINED = (
-    _Entry(partial(_line_picture, "wall", _SOLID, 2), _WALL, "a wall or post of the room"),
-    _Entry(partial(_symbol_picture, "d", True), "sensor", "the position of the sensor; drag it to move it"),
-    _Entry(
-        partial(_line_picture, "faint", Qt.PenStyle.DotLine, 2),
-        "newest",
-        "where the turntable points now",
-    ),
-    _Entry(
-        _tick_picture,
-        "turntable zero",
-        "the heading of step 0 of the turntable: the short line at the sensor",
-    ),
-    _Entry(_note_picture, _NOTE, "a note on a reading; N edits that of the selected reading"),
-    _Entry(partial(_line_picture, "predicted", _SOLID, 2), SOUND[0], "the burst on its path, with its wavefront"),
-    _Entry(
-        partial(_line_picture, "faint", _DASHED, 1),
-        SOUND[1],
-        "echoes of walls within this disc arrive while the board is deaf (blanking); pale once the board listens",
-    ),
-    _Entry(
-        _counted_picture,
-        SOUND[2],
-        "the range that the board would report for an echo at this moment; filled once it detects one",
-    ),
-    _Entry(
-        partial(_line_picture, "predicted", _DASHED, 3),
-        FOUND,
-        "a wall or post that the search for the room has found; the selected one is thick",
-    ),
-    _Entry(
-        partial(_speaking_picture, "o", "predicted"),
-        "for it",
-        "an echo that speaks for the selected wall or post: without it, the room would not explain this reading",
-    ),
-    _Entry(
-        partial(_speaking_picture, "x", "long"),
-        "against it",
-        "an echo that speaks against the selected wall or post: without it, the room would explain this reading better",
-    ),
-    _Entry(partial(_symbol_picture, "o", False), "selected", "the selected reading, with a ring in every view"),
-    _Entry(
-        partial(_symbol_picture, "crosshair", False),
-        "pointer",
-        "the position of the mouse, in all views",
-    ),
-)

@@ -14,7 +14,7 @@ from PySide6.QtGui import QBrush, QColor, QPixmap
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.parts.plain_label import plain_tip
-from sonarhw_gui.plots.legend import mark_picture
+from sonarhw_gui.plots.legend_pictures import mark_picture
 from sonarhw_gui.scene.note_texts import NO_NOTES
 from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
 from sonarhw_gui.shown.reading_order import RowQuery, order_of

@@ -32,7 +32,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.parts.flow_layout import FlowLayout
-from sonarhw_gui.plots.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
+from sonarhw_gui.plots.legend_pictures import SWITCH_SIZE, mark_picture, no_picture, switch_picture
 from sonarhw_gui.readings.reading_model import ReadingModel
 from sonarhw_gui.shown.reading_cells import Column, class_name, column_name, rows_as_csv
 from sonarhw_gui.shown.reading_rows import CLASSES

@@ -19,10 +19,10 @@ from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.parts.plain_label import PlainLabel
 from sonarhw_gui.plots.canvas import Canvas, new_plot
-from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.initial_range import initial_range
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.trace.echo_names import EchoNames
 from sonarhw_gui.trace.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
