@@ -208,11 +208,16 @@ class _Drawing(Tool):
     shape = Qt.CursorShape.CrossCursor
     edits = True
     stem = ""  # first word of the new object's name
-    _gesture: object = None
-    _end: Point | None = None  # the second point, once there is one
-    _waiting = False  # whether the first end was clicked, and the second not yet
-    _expected: Scene | None = None  # the scene while nothing but this tool changes it
     chains = False  # whether the second point is also the first one of the next object
+
+    def __init__(self, context: ToolContext) -> None:
+        super().__init__(context)
+        self._before: Scene  # these two: the scene and the first point, from the press on
+        self._start: Point
+        self._gesture: object = None
+        self._end: Point | None = None  # the second point, once there is one
+        self._waiting = False  # whether the first end was clicked, and the second not yet
+        self._expected: Scene | None = None  # the scene while nothing but this tool changes it
 
     @property
     def gesture(self) -> object:
