@@ -133,35 +133,33 @@ def calibrate(
     of_room = {"--place": places, "--pose": poses, "--out-room": out_room, "--plot": plot}
     _check_method(room_name, distances, directions, of_room)
     logs = [Path(source) for source in sources if Path(source).suffix == LOG]
-    if len(logs) == len(sources):
-        refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
-        if room_name is None:
-            calibrate_with_plate(logs, distances or [], directions or [], board, out, force)
-        else:
-            if out_room is not None:
-                checked_out(out_room, (ROOM,), force, *sources, board, room_name, option="--out-room")
-                if out_room.resolve() == out.resolve():
-                    raise InputError(f"--out-room {out_room}: is also --out; choose another name")
-            if plot is not None:
-                checked_out(plot, PICTURES, force, *sources, board, option="--plot")
-            calibrate_with_room(logs, room_name, places or [], poses or [], board, out, out_room, plot, force)
+    if len(logs) < len(sources):
+        _check_scanner(sources, room_name)
+        check_temperature(temperature)
+        # of an option that is given twice, the last one counts, as in other commands
+        distance, direction = (distances or [0.0])[-1], (directions or [0.0])[-1]
+        profile = board or DEFAULT_BOARD
+        _calibrate_scanner(sources[0], distance, direction, out, profile, (width, step, pings), temperature, force)
         return
+    refuse_given(context, _OF_A_SCAN, "is for a scan by a scanner; remove it, or give a URL in place of logs")
+    if room_name is None:
+        calibrate_with_plate(logs, distances or [], directions or [], board, out, force)
+        return
+    if out_room is not None:
+        checked_out(out_room, (ROOM,), force, *sources, board, room_name, option="--out-room")
+        if out_room.resolve() == out.resolve():
+            raise InputError(f"--out-room {out_room}: is also --out; choose another name")
+    if plot is not None:
+        checked_out(plot, PICTURES, force, *sources, board, option="--plot")
+    calibrate_with_room(logs, room_name, places or [], poses or [], board, out, out_room, plot, force)
+
+
+def _check_scanner(sources: list[str], room_name: str | None) -> None:
+    """Raise InputError unless the source is the URL of one scanner, for a plate."""
     if room_name is not None:
         raise InputError(f"--room {room_name}: expected logs (*{LOG}), not the URL of a scanner; scan first")
     if len(sources) > 1:
         raise InputError(f"{', '.join(sources)}: expected the URL of one scanner, or logs (*{LOG})")
-    check_temperature(temperature)
-    # of an option that is given twice, the last one counts, as in other commands
-    _calibrate_scanner(
-        sources[0],
-        (distances or [0.0])[-1],
-        (directions or [0.0])[-1],
-        out,
-        board or DEFAULT_BOARD,
-        (width, step, pings),
-        temperature,
-        force,
-    )
 
 
 def _check_method(
