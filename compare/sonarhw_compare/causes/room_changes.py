@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 from sonarhw_sim.room.model import Room
-from sonarhw_sim.room.room_writing import changed_room, section, with_corners
+from sonarhw_sim.room.room_writing import changed_room, section
 
-from sonarhw_compare.fit.values.free_walls import with_shifted_walls
+from sonarhw_compare.fit.values.free_walls import with_written_walls
 from sonarhw_compare.room_edit import Point, add_post, add_wall, set_material
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
 
@@ -71,11 +71,7 @@ class MovedWall:
 
     def applied(self, room: Room) -> Room:
         """Return the room with the moved wall."""
-        moved = with_shifted_walls(room, {self.wall: self.left})
-        pairs = zip(room.walls.reshape(-1, 2).tolist(), moved.walls.reshape(-1, 2).tolist(), strict=True)
-        return with_corners(
-            room, {(x, y): (round(to_x, _DIGITS), round(to_y, _DIGITS)) for (x, y), (to_x, to_y) in pairs}
-        )
+        return with_written_walls(room, {self.wall: self.left}, _DIGITS)
 
     def text(self, length: LengthText) -> str:
         """Return by how much it moves."""

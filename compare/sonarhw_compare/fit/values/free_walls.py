@@ -12,6 +12,7 @@ from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.outside import wall_distances
 from sonarhw_sim.room.room_file import MEETING
+from sonarhw_sim.room.room_writing import with_corners
 
 from sonarhw.readings import FloatArray
 
@@ -38,6 +39,13 @@ def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
             ends[wall, end] = _corner(point, normals[meeting], by[meeting])
     walls = np.ascontiguousarray(ends.reshape(-1, 4))
     return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)]))
+
+
+def with_written_walls(room: Room, shifts: Mapping[str, float], digits: int) -> Room:
+    """Return the room as `with_shifted_walls` does, rounded to so many decimals, also in the text of its file."""
+    shifted = with_shifted_walls(room, shifts).walls.round(digits)
+    ends = zip(room.walls.reshape(-1, 2).tolist(), shifted.reshape(-1, 2).tolist(), strict=True)
+    return with_corners(room, {(x, y): (new_x, new_y) for (x, y), (new_x, new_y) in ends})
 
 
 def corner_moves(room: Room, point: FloatArray, columns: Mapping[int, int]) -> FloatArray:

@@ -196,11 +196,9 @@ def _shift_walls(room: "Room", values: Mapping[str, float]) -> "Room":
 
 
 def _write_walls(room: "Room", values: Mapping[str, float]) -> "Room":
-    from sonarhw_sim.room.room_writing import with_corners
+    from sonarhw_compare.fit.values.free_walls import with_written_walls
 
-    shifted = _shift_walls(room, values).walls.round(WALL.digits)
-    ends = zip(room.walls.reshape(-1, 2).tolist(), shifted.reshape(-1, 2).tolist(), strict=True)
-    return with_corners(room, {(x, y): (new_x, new_y) for (x, y), (new_x, new_y) in ends})
+    return with_written_walls(room, values, WALL.digits)
 
 
 X = PlaceQuantity(
