@@ -43,7 +43,7 @@ class WindowStart:
     scene: Scene
     source: ScannerOpener | Log | None = None  # opens a scanner, or a log to replay
     source_name: str = "the log"  # file name of the log
-    source_file: Path | None = None  # path of the log
+    source_file: Path | None = None  # path of the log; without a log, a file to open
     used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
     url: str = ""  # of the scanner
     takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
@@ -102,19 +102,23 @@ def open_window(start: WindowStart) -> MainWindow:
         if not memory.introduced:
             window.hint.begin()
         MemoryWriter(window, start.memory)
-    if isinstance(source, Log):
-        window.session.show_log(source, restored.source_name, restored.source_file)
-    elif restored.source_file is not None and restored is not start:
-        window.session.reopen(
-            OpenLogRequest(restored.source_file, restored.scene)
-        )  # restores fit results and edits too
-    elif restored.source_file is not None:
-        window.session.open_file(str(restored.source_file))
-    elif restored.autostart:
-        window.session.scan_when_predicted()
+    _open_source(window, restored, resumed=restored is not start)
     if problem:
         window.session.warned.emit(problem)
     return window
+
+
+def _open_source(window: MainWindow, start: WindowStart, *, resumed: bool) -> None:
+    """Show the log, open the file, or scan, if the start asks for one of these."""
+    session = window.session
+    if isinstance(start.source, Log):
+        session.show_log(start.source, start.source_name, start.source_file)
+    elif start.source_file is not None and resumed:
+        session.reopen(OpenLogRequest(start.source_file, start.scene))  # restores fit results and edits too
+    elif start.source_file is not None:
+        session.open_file(str(start.source_file))
+    elif start.autostart:
+        session.scan_when_predicted()
 
 
 def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
