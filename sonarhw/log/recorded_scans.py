@@ -116,12 +116,14 @@ class ScanDecoder:
             return []
         if message is None:
             return []
+        if not recorded.received:
+            self._from_host(frame.sequence, message)
+            return []
         # Accepted and Refused may be unmatched answers; their times must be ignored
-        if recorded.received and not isinstance(message, Accepted | Refused):
+        if not isinstance(message, Accepted | Refused):
             self._newest_us = frame.time_us
             self._clock.add_frame(frame.time_us, recorded.time)
-        readings = self._from_device(frame, message) if recorded.received else self._from_host(frame, message)
-        return self._keep(readings, place)
+        return self._keep(self._from_device(frame, message), place)
 
     @property
     def begun(self) -> int:
@@ -138,17 +140,16 @@ class ScanDecoder:
         """Return all scans so far, in order, without those that the device never answered."""
         return [scan for scan in self._scans if scan.answered]
 
-    def _from_host(self, frame: Frame, message: Message) -> list[Reading]:
-        if isinstance(message, Hello) and frame.sequence != self._hello:
-            self._hello, self._greeted_at = frame.sequence, len(self._scans)
+    def _from_host(self, sequence: int, message: Message) -> None:
+        if isinstance(message, Hello) and sequence != self._hello:
+            self._hello, self._greeted_at = sequence, len(self._scans)
         if isinstance(message, Home):
             self._homed = True
-        if isinstance(message, StartScan) and not self._is_current(frame.sequence):
+        if isinstance(message, StartScan) and not self._is_current(sequence):
             if self._scans and self._scans[-1].is_continued_by(message):
-                self._continue(frame.sequence)
+                self._continue(sequence)
             else:
-                self._begin(frame.sequence, message)
-        return []
+                self._begin(sequence, message)
 
     def _from_device(self, frame: Frame, message: Message) -> list[Reading]:
         match message:
