@@ -31,15 +31,18 @@ class Interrupt:
         self.started = False  # whether there may be something to clean up
         self._threads: list[_thread.LockType] = []  # each is free once its thread runs
 
-    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+    def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""
         if self.received or not self.started:
             _exit_at_once()
+        if _in_result_of_kernel(frame):
+            self._threads.append(_started(_repeat, number))
+            return
         self.received = True
         # errors in destructors and callbacks are consequences of the signal: do not print them
         sys.unraisablehook = lambda _: None
         sys.excepthook = lambda *_: None
-        self._threads = [_started(_end_later), _started(_end_at_next, _next_signal())]
+        self._threads += [_started(_end_later), _started(_end_at_next, _next_signal())]
         raise KeyboardInterrupt
 
     def wait_for_threads(self) -> None:
@@ -59,6 +62,22 @@ def _started(function: Callable[..., None], *arguments: int) -> _thread.LockType
 
     _thread.start_new_thread(run, ())
     return running
+
+
+def _in_result_of_kernel(frame: FrameType | None) -> bool:
+    """Return whether numba is converting the result of a kernel.
+
+    It looks up types in Python, does not check for an error there, and crashes (numba 0.68). A signal that arrives
+    while a kernel runs is handled just then.
+    """
+    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+        frame = frame.f_back
+    return frame is not None
+
+
+def _repeat(number: int) -> None:
+    time.sleep(0.001)
+    _thread.interrupt_main(signal.Signals(number))
 
 
 def _next_signal() -> int:

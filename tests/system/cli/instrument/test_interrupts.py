@@ -72,6 +72,21 @@ finally:
     print("cleanup", flush=True)
     time.sleep(60)
 """
+# Ctrl-C while numba converts the result of a kernel
+CONVERTED = """
+import signal
+from numba.core import serialize
+from sonarhw_sim.rays.candidate_table import no_candidates, with_other
+class Types(dict):
+    def __getitem__(self, key):
+        signal.raise_signal(signal.SIGINT)
+        return super().__getitem__(key)
+serialize._unpickled_memo = Types()
+print("begun", flush=True)
+with_other(no_candidates(), 0, 0, no_candidates(), 0, 0)
+while True:
+    pass
+"""
 # one long call of compiled code, during which Python calls no signal handler
 BUSY = "import hashlib" + CLEANUP.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
 
@@ -137,6 +152,12 @@ def test_ctrl_c_ends_a_command_quietly_if_a_library_changes_the_exception(
 ) -> None:
     with begun(ANY, reaction, folder=tmp_path, environment=environment) as process:
         process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=HANG) == ("", "")
+    assert process.returncode == INTERRUPTED
+
+
+def test_ctrl_c_does_not_crash_a_command_whose_kernel_returns(tmp_path: Path, environment: dict[str, str]) -> None:
+    with begun(ANY, CONVERTED, folder=tmp_path, environment=environment) as process:
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == INTERRUPTED
 
