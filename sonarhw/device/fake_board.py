@@ -13,10 +13,10 @@ from sonarhw.device.command_checks import RefusalError
 from sonarhw.device.device_protocol import ActionError, ProtocolDevice
 from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
-from sonarhw.device.wiring_faults import NOISE_ECHO, Wires, WiringFault
+from sonarhw.device.wiring_faults import Wires
 from sonarhw.echo_source import EchoSource, Ping
 from sonarhw.errors import InputError
-from sonarhw.readings import ScanOrder, Trace
+from sonarhw.readings import ScanOrder
 from sonarhw.wire.codes import Feature, Input, Outcome, Refusal, State, TraceKind, Wiring, Zero
 from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
@@ -35,7 +35,6 @@ from sonarhw.wire.origin import FAKE_FIRMWARE
 from sonarhw.wire.reading_messages import scan_order, trace_chunks
 from sonarhw.wire.units import (
     NO_TEMPERATURE,
-    centidegrees_of,
     microdegrees_of,
     microseconds_of,
     nanoseconds_of,
@@ -51,7 +50,6 @@ ONE_SWITCH_REACH = 175_000_000  # µdeg in each direction; beyond half a turn, t
 ONE_SWITCH_LIMIT = math.radians(360)  # as HOMING_LIMIT
 ONE_SWITCH_TRIES = 3  # Homes without success
 MOST_JOG = 10_000_000  # µdeg
-HOTTEST = 12_500  # 0.01 °C; reported with a shorted thermistor
 STEPS = 200
 MICROSTEPS = 3200
 _HOMING_FAILS_AFTER = 2.0  # s
@@ -97,7 +95,7 @@ class FakeBoard(ProtocolDevice):
         self._identity = board
         self._wires = wires or Wires()
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
-        if self._wires.faults & WiringFault.MOTOR_OPEN:
+        if not self._wires.motor_connected:
             self._turntable.wedge(0.0, math.inf)
         self._turntable.turn_to(self._wires.sign, 0.0)
         self._lost_steps = 0  # microsteps
@@ -114,10 +112,7 @@ class FakeBoard(ProtocolDevice):
 
     def temperature(self) -> int:
         """Return the air temperature at the board in the unit of messages."""
-        if self._wires.faults & WiringFault.THERMISTOR_SHORTED:
-            return HOTTEST
-        connected = not self._wires.faults & WiringFault.THERMISTOR_OPEN
-        return centidegrees_of(self._echoes.temperature_c if connected else None)
+        return self._wires.temperature(self._echoes.temperature_c)
 
     def angle(self, now: float) -> int:
         """Return the angle of the turntable, µdeg."""
@@ -372,23 +367,13 @@ class FakeBoard(ProtocolDevice):
             self._listening = False
             self._report_ping(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
-    def _wired(self, times: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the echo times that arrive over the wires."""
-        if self._wires.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH | WiringFault.INIT_OPEN):
-            return ()
-        arrived = (NOISE_ECHO, *times) if self._wires.faults & WiringFault.NOISE_ON_INIT else times
-        return arrived[:1] if self._wires.faults & WiringFault.BLNK_OPEN else arrived
-
     def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
         try:
-            result = self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired)))
+            result = self._wires.arriving(self._echoes.receive(replace(ping, angle=self._turntable.true_angle(fired))))
         except InputError as error:
             raise ActionError(str(error)) from error
-        if result.trace is not None and self._wires.faults & WiringFault.INIT_OPEN:
-            silent = Trace(0 * result.trace.samples, result.trace.rate, result.trace.start)
-            result = replace(result, trace=silent)
         blanking = seconds_of(self._settings.blanking_us)
-        times = [time for time in self._wired(result.echo_times) if blanking <= time <= ping.listen]
+        times = [time for time in result.echo_times if blanking <= time <= ping.listen]
         echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]
         reading = ReadingMessage(
             number=number,

@@ -1,15 +1,20 @@
 """Wiring faults of a scanner, and the wires of a fake board that has them."""
 
 import math
+from dataclasses import replace
 from enum import IntFlag
 
 from sonarhw.device.turntable import Turntable, marked
+from sonarhw.echo_source import PingResult
 from sonarhw.errors import InputError
+from sonarhw.readings import Trace
 from sonarhw.wire.codes import Input, Wiring
+from sonarhw.wire.units import centidegrees_of
 
 CAM_ANGLE = math.radians(-20.0)  # edge of the cam
 ONE_SWITCH_MOST = math.radians(185)  # limit of one Home by the mark alone
 ONE_SWITCH_UNPROVEN = math.radians(60)  # on each side, until a Home has succeeded with the present wiring
+HOTTEST = 12_500  # 0.01 °C; measured with a shorted thermistor
 NOISE_ECHO = 0.003  # s; time of the false echo of every ping with NOISE_ON_INIT
 
 _BEGIN = "begin within 45 degrees of 0"
@@ -76,6 +81,30 @@ class Wires:
     def mark_wrong(self) -> bool:
         """Whether the mark is low for the firmware where it should be high."""
         return self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
+
+    @property
+    def motor_connected(self) -> bool:
+        """Whether the table turns."""
+        return not self.faults & WiringFault.MOTOR_OPEN
+
+    def temperature(self, celsius: float | None) -> int:
+        """Return what the board measures of an air temperature, in the unit of messages; None: no thermometer."""
+        if self.faults & WiringFault.THERMISTOR_SHORTED:
+            return HOTTEST
+        return centidegrees_of(None if self.faults & WiringFault.THERMISTOR_OPEN else celsius)
+
+    def arriving(self, result: PingResult) -> PingResult:
+        """Return what arrives of a ping."""
+        trace = result.trace
+        if trace is not None and self.faults & WiringFault.INIT_OPEN:
+            trace = Trace(0 * trace.samples, trace.rate, trace.start)
+        return replace(result, echo_times=self._arriving_echoes(result.echo_times), trace=trace)
+
+    def _arriving_echoes(self, times: tuple[float, ...]) -> tuple[float, ...]:
+        if self.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH | WiringFault.INIT_OPEN):
+            return ()
+        arrived = (NOISE_ECHO, *times) if self.faults & WiringFault.NOISE_ON_INIT else times
+        return arrived[:1] if self.faults & WiringFault.BLNK_OPEN else arrived
 
     def levels(self, turntable: Turntable, now: float) -> Input:
         """Return the inputs whose pins are high, while the board does not listen."""
