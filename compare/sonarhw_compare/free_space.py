@@ -16,9 +16,7 @@ from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.outside import wall_distances
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
-
-BoolArray = NDArray[np.bool_]
+from sonarhw.readings import BoolArray, FloatArray
 
 _EXACTLY = 1e-9  # m; a wall through the middles of cells separates them in spite of rounding
 _CELLS = 120  # along the longer side of the room, by default

@@ -4,8 +4,7 @@ import math
 from collections import Counter
 
 from sonarhw_compare.causes.cause_search import MISFITS, Cause, FoundCauses
-from sonarhw_compare.causes.room_changes import LengthText
-from sonarhw_compare.explain.sentences import in_metres
+from sonarhw_compare.explain.sentences import LengthText, in_metres
 from sonarhw_compare.matching.match import Comparison
 
 _MOST_SECTORS = 3  # named in a text

@@ -1,6 +1,5 @@
 """Changes of a room that may explain misfits: a new post or wall, a moved wall, another reflectance."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -8,13 +7,13 @@ import numpy as np
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import changed_room, section
 
+from sonarhw_compare.explain.sentences import LengthText
 from sonarhw_compare.fit.values.free_walls import with_written_walls
 from sonarhw_compare.room_edit import Point, add_post, add_wall, set_material
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
 
 OBJECT = "found object"  # material of new posts and walls
 _DIGITS = 4  # of metres in a room file
-LengthText = Callable[[float], str]  # formats a length, m
 
 
 class RoomChange(Protocol):

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 
 MOST_PINGS = 8
 _STEADY = 5  # neighbouring readings, at least, that have one range
@@ -24,8 +23,6 @@ _AT_ENDS = 2.0  # units; a reading as near to one of the two ranges is no mean
 _DECIMALS = 3  # most, of the unit of a file
 _WHOLE = 1e-3  # units, of a whole number
 _CHANCE = 1e-4  # that measured ranges have as many likely means
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

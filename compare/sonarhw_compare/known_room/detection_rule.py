@@ -12,14 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 from sonarhw_sim.board.mount import ON_AXIS, without_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.match import TOLERANCE
@@ -33,8 +32,6 @@ _NEAREST_FIRST = 1e-5  # per step of the grid: of equal pairs, that of the given
 _AS_GOOD = 1.96  # standard errors of the difference from the best score
 
 _STEPS_AWAY = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)  # (a, t), from the given profile
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.mount import OwnBodyPart
 
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import BoolArray, FloatArray, Reading
 from sonarhw_compare.matching.regions import angles_and_ranges
 
 SAME_RANGE = 0.025  # m, largest difference of ranges that count as the same
@@ -31,7 +31,6 @@ _CHANCE = 0.01  # of these, that have a run as long
 _FINEST = math.radians(1.0)
 
 IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.plain_fit import all_round, best_agreement, places_near
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.detection_rule import BoolArray, best_pairs
+from sonarhw_compare.known_room.detection_rule import best_pairs
 from sonarhw_compare.matching.block_bootstrap import drawn_blocks
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import angles_and_ranges, mean_run

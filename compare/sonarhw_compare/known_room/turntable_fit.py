@@ -18,9 +18,9 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.likelihood.objective import MODERATE, Objective, Problem, make_problem
-from sonarhw_compare.fit.search.refine import BoolArray, climb, covariance_of, refined
+from sonarhw_compare.fit.search.refine import climb, covariance_of, refined
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import (

@@ -8,16 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.by_heading import standpoints
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.map.certainty import headings_and_ranges
 from sonarhw_compare.matching.regions import regions_of
-
-BoolArray = NDArray[np.bool_]
 
 _SURE = math.radians(2)  # smallest standard deviation of a bearing
 

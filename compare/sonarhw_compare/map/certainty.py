@@ -10,17 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from sonarhw_sim.board.mount import of_own_body
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.models import CONE_HALF_ANGLE
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-
-BoolArray = NDArray[np.bool_]
 
 CELL = 0.02  # m
 DEPTH = 0.05  # m, uncertainty of the range of a reading, to each side

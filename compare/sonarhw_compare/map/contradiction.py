@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_sim.board.profile import Board
 
+from sonarhw.readings import BoolArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.map.certainty import BoolArray, headings_and_ranges
+from sonarhw_compare.map.certainty import headings_and_ranges
 from sonarhw_compare.map.features import Features, Wall
 
 _BEAM = math.radians(5)  # to each side of the perpendicular; wider, other objects are detected

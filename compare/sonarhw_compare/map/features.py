@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sonarhw.readings import FloatArray
-from sonarhw_compare.map.arcs import Arc, BoolArray, direction
+from sonarhw.readings import BoolArray, FloatArray
+from sonarhw_compare.map.arcs import Arc, direction
 
 RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
 CONFIRMING = 3  # places that must agree on a feature; two places always agree on something

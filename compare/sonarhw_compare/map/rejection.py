@@ -14,10 +14,9 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room, parse_room
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.map.arcs import Arc, direction
-from sonarhw_compare.map.certainty import BoolArray
 from sonarhw_compare.map.features import Features, Wall
 from sonarhw_compare.matching.match import compare_readings
 

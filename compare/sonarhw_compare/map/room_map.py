@@ -10,10 +10,11 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Room
 
 from sonarhw.errors import InputError
+from sonarhw.readings import BoolArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.map.arcs import arcs_of
-from sonarhw_compare.map.certainty import BoolArray, CertaintyGrid, certainty_grid
+from sonarhw_compare.map.certainty import CertaintyGrid, certainty_grid
 from sonarhw_compare.map.contradiction import with_possible_walls
 from sonarhw_compare.map.features import Features, count_places, find_features
 from sonarhw_compare.map.rejection import judged_readings, room_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import BoolArray, FloatArray, Reading
 
 # m, largest difference of ranges in one region; slightly over 2 cm, for boards that report whole centimetres
 TOLERANCE = 0.02 + 1e-9
@@ -96,7 +96,7 @@ def _runs(
     yield run
 
 
-def _detections(headings: FloatArray, ranges: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _detections(headings: FloatArray, ranges: FloatArray) -> tuple[NDArray[np.intp], BoolArray]:
     """Return rows with a range, counter-clockwise, (h,) int, and whether there is a gap behind each, (h,) bool."""
     turns = np.remainder(headings, math.tau)
     order = np.argsort(turns, kind="stable")

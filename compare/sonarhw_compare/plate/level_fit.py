@@ -21,10 +21,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import ndtr, xlogy
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.weighing import BoolArray
 from sonarhw_sim.choices import Receiver
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.plate.level_keys import LevelKey, changed_board
 from sonarhw_compare.plate.level_posterior import SCATTERS, LevelPrior, level_posterior
 from sonarhw_compare.plate.plate_readings import PlateReadings

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.weighing import BoolArray
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.plate.level_keys import LevelKey, changed_board
 from sonarhw_compare.plate.plate_readings import PlateReadings
 from sonarhw_compare.plate.plate_signal import WIDEST, PlateLevels, plate_levels

@@ -4,12 +4,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_sim.predict.by_heading import standpoints
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_gui.finding.find_control import FindState
 from sonarhw_gui.finding.find_request import Hypotheses
 from sonarhw_gui.look.appearance import LengthUnit
@@ -88,7 +87,7 @@ def _deviations(state: FindState, row: int, unit: LengthUnit) -> str:
     return f"± {length('post', number, 0)}, ± {length('post', number, 1)}"
 
 
-def _points(found: Hypotheses, chosen: tuple[NDArray[np.bool_], ...]) -> FloatArray:
+def _points(found: Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
     """Return the points of the chosen readings with an echo, (n, 2) m, at the places of the draft."""
     parts = []
     for scan, place, which in zip(found.scans, found.draft.places, chosen, strict=True):

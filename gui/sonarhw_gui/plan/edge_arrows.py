@@ -21,7 +21,7 @@ _INSET = 9.0  # pixels, from the edge to the middle of an arrow
 _ARROW, _HALF_WIDTH, _GAP = 8.0, 5.5, 3.0  # pixels: half of its length and width, and the gap before its text
 _APART = 72.0  # pixels between two arrows at least; readings between them share one
 _PICK = 16.0  # pixels
-Pixels = tuple[float, float]
+PixelPoint = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -30,15 +30,15 @@ class EdgeArrow:
 
     reading: int
     kind: Class
-    at: Pixels  # of its middle, from the upper left corner of the plot
-    towards: Pixels  # unit vector
+    at: PixelPoint  # of its middle, from the upper left corner of the plot
+    towards: PixelPoint  # unit vector
     distance: float  # m, from the sensor
     heading: float  # rad, from the sensor
     count: int  # readings that share it
 
 
 def edge_arrows(
-    placed: dict[Class, Placed], seen: QRectF, size: Pixels, sensor: Pixels, chosen: int | None
+    placed: dict[Class, Placed], seen: QRectF, size: PixelPoint, sensor: PixelPoint, chosen: int | None
 ) -> list[EdgeArrow]:
     """Return arrows towards the readings outside the area `seen`, m, of a plot of `size` pixels."""
     if not placed or min(size) <= 4 * _INSET:
@@ -91,7 +91,7 @@ def _at_edge(pixels: FloatArray, size: FloatArray, origin: FloatArray) -> tuple[
     return origin + share[:, None] * along, along / np.hypot(*along.T)[:, None]
 
 
-def _beside(at: Pixels, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
+def _beside(at: PixelPoint, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
     """Return the areas on both sides of an arrow for a text of this size.
 
     They lie along the edge, in the margin around the room: farther inwards the text would cover walls and readings.
@@ -116,7 +116,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         self._look = Look()
         self._font = QFont()
         self._placed: dict[Class, Placed] = {}
-        self._sensor: Pixels = (0.0, 0.0)
+        self._sensor: PixelPoint = (0.0, 0.0)
         self._chosen: int | None = None
         self.setParentItem(box)
         self.setZValue(1000)
@@ -128,7 +128,7 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
         self._look, self._font = look, text_font(look, 0.8)
         self.update()
 
-    def draw(self, placed: dict[Class, Placed], sensor: Pixels, chosen: int | None) -> None:
+    def draw(self, placed: dict[Class, Placed], sensor: PixelPoint, chosen: int | None) -> None:
         """Draw the arrows of these readings."""
         self._placed, self._sensor, self._chosen = placed, sensor, chosen
         self._lay_out()

@@ -5,9 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_gui.look.palette import Class
 from sonarhw_gui.scene.note_texts import NO_NOTES, NoteTexts
 from sonarhw_gui.shown.reading_cells import Column, class_name
@@ -66,11 +65,11 @@ def _note_keys(rows: ReadingRows, notes: NoteTexts) -> FloatArray:
     return keys
 
 
-def _among(rows: ReadingRows, readings: Iterable[int]) -> NDArray[np.bool_]:
+def _among(rows: ReadingRows, readings: Iterable[int]) -> BoolArray:
     return np.isin(np.arange(len(rows)), list(readings))
 
 
-def _containing(rows: ReadingRows, words: list[str], notes: NoteTexts) -> NDArray[np.bool_]:
+def _containing(rows: ReadingRows, words: list[str], notes: NoteTexts) -> BoolArray:
     # each word is searched in the few distinct texts of a column, not in every row
     angles, which = np.unique(np.round(rows.headings, 1), return_inverse=True)
     kept = np.ones(len(rows), bool)

@@ -21,7 +21,7 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.grid import whole_numbers
 from sonarhw_sim.room.model import Room
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.free_walls import corner_moves, left_normals
 
 Point = tuple[float, float]
@@ -68,7 +68,7 @@ def with_reverses(paths: Paths, board: Board) -> Paths:
     return replace(paths, gains=gains).select(np.flatnonzero(kept))
 
 
-def _are_alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
+def _are_alike(one: FloatArray, other: FloatArray) -> BoolArray:
     """Return which of the unit vectors (n, 2) have the same direction, (n,)."""
     return np.asarray((np.abs(one - other) < _SAME_DIRECTION).all(axis=1))
 
@@ -143,7 +143,7 @@ def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray
     return _as_vectors(out), _as_vectors(np.where(bent[:, None], back, 0.0))
 
 
-def _after_bend(paths: Paths) -> NDArray[np.bool_]:
+def _after_bend(paths: Paths) -> BoolArray:
     """Return which touches of surfaces (k, t) come after the edge of their path."""
     touched = paths.surfaces >= 0
     number = np.cumsum(touched, axis=1) - 1
@@ -171,7 +171,7 @@ def _reflection_normal(points: FloatArray) -> FloatArray:
 
 
 def _image_move(
-    normals: NDArray[np.complex128], mirrors: NDArray[np.bool_], by_touch: FloatArray, end: NDArray[np.complex128]
+    normals: NDArray[np.complex128], mirrors: BoolArray, by_touch: FloatArray, end: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """Return how images of points behind mirrors move if the points move by `end`; both (k, walls), complex.
 

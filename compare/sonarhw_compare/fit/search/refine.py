@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from sonarhw_sim.predict.prediction import PredictionOptions
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Objective, Problem
 
@@ -27,8 +27,6 @@ _WORST = -1e12  # replaces -inf
 _FLATTEST = 0.01  # smallest curvature over a width; a normal distribution has 1
 _HIDDEN = 0.2  # of a direction; a normal distribution is lower by 0.5 at 1
 _WIDEST = 30.0  # steps, largest width, for a flat likelihood
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
