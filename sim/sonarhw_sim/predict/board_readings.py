@@ -54,7 +54,7 @@ def paths_and_beam(
         paths.arriving[rows],
         strengths(room, board, paths)[rows],
         sets,
-        blocked[:, rows] if len(blocked) else blocked,
+        np.ascontiguousarray(blocked[:, rows]) if len(blocked) else blocked,  # numba would compile a second layout
         10 ** (board.threshold_db / 20),
         ka,
         beam_table(ka),

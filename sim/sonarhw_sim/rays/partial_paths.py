@@ -91,7 +91,8 @@ def solved_paths(
     real, points, lengths, divergences = solve_candidates(
         place, fan.touched, fan.candidates, targets, longest, blocking, climbs
     )
-    ray, bounces, target = fan.candidates[real].T
+    # contiguous also if there are several: numba would compile both layouts
+    ray, bounces, target = np.ascontiguousarray(fan.candidates[real].T)
     most = points.shape[1] - 3
     surfaces, gains = np.empty((len(ray), most), np.int32), np.empty(len(ray))
     _fill_touched(fan.touched, ray, bounces, room.reflectances, surfaces, gains)

@@ -6,6 +6,12 @@ from pathlib import Path
 
 from tests.checkout import CHECKOUT
 
+ONE_WALL = """
+name = "One wall"
+materials.board.reflectance = 0.9
+walls = [{ name = "wall", points = [[-9.0, 0.0], [9.0, 0.0]], material = "board" }]
+"""
+
 
 def test_all_kernels_are_compiled_after_prepare() -> None:
     program = """
@@ -44,12 +50,14 @@ def compiled():
 runpy.run_path("setup/compile_kernels.py")["compile_kernels"]()
 before = compiled()
 from sonarhw_cli.app import run
-simple, log, traces = ["rooms/simple.toml", "--place", "figure7"], sys.argv[1], sys.argv[2]
+simple, log, traces, one_wall = ["rooms/simple.toml", "--place", "figure7"], *sys.argv[1:]
 for command in (
     ["simulate", *simple, "--step", "30", "--out", log],
     ["simulate", *simple, "--receiver", "board", "--traces", "sampled", "--step", "90", "--out", traces],
     ["simulate", "laboratory", "--place", "bench", "--edge-strength", "keller"],
     ["simulate", "doorstep", "--place", "tripod", "--board", "hc-sr04", "--unit", "block"],
+    ["simulate", "arena", "--place", "p1", "--board", "lego-nxt", "--step", "30"],
+    ["simulate", one_wall, "--place", "0,1", "--board", "hc-sr04", "--step", "30"],  # a search that finds one path
     ["paths", *simple],
     ["fit", log, "--free", "position", "--samples", "0"],
     ["--quiet", "map", log],
@@ -58,7 +66,8 @@ for command in (
         assert run(command) == 0, command
     assert before and compiled() == before, (command, compiled() - before)
 """
-    files = [str(tmp_path / "scan.mcap"), str(tmp_path / "traces.npz")]
+    files = [str(tmp_path / name) for name in ("scan.mcap", "traces.npz", "one_wall.toml")]
+    Path(files[2]).write_text(ONE_WALL)
     assert subprocess.run([sys.executable, "-c", program, *files], cwd=CHECKOUT, check=False).returncode == 0
 
 
