@@ -25,6 +25,8 @@ _OTHER_UNITS = {"Hz": (1000, "kHz"), "m": (0.001, "mm"), "s": (0.001, "ms")}  # 
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)[ \t]*+\.[ \t]*+"""
 _DOTTED = re.compile(rf"(?<![\w-])(?:{_PART}){{{MOST_DOTS}}}")  # possessive, so that the search is linear
 _WITHIN = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt}
+_PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
+_DECIMAL_COMMA = re.compile(r"= *[+-]?\d+,\d")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -55,11 +57,21 @@ def parse_table(text: str, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where}: not TOML: {error}") from error
+        raise InputError(f"{where}: not TOML: {error}{_line_of(error, text)}") from error
     except ValueError as error:  # Python reads no decimal number of more than 4300 digits
         raise InputError(f"{where}: a number has too many digits; expected an ordinary number") from error
     except RecursionError as error:
         raise InputError(f"{where}: lists or tables are nested too deeply; expected at most three levels") from error
+
+
+def _line_of(error: tomllib.TOMLDecodeError, text: str) -> str:
+    """Return the line of the error, and what to do about a decimal comma; empty at the end of the file."""
+    place = _PLACE.search(str(error))
+    if place is None:
+        return ""
+    line = text.split("\n")[int(place[1]) - 1].strip()
+    advice = "; write numbers with a point, such as 0.95" if _DECIMAL_COMMA.search(line) else ""
+    return f": {quoted(line)}{advice}"
 
 
 def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:
@@ -184,10 +196,10 @@ def _reason(error: Mapping[str, Any], model: type[TomlModel]) -> str:
     if kind == "extra_forbidden":
         return f"unknown key{_suggestion(error['loc'], model)}"
     if kind == "too_short":
-        return f"expected at least {error['ctx']['min_length']} of them, got {error['ctx']['actual_length']}"
+        return f"expected at least {error['ctx']['min_length']} values, got {error['ctx']['actual_length']}"
     if kind == "too_long":
         most = error["ctx"]["max_length"]
-        return f"expected {'at most ' if most > 3 else ''}{most} of them, got {error['ctx']['actual_length'] or 'more'}"
+        return f"expected {'at most ' if most > 3 else ''}{most} values, got {error['ctx']['actual_length'] or 'more'}"
     if kind == "string_pattern_mismatch":
         return f"expected a name without > and /, which join names, got {quoted(got)}"
     if kind in ("model_type", "dict_type") and isinstance(got, tuple):

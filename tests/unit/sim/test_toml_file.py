@@ -116,7 +116,7 @@ def test_too_many_walls_are_refused_in_bounded_memory() -> None:
     points = ", ".join(f"[{k % 1000}, {k // 1000}]" for k in range(210_000))
     with at_most(400_000_000):
         message = refusal(parse_room, ROOM.replace("points = [[2.45, 0.4], [2.95, 0.85]]", f"points = [{points}]"))
-    assert message == "walls[2].points: expected at most 200000 of them, got 210000"
+    assert message == "walls[2].points: expected at most 200000 values, got 210000"
 
 
 @pytest.mark.parametrize("load", [load_room, load_board])

@@ -53,7 +53,7 @@ material = "m"
         ("reflectance = 0.9", 'reflectance = "high"', "materials.m.reflectance: expected a valid number, got 'high'"),
         ("[1.0, 0.0], [1.0, 1.0]]", "[0.0, 0.0]]", "segment 0 of wall 'w'"),
         ("[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]", "[[0.0, 0.0]]", "walls[0].points"),
-        ("[1.0, 0.0], [1.0", "[1.0, 0.0, 2.0], [1.0", "walls[0].points[1]: expected 2 of them, got 3"),
+        ("[1.0, 0.0], [1.0", "[1.0, 0.0, 2.0], [1.0", "walls[0].points[1]: expected 2 values, got 3"),
         ("position = [0.2, 0.3]", "position = [5.1, 5.1]", "place 'here' lies inside post 'p'"),
         ("radius = 0.5", "radius = 0.0", "posts[0].radius: expected greater than 0"),
         ('name = "p"', 'name = "w[0]"', "named 'w[0]'"),
@@ -63,6 +63,7 @@ material = "m"
             "a name in edges for each of 2 segments",
         ),
         ("position = [0.2, 0.3]", "position = [0.2", "not TOML"),
+        ("radius = 0.5", "radius = 0,5", "'radius = 0,5'; write numbers with a point"),
         ("position = [0.2, 0.3]", "", "places.here.position: missing"),
     ],
 )
