@@ -9,7 +9,6 @@ omitted.
 """
 
 import importlib.metadata
-import math
 import platform
 import statistics
 import subprocess
@@ -19,25 +18,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.traces import received
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.cores import core_count
 from sonarhw_sim.predict.prediction import paths_for, predict_scan, weigh_paths
-from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import follow_fan
 from sonarhw_sim.room.model import Room, load_room
 
 from benchmarks.cases.hundred_echoes import LISTEN, RATE, SPEED, hundred_echoes
 from benchmarks.cases.image_source_table import compare_with_image_sources
-from benchmarks.cases.numpy_fan import follow_with_numpy
 from benchmarks.cases.office import PLACE, office_floor
-from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, OPTIONS, scan
+from benchmarks.cases.office_scan import BOARD, HEADINGS, OPTIONS, scan
 from benchmarks.cases.table_rows import Row, at_least, at_most, without_limit
 from tests.oracles.one_heading import range_at
 
-HALF_CIRCLE = np.asarray(0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25), np.float64)
 VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
 
 
@@ -61,26 +55,9 @@ def per_single_headings(floor: Room, clock: Callable[[], float]) -> float:
     return 360 * single / seconds(lambda: scan(floor), clock=clock)
 
 
-def kernel_arrivals(floor: Room) -> set[tuple[int, ...]]:
-    """Return the walls touched before every arrival of half a circle of rays near the place."""
-    place, targets, longest = np.array(PLACE.position), np.array([PLACE.position]), np.array([LONGEST])
-    no_limits = all_rays(len(HALF_CIRCLE), len(targets))
-    found = follow_fan(place, HALF_CIRCLE, floor.surfaces, floor.reflectances, targets, longest, BOUNCES, no_limits)
-    return {tuple(found.touched[row, :bounces].tolist()) for row, bounces, _ in found.candidates.tolist()}
-
-
-def numpy_arrivals(floor: Room) -> set[tuple[int, ...]]:
-    """Return the same, or more, by NumPy."""
-    return follow_with_numpy(np.array(PLACE.position), HALF_CIRCLE, floor.walls, LONGEST, BOUNCES)
-
-
 def rows() -> Iterator[Row]:
     """Yield the rows as they are measured."""
     small, large = office_floor(64), office_floor(1000)
-    kernel_time, numpy_time = (seconds(partial(arrivals, small)) for arrivals in (kernel_arrivals, numpy_arrivals))
-    yield at_least("one heading, every arrival, 64 walls: times NumPy", 9, numpy_time / kernel_time)
-    first = statistics.mean(seconds(partial(range_at, small, PLACE, BOARD, h), 0.02) for h in HEADINGS[::6])
-    yield at_least("one heading, appendix A with early exit, 64 walls: times NumPy", 30, numpy_time / first)
     name = "whole scan, 64 walls: times 360 headings"
     yield without_limit(f"{name}, processor time", per_single_headings(small, time.process_time), 1)
     yield at_least(f"{name}, wall time, {core_count()} cores", 15, per_single_headings(small, time.perf_counter))

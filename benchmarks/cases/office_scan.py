@@ -14,12 +14,10 @@ from sonarhw_sim.room.model import Room
 
 from benchmarks.cases.office import PLACE
 
-LONGEST = 20.0  # m, there and back
-BOUNCES = 8
-BOARD = replace(load_board("polaroid-6500"), max_range=LONGEST / 2)
+BOARD = replace(load_board("polaroid-6500"), max_range=10.0)
 HEADINGS = np.radians(np.arange(360.0))
 # with the spacing of the rays of one heading, so that the same work is compared
-OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440, receiver=Receiver.FIRST_ECHO)
+OPTIONS = PredictionOptions(max_bounces=8, rays=1440, receiver=Receiver.FIRST_ECHO)
 
 
 def scan(room: Room) -> PredictedScan:

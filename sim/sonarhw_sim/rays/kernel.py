@@ -32,7 +32,7 @@ from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, l
 
 # Distance, in ray spacings, within which a ray is a candidate. A path midway between two rays is half a spacing from
 # both; the rest finds paths through gaps narrower than the spacing.
-ALLOWANCE = 1.5
+_ALLOWANCE = 1.5
 WIDER = 16.0  # times this distance, if rays have slopes
 _FEW_EDGES = 8  # to test so many at each leg takes less time than to look in the cells of its way
 _LEAST_PART = 720  # directions: fewer take about as long as a thread needs to begin
@@ -153,7 +153,7 @@ def follow_fan(
         radii,
         longest,
         max_bounces,
-        list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
+        list_points(surfaces.cells, targets[1:], _ALLOWANCE * spacing * max_length + radii[1:, None]),
         detectable,
         spacing,
         max_length,
@@ -313,7 +313,7 @@ def _passes(leg: _Leg, reach: float, target: int, search: _Search) -> bool:
     ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
     on = max(ahead, 0.0)
     width = leg.width + leg.opening * on
-    near = ALLOWANCE * search.spacing * width + search.radii[target]
+    near = _ALLOWANCE * search.spacing * width + search.radii[target]
     if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > search.longest[target] + near:
         return False
     loudest = leg.amplitude * math.sqrt((leg.length + on) / width)
@@ -327,7 +327,7 @@ def _passes(leg: _Leg, reach: float, target: int, search: _Search) -> bool:
 def _most_received(leg: _Leg, spacing: float, detectable: Detectable) -> float:
     """Return the largest beam factor of the receiver for the directions of a tube."""
     cosine = -leg.dx * detectable.axis_x - leg.dy * detectable.axis_y
-    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
+    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - _ALLOWANCE * spacing * leg.opening, 0.0)
     most: float = detectable.receiving[int(aside / math.pi * (detectable.receiving.shape[0] - 1))]
     return most
 
@@ -340,7 +340,7 @@ def _can_return(leg: _Leg, distance: float, search: _Search) -> bool:
     x, y = search.targets[0, 0] - leg.x - distance * leg.dx, search.targets[0, 1] - leg.y - distance * leg.dy
     home = math.hypot(x, y)
     width = leg.width + leg.opening * (distance + home)
-    return leg.length + distance + home - ALLOWANCE * search.spacing * width <= search.max_return
+    return leg.length + distance + home - _ALLOWANCE * search.spacing * width <= search.max_return
 
 
 @inlined
