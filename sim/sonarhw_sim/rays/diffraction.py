@@ -5,7 +5,7 @@ Each pair of a path from the source and a reversed path from the receiver gives 
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,8 +101,8 @@ def diffracted_paths(
     path_table.check_size(len(first), most + _FEWEST_POINTS)
     surfaces = np.empty((len(first), most), np.int32)
     points = np.empty((len(first), most + _FEWEST_POINTS, 2))
-    fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
-    fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
+    path_table.fill_rows(surfaces, out.surfaces, first, before, back.surfaces, second, after)
+    path_table.fill_rows(points, out.points, first, before + 2, back.points, second, after + 1)
     lengths = out.lengths[first] + back.lengths[second]
     return PartialPaths(lengths, gains, phases, surfaces, out.edges[first], out.bends[first], points)
 
@@ -123,50 +123,6 @@ def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[NDArray[np.intp], 
     angles = np.mod(direction - room.edges.starts[edges], math.tau)
     departures = np.arctan2(away[:, 1], away[:, 0])
     return rows, EdgePaths(edges, paths.lengths[rows], paths.gains[rows], angles, departures)
-
-
-def fill_rows(
-    table: NDArray[Any],
-    one: NDArray[Any],
-    first: NDArray[np.intp],
-    count: IntArray,
-    other: NDArray[Any],
-    second: NDArray[np.intp],
-    other_count: IntArray,
-) -> None:
-    """Fill each row of `table` from the left: `count` columns of a row of `one`, then a row of `other`, reversed.
-
-    `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used. The rest of a row is filled
-    with -1, or NaN for points.
-    """
-    nothing = table.dtype.type(-1 if np.issubdtype(table.dtype, np.integer) else np.nan)
-    if table.ndim == 2:
-        table, one, other = table[:, :, None], one[:, :, None], other[:, :, None]
-    counts = (np.asarray(each, np.int64) for each in (first, count, second, other_count))
-    _fill(table, one, other, nothing, *counts)
-
-
-@compiled
-def _fill(
-    table: NDArray[Any],
-    one: NDArray[Any],
-    other: NDArray[Any],
-    nothing: Any,
-    first: NDArray[np.int64],
-    count: NDArray[np.int64],
-    second: NDArray[np.int64],
-    other_count: NDArray[np.int64],
-) -> None:
-    """Fill the rows of `table` (m, k, d) as `fill_rows`."""
-    for row in range(table.shape[0]):
-        total = count[row] + other_count[row]
-        for axis in range(table.shape[2]):
-            for k in range(count[row]):
-                table[row, k, axis] = one[first[row], k, axis]
-            for k in range(count[row], total):
-                table[row, k, axis] = other[second[row], total - 1 - k, axis]
-            for k in range(total, table.shape[1]):
-                table[row, k, axis] = nothing
 
 
 def join_at_edges(

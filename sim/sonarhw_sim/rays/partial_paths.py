@@ -13,7 +13,7 @@ from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.kernel import Fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
-from sonarhw_sim.rays.path_table import PathTable
+from sonarhw_sim.rays.path_table import PathTable, fill_rows
 from sonarhw_sim.rays.sequences import solve_candidates
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
@@ -174,7 +174,17 @@ def first_of_equal(table: IntArray) -> NDArray[np.intp]:
 
 def hashes_of(table: IntArray) -> NDArray[np.int64]:
     """Return a hash of each row (n, k): to sort whole rows takes longer than all else."""
-    return np.asarray((table.astype(np.int64) * _weights(table.shape[1])).sum(axis=1))
+    hashes = np.empty(len(table), np.int64)
+    _fill_hashes(table, _weights(table.shape[1]), hashes)
+    return hashes
+
+
+@compiled
+def _fill_hashes(table: IntArray, weights: NDArray[np.int64], hashes: NDArray[np.int64]) -> None:
+    for row in range(table.shape[0]):
+        hashes[row] = 0
+        for k in range(table.shape[1]):
+            hashes[row] += table[row, k] * weights[k]
 
 
 @lru_cache(maxsize=128)
@@ -202,9 +212,9 @@ def _bends_back(paths: PartialPaths, count: NDArray[np.intp]) -> IntArray:
 
 def _turned(table: NDArray[Any], count: NDArray[np.intp]) -> NDArray[Any]:
     """Return a table with the first `count` (n,) columns of each row in reverse order."""
-    column = np.arange(table.shape[1])
-    order = np.where(column < count[:, None], count[:, None] - 1 - column, column)
-    return np.asarray(table[np.arange(len(table))[:, None], order])
+    turned, rows = np.empty_like(table), np.arange(len(table))
+    fill_rows(turned, table, rows, 0 * count, table, rows, count)
+    return turned
 
 
 def _in_order(paths: PartialPaths) -> NDArray[np.intp]:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.room.grid import IntArray
 
 # Points of all paths of one table. A search needs about 80 bytes for each, 2.4 GB. The shipped
 # rooms have up to 2 million.
@@ -62,3 +64,47 @@ def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:
         rows[first : first + len(array), array.shape[1] :] = nothing
         first += len(array)
     return rows
+
+
+def fill_rows(
+    table: NDArray[Any],
+    one: NDArray[Any],
+    first: NDArray[np.intp],
+    count: IntArray,
+    other: NDArray[Any],
+    second: NDArray[np.intp],
+    other_count: IntArray,
+) -> None:
+    """Fill each row of `table` from the left: `count` columns of a row of `one`, then a row of `other`, reversed.
+
+    `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used. The rest of a row is filled
+    with -1, or NaN for points.
+    """
+    nothing = table.dtype.type(-1 if np.issubdtype(table.dtype, np.integer) else np.nan)
+    if table.ndim == 2:
+        table, one, other = table[:, :, None], one[:, :, None], other[:, :, None]
+    counts = (np.asarray(each, np.int64) for each in (first, count, second, other_count))
+    _fill(table, one, other, nothing, *counts)
+
+
+@compiled
+def _fill(
+    table: NDArray[Any],
+    one: NDArray[Any],
+    other: NDArray[Any],
+    nothing: Any,
+    first: NDArray[np.int64],
+    count: NDArray[np.int64],
+    second: NDArray[np.int64],
+    other_count: NDArray[np.int64],
+) -> None:
+    """Fill the rows of `table` (m, k, d) as `fill_rows`."""
+    for row in range(table.shape[0]):
+        total = count[row] + other_count[row]
+        for axis in range(table.shape[2]):
+            for k in range(count[row]):
+                table[row, k, axis] = one[first[row], k, axis]
+            for k in range(count[row], total):
+                table[row, k, axis] = other[second[row], total - 1 - k, axis]
+            for k in range(total, table.shape[1]):
+                table[row, k, axis] = nothing

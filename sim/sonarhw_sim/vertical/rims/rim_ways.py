@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part
-from sonarhw_sim.rays.diffraction import fill_rows
 from sonarhw_sim.rays.partial_paths import first_of_kind
 from sonarhw_sim.rays.passing import pass_low, room_for_passages
+from sonarhw_sim.rays.path_table import fill_rows
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
 from sonarhw_sim.room.grid import IntArray, Surfaces
