@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
+from sonarhw_sim.rays import path_table
 from sonarhw_sim.room.grid import IntArray
 
 _ROOM = 4096  # rows at first
@@ -24,6 +25,13 @@ class CandidateTable(NamedTuple):
     slots: IntArray  # hash table of the keys, -1 where empty
     sequences: IntArray  # (s, 2): number of the sequence without the last surface, 0 for none, and that surface
     sequence_slots: IntArray
+
+
+class Fan(NamedTuple):
+    """What the rays of a fan come near to, and what they touched before."""
+
+    touched: IntArray  # (r, b): sequences of surfaces, in order, padded with -1
+    candidates: IntArray  # (c, 3): row of `touched`, reflections before the target, row of the target
 
 
 def no_candidates() -> CandidateTable:
@@ -79,8 +87,28 @@ def with_other(
     return table, found, known
 
 
+def fan_of(table: CandidateTable, found: int, known: int, targets: int) -> Fan:
+    """Return the candidates with their sequences, and the direct path to every target, which rays may miss.
+
+    The table has so many `found` candidates and `known` sequences. Raises InputError if they need too much memory.
+    """
+    candidates = table.candidates[:found]
+    deepest = int(candidates[:, 1].max(initial=0))
+    path_table.check_size(found, deepest + 2)
+    touched = _touched_before(table, found, known, deepest)
+    by_rays = candidates[(candidates[:, 1] > 0) | (candidates[:, 2] == 0)]
+    return Fan(touched, np.vstack((direct_candidates(targets), by_rays)))
+
+
+def direct_candidates(targets: int) -> IntArray:
+    """Return the candidates without reflections to every target but the receiver, which is row 0, (targets - 1, 3)."""
+    direct = np.zeros((targets - 1, 3), dtype=np.int32)
+    direct[:, 2] = np.arange(1, targets)
+    return direct
+
+
 @compiled
-def touched_before(table: CandidateTable, found: int, known: int, deepest: int) -> IntArray:
+def _touched_before(table: CandidateTable, found: int, known: int, deepest: int) -> IntArray:
     """Return each sequence of the candidates, (r, deepest), padded with -1, and replace its number by its row.
 
     The table has so many `found` candidates and `known` sequences; `deepest` are the most reflections of a candidate.

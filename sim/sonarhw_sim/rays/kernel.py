@@ -18,17 +18,19 @@ from sonarhw_sim.cores import in_parts
 from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.candidate_table import (
     CandidateTable,
+    Fan,
+    fan_of,
     is_full,
     no_candidates,
     number_of,
-    touched_before,
     with_other,
     with_room,
 )
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.first_surface import first_among, reflect
 from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, no_heights, surface_at
-from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, advance, enter, list_points, listed
+from sonarhw_sim.room.grid import Listing, Surfaces, advance, enter, list_points, listed
+from sonarhw_sim.room.model import Room
 
 # Distance, in ray spacings, within which a ray is a candidate. A path midway between two rays is half a spacing from
 # both; the rest finds paths through gaps narrower than the spacing.
@@ -96,43 +98,67 @@ class _Workspace(NamedTuple):
     waiting_legs: FloatArray  # (k, 9): their legs to the surface, and its distance
 
 
-class Fan(NamedTuple):
-    """What the rays of a fan come near to, and what they touched before."""
+class Targets(NamedTuple):
+    """Where rays lead: row 0 is the receiver, the others are edges, or walls and posts as circles."""
 
-    touched: IntArray  # (r, b): sequences of surfaces, in order, padded with -1
-    candidates: IntArray  # (c, 3): row of `touched`, reflections before the target, row of the target
+    points: FloatArray  # (t, 2), m
+    longest: FloatArray  # (t,), m: of the path to each
+    radii: FloatArray  # (t,), m; 0 for points
+
+    @staticmethod
+    def at(points: FloatArray, longest: FloatArray) -> "Targets":
+        """Return targets that are points."""
+        return Targets(points, longest, np.zeros(len(points)))
 
 
 def follow_fan(
+    room: Room,
     source: FloatArray,
     directions: FloatArray,
-    surfaces: Surfaces,
-    reflectances: FloatArray,
-    targets: FloatArray,
-    longest: FloatArray,
+    targets: Targets,
     max_bounces: int,
     detectable: Detectable,
-    radii: FloatArray | None = None,
     passing: Passing | None = None,
     steepest: FloatArray | None = None,
 ) -> Fan:
-    """Follow every ray until its path is too long or too faint for every target.
+    """Follow every ray from `source` (2,) until its path is too long or too faint for every target.
 
-    `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges or the centres of
-    posts; `longest` (t,) m; `radii` (t,) m of the targets, None for points. A ray that meets one of the surfaces of
-    `passing` touches or passes it, and there are several for each direction, with different slopes. Those that rise or
-    fall more than `steepest` lead to the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit.
+    `directions` (n,) rad, evenly spaced. A ray that meets one of the surfaces of `passing` touches or passes it, and
+    there are several for each direction, with different slopes. Those that rise or fall more than `steepest` lead to
+    the receiver only: slopes (k,) for amplitudes from 0 to 1, None for no limit.
 
-    Returns each sequence of surfaces to a target once.
+    Returns each sequence of surfaces to a target once, and always the direct path to every target but the receiver.
 
     Raises InputError if rays times reflections, or the candidates, would need too much memory.
     """
+    search = _search(room, source, directions, targets, max_bounces, detectable, passing, steepest)
+
+    def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
+        space = _workspace(len(targets.points), search.slopes.shape[1])
+        return _follow(begin, end, search, space, no_candidates(), path_table.MOST_POINTS)
+
+    (table, found, known), *others = in_parts(followed, len(directions), _LEAST_PART)
+    for other in others:
+        table, found, known = with_other(table, found, known, *other)
+    return fan_of(table, found, known, len(targets.points))
+
+
+def _search(
+    room: Room,
+    source: FloatArray,
+    directions: FloatArray,
+    targets: Targets,
+    max_bounces: int,
+    detectable: Detectable,
+    passing: Passing | None,
+    steepest: FloatArray | None,
+) -> _Search:
+    """Return the arguments of `follow_fan` for kernels."""
     # what NumPy does as fast is not compiled: a call of min(), zeros() or full() in a kernel costs a tenth of a second
     # or more at its compilation
+    points, longest, radii = targets
     spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
-    to_receiver = np.hypot(*(targets[1:] - targets[0]).T)
-    radii = np.zeros(len(targets)) if radii is None else radii
-    heights, slopes = no_heights(len(reflectances)), np.zeros((len(directions), 1))
+    heights, slopes = no_heights(len(room.reflectances)), np.zeros((len(directions), 1))
     if passing is not None:
         # a path has one slope, and few of the rays nearest to it have a similar one
         spacing *= WIDER
@@ -142,37 +168,27 @@ def follow_fan(
             f"{slopes.size} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
             "reflections in all, because of memory; use fewer rays or fewer reflections"
         )
-    search = _Search(
+    near_edges = _ALLOWANCE * spacing * max_length + radii[1:, None]
+    onward = longest[1:] + np.hypot(*(points[1:] - points[0]).T)
+    return _Search(
         source,
         directions,
         slopes,
-        surfaces,
+        room.surfaces,
         heights,
-        reflectances,
-        targets,
+        room.reflectances,
+        points,
         radii,
         longest,
         max_bounces,
-        list_points(surfaces.cells, targets[1:], _ALLOWANCE * spacing * max_length + radii[1:, None]),
+        list_points(room.surfaces.cells, points[1:], near_edges),
         detectable,
         spacing,
         max_length,
-        float(np.append(longest[1:] + to_receiver, longest[0]).max()),
+        float(np.append(onward, longest[0]).max()),
         float(detectable.least.min()),
         np.full(2, math.inf) if steepest is None else steepest,
     )
-
-    def followed(begin: int, end: int) -> tuple[CandidateTable, int, int]:
-        space = _workspace(len(targets), slopes.shape[1])
-        return _follow(begin, end, search, space, no_candidates(), path_table.MOST_POINTS)
-
-    (table, found, known), *others = in_parts(followed, len(directions), _LEAST_PART)
-    for other in others:
-        table, found, known = with_other(table, found, known, *other)
-    candidates = table.candidates[:found]
-    deepest = int(candidates[:, 1].max(initial=0))
-    path_table.check_size(found, deepest + 2)
-    return Fan(touched_before(table, found, known, deepest), candidates)
 
 
 def _workspace(targets: int, slopes: int) -> _Workspace:

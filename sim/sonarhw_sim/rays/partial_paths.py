@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
-from sonarhw_sim.rays.detectable import Detectable
-from sonarhw_sim.rays.kernel import Fan, follow_fan
+from sonarhw_sim.rays.candidate_table import Fan
+from sonarhw_sim.rays.kernel import Targets
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.path_table import PathTable, fill_rows
 from sonarhw_sim.rays.sequences import solve_candidates
@@ -41,46 +41,11 @@ class PartialPaths(PathTable):
         return PartialPaths(no, no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
 
 
-def find_partial_paths(
-    room: Room,
-    place: FloatArray,
-    targets: FloatArray,
-    edges: NDArray[np.intp],
-    longest: FloatArray,
-    directions: FloatArray,
-    max_bounces: int,
-    detectable: Detectable,
-    passing: Passing | None,
-    steepest: FloatArray,
-) -> PartialPaths:
-    """Return every detectable path from `place` (2,) to targets (t, 2), not longer than their `longest` (t,) m.
-
-    Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
-    `edges` (t - 1,), to which sound is too faint with a slope over `steepest` (k,), for amplitudes from 0 to 1.
-    """
-    found = follow_fan(
-        place,
-        directions,
-        room.surfaces,
-        room.reflectances,
-        targets,
-        longest,
-        max_bounces,
-        detectable,
-        passing=passing,
-        steepest=steepest,
-    )
-    found = found._replace(candidates=with_direct_paths(found.candidates, len(targets)))
-    leads_to = np.append(-1, edges).astype(np.int32)
-    return solved_paths(room, place, found, targets, longest, leads_to, passing)
-
-
 def solved_paths(
     room: Room,
     place: FloatArray,
     fan: Fan,
-    targets: FloatArray,
-    longest: FloatArray,
+    targets: Targets,
     leads_to: IntArray,
     passing: Passing | None,
 ) -> PartialPaths:
@@ -88,9 +53,7 @@ def solved_paths(
     blocking = room.surfaces if passing is None else passing.blocking
     # the height of a path to an edge is not known yet
     climbs = passing.to_receiver if passing is not None and leads_to[0] < 0 else None
-    real, points, lengths, divergences = solve_candidates(
-        place, fan.touched, fan.candidates, targets, longest, blocking, climbs
-    )
+    real, points, lengths, divergences = solve_candidates(place, fan, targets, blocking, climbs)
     # contiguous also if there are several: numba would compile both layouts
     ray, bounces, target = np.ascontiguousarray(fan.candidates[real].T)
     most = points.shape[1] - 3
@@ -119,14 +82,6 @@ def _fill_touched(
             gain *= reflectances[surfaces[row, k]]
         surfaces[row, bounces[row] :] = -1
         gains[row] = gain
-
-
-def with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
-    """Return the candidates and the direct path to every target but the receiver, which rays may miss."""
-    bounces, target = candidates[:, 1], candidates[:, 2]
-    straight = np.zeros((targets - 1, 3), dtype=np.int32)
-    straight[:, 2] = np.arange(1, targets)
-    return np.vstack((straight, candidates[(bounces > 0) | (target == 0)]))
 
 
 def shortest_first(paths: PartialPaths) -> PartialPaths:

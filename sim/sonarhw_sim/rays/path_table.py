@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.room.grid import IntArray
 
 # Points of all paths of one table. A search needs about 80 bytes for each, 2.4 GB. The shipped
 # rooms have up to 2 million.
@@ -70,10 +69,10 @@ def fill_rows(
     table: NDArray[Any],
     one: NDArray[Any],
     first: NDArray[np.intp],
-    count: IntArray,
+    count: NDArray[np.integer],
     other: NDArray[Any],
     second: NDArray[np.intp],
-    other_count: IntArray,
+    other_count: NDArray[np.integer],
 ) -> None:
     """Fill each row of `table` from the left: `count` columns of a row of `one`, then a row of `other`, reversed.
 

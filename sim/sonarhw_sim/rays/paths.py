@@ -15,15 +15,15 @@ from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
-from sonarhw_sim.rays.kernel import fan
+from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
 from sonarhw_sim.rays.partial_paths import (
     PartialPaths,
-    find_partial_paths,
     first_of_equal,
     last_points,
     missing_reverses,
     sequences_once,
     shortest_first,
+    solved_paths,
 )
 from sonarhw_sim.rays.passing import Passing, at_heights
 from sonarhw_sim.rays.path_table import PathTable
@@ -220,26 +220,17 @@ def _partial_paths_from(
     `by_posts` are the chains from `place` to posts and the ways from posts to these edges.
     """
     room, axes, directions = posts.room, search.axes, search.directions
-    targets = np.vstack((other, room.edges.points[edges]))
-    longest = np.append(to_other, _longest_partial(room, other, search)[edges])
+    points, longest = np.vstack((other, room.edges.points[edges])), _longest_partial(room, other, search)[edges]
+    targets = Targets.at(points, np.append(to_other, longest))
     if axes is None:
-        detectable = all_rays(len(directions), len(targets), search.faintest_diffraction)
+        detectable = all_rays(len(directions), len(points), search.faintest_diffraction)
     else:
-        there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
+        there, on = (np.hypot(*(points[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
-    found = find_partial_paths(
-        room,
-        place,
-        targets,
-        edges,
-        longest,
-        directions,
-        search.max_bounces,
-        detectable,
-        posts.passing,
-        search.steepest_bent,
-    )
-    touching = post_paths_to_edges(posts, place, *by_posts, edges, longest[1:])
+    bounces, passing = search.max_bounces, posts.passing
+    fan_ = follow_fan(room, place, directions, targets, bounces, detectable, passing, search.steepest_bent)
+    found = solved_paths(room, place, fan_, targets, np.append(-1, edges).astype(np.int32), passing)
+    touching = post_paths_to_edges(posts, place, *by_posts, edges, longest)
     if len(touching):
         found = PartialPaths.join([found, _new(touching, found)])
     found = with_thin_posts(room, found, search.wavelength)

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.cores import rows_in_parts
+from sonarhw_sim.rays.candidate_table import Fan
 from sonarhw_sim.rays.contacts import mirrors_of, room_for_posts, touch_posts
+from sonarhw_sim.rays.kernel import Targets
 from sonarhw_sim.rays.passing import Climbs, fits_a_climb, no_climbs, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
@@ -26,23 +28,21 @@ _LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the 
 
 def solve_candidates(
     source: FloatArray,
-    touched: IntArray,
-    candidates: IntArray,
-    targets: FloatArray,
-    longest: FloatArray,
+    fan: Fan,
+    targets: Targets,
     surfaces: Surfaces,
     to_receiver: Climbs | None = None,
     beyond_ends: float = ON_WALL,
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
-    """Solve candidates (c, 3) of `follow_fan`; those to target 0 only if one of the climbs `to_receiver` is possible.
+    """Solve the candidates of a fan (c, 3); those to target 0 only if one of the climbs `to_receiver` is possible.
 
     A path may touch a wall up to `beyond_ends` m beyond its end.
 
-    Returns whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool, and for each of the
-    r valid ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
+    Returns whether each is a valid path not longer than allowed to its target, (c,) bool, and for each of the r valid
+    ones: its points from the source to the target, (r, b + 3, 2) m, padded with NaN, for up to b reflections;
     its length (r,) m; its divergence (r,), the width of its ray tube over its length, 1 without posts.
     """
-    most = int(candidates[:, 1].max(initial=0))
+    most = int(fan.candidates[:, 1].max(initial=0))
     climbs = to_receiver or no_climbs(surfaces)
 
     def solved(begin: int, end: int) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
@@ -52,10 +52,10 @@ def solve_candidates(
         lengths, divergences = np.empty(count), np.empty(count)
         found = _solve(
             source,
-            touched,
-            candidates[begin:end],
-            targets,
-            longest,
+            fan.touched,
+            fan.candidates[begin:end],
+            targets.points,
+            targets.longest,
             surfaces,
             climbs,
             beyond_ends,
@@ -66,7 +66,7 @@ def solve_candidates(
         )
         return real, points[:found], lengths[:found], divergences[:found]
 
-    real, points, lengths, divergences = rows_in_parts(solved, len(candidates), _LEAST_PART)
+    real, points, lengths, divergences = rows_in_parts(solved, len(fan.candidates), _LEAST_PART)
     return real, points, lengths, divergences
 
 

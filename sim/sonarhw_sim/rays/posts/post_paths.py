@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.rays.kernel import Fan
+from sonarhw_sim.rays.candidate_table import Fan
+from sonarhw_sim.rays.kernel import Targets
 from sonarhw_sim.rays.partial_paths import PartialPaths, solved_paths
 from sonarhw_sim.rays.posts.post_chains import Chains, equal_pairs, joined, may_be_louder
 from sonarhw_sim.rays.posts.post_ways import PostSearch, PostWays
@@ -30,7 +31,7 @@ def post_paths(search: PostSearch, source: FloatArray, end: FloatArray, chains: 
     first, second = first[loud], second[loud]
     sequences = joined(chains.surfaces[first], back.surfaces[second][:, ::-1])
     target, no_edge = np.zeros(len(first), np.int32), np.array([-1], np.int32)
-    return _solved(search, source, sequences, target, (end[None], np.array([search.max_length]), no_edge))
+    return _solved(search, source, sequences, target, Targets.at(end[None], np.array([search.max_length])), no_edge)
 
 
 def post_paths_to_edges(
@@ -58,7 +59,9 @@ def post_paths_to_edges(
     loud = may_be_louder(chains, first, to_edges.lengths[second], search.faintest)
     first, second, edge = first[loud], second[loud], edge[loud]
     sequences = joined(chains.surfaces[first], to_edges.surfaces[second])
-    return _solved(search, place, sequences, edge, (room.edges.points[edges], longest, edges.astype(np.int32)))
+    return _solved(
+        search, place, sequences, edge, Targets.at(room.edges.points[edges], longest), edges.astype(np.int32)
+    )
 
 
 def _solved(
@@ -66,15 +69,16 @@ def _solved(
     source: FloatArray,
     sequences: IntArray,
     target: IntArray,
-    targets: tuple[FloatArray, FloatArray, IntArray],
+    targets: Targets,
+    leads_to: IntArray,
 ) -> PartialPaths:
     """Return the real ones of the paths by `sequences` (n, b) to these rows `target` (n,) of `targets`.
 
-    These are points (t, 2) and longest paths (t,), m, and the edge at each point or -1, (t,).
+    `leads_to` (t,) is the edge at each target or -1.
     """
     if not len(sequences):
         return PartialPaths.none()
     bounces = (sequences >= 0).sum(axis=1)
     sequences = np.ascontiguousarray(sequences[:, : bounces.max()])
     candidates = np.column_stack((np.arange(len(sequences)), bounces, target)).astype(np.int32)
-    return solved_paths(search.room, source, Fan(sequences, candidates), *targets, search.passing)
+    return solved_paths(search.room, source, Fan(sequences, candidates), targets, leads_to, search.passing)

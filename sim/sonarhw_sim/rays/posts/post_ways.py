@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.candidate_table import Fan, direct_candidates
 from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import Fan, fan, follow_fan
-from sonarhw_sim.rays.partial_paths import with_direct_paths
+from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.path_table import PathTable
 from sonarhw_sim.rays.sequences import solve_candidates
@@ -57,7 +57,8 @@ def ways_to_posts(search: PostSearch, place: FloatArray, other: FloatArray, dire
         return PostWays.none()
     radii = posts[:, 2]
     longest = search.max_length + radii - np.hypot(*(posts[:, :2] - other).T)
-    return _ways(search.room, place, -1, posts[:, :2], radii, longest, directions, most, search.passing)
+    targets = Targets(posts[:, :2], longest, radii)
+    return _ways(search.room, place, -1, targets, directions, most, search.passing)
 
 
 def ways_from_posts(
@@ -96,13 +97,10 @@ def _posts_and_edges(room: Room) -> tuple[FloatArray, FloatArray]:
 @lru_cache(maxsize=1)
 def _ways_of_room(room: Room, max_length: float, most: int) -> PostWays:
     """Return the ways of up to `most` walls, up to `max_length` (m), from each post to posts and edges."""
-    targets, radii = _posts_and_edges(room)
-    longest, directions = np.full(len(targets), max_length), fan(_RAYS)
+    points, radii = _posts_and_edges(room)
+    targets, directions = Targets(points, np.full(len(points), max_length), radii), fan(_RAYS)
     return PostWays.join(
-        [
-            _ways(room, targets[post], post, targets, radii, longest, directions, most, None)
-            for post in range(len(room.posts))
-        ]
+        [_ways(room, points[post], post, targets, directions, most, None) for post in range(len(room.posts))]
     )
 
 
@@ -110,23 +108,19 @@ def _ways(
     room: Room,
     place: FloatArray,
     start: int,
-    targets: FloatArray,
-    radii: FloatArray,
-    longest: FloatArray,
+    targets: Targets,
     directions: FloatArray,
     most: int,
     passing: Passing | None,
 ) -> PostWays:
-    """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets (t, 2) with these radii."""
+    """Return the ways of up to `most` walls from `place` (2,), the post `start`, to targets."""
     # the receiver, target 0, is none of them
-    targets, radii, longest = np.vstack((place, targets)), np.append(0.0, radii), np.append(0.0, longest)
-    near = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), np.empty((0, 3), np.int32))
+    targets = Targets(np.vstack((place, targets.points)), *(np.append(0.0, column) for column in targets[1:]))
+    count = len(targets.points)
+    near = Fan(np.full((1, MOST_REFLECTIONS - 1), -1, np.int32), direct_candidates(count))
     if most:
-        detectable = all_rays(len(directions), len(targets))
-        near = follow_fan(
-            place, directions, room.surfaces, room.reflectances, targets, longest, most, detectable, radii, passing
-        )
-    candidates = with_direct_paths(near.candidates, len(targets))
+        near = follow_fan(room, place, directions, targets, most, all_rays(len(directions), count), passing)
+    candidates = near.candidates
     touched = np.where(np.arange(near.touched.shape[1]) < candidates[:, 1:2], near.touched[candidates[:, 0]], -1)
     over_walls = (touched < len(room.walls)).all(axis=1) & (candidates[:, 2] > 0)
     candidates, touched = candidates[over_walls], touched[over_walls]
@@ -134,16 +128,10 @@ def _ways(
     candidates, touched = candidates[order], touched[order]
     # a way ends within its post, so an empty grid: nothing blocks; the whole path is checked later
     nothing = Listing(np.zeros_like(room.surfaces.listing.starts), room.surfaces.listing.numbers[:0])
-    real, _, lengths, _ = solve_candidates(
-        place,
-        near.touched,
-        candidates,
-        targets,
-        np.full(len(targets), np.inf),
-        room.surfaces._replace(listing=nothing),
-        # a ray beside the centre touches this wall, so a path to the side of the post may, too
-        beyond_ends=np.inf,
-    )
+    blocking = room.surfaces._replace(listing=nothing)
+    near, targets = near._replace(candidates=candidates), targets._replace(longest=np.full(count, np.inf))
+    # a ray beside the centre touches this wall, so a path to the side of the post may, too
+    real, _, lengths, _ = solve_candidates(place, near, targets, blocking, beyond_ends=np.inf)
     _, bounces, target = candidates[real].T
     surfaces = np.full((len(target), MOST_REFLECTIONS - 1), -1, np.int32)
     surfaces[:, : touched.shape[1]] = touched[real]

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled, compiled_part, inlined
 from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import fan, follow_fan
-from sonarhw_sim.rays.partial_paths import with_direct_paths
+from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
 from sonarhw_sim.rays.paths import SLACK, PathSearch
 from sonarhw_sim.rays.sequences import mirrored
 from sonarhw_sim.room.grid import IntArray, whole_numbers
@@ -78,25 +77,15 @@ def _towards(
         room.walls[surfaces[surfaces < first_post]],
         room.posts[surfaces[surfaces >= first_post] - first_post],
     )
-    targets = np.vstack((other, (walls[:, :2] + walls[:, 2:]) / 2, posts[:, :2]))
+    points = np.vstack((other, (walls[:, :2] + walls[:, 2:]) / 2, posts[:, :2]))
     radii = np.concatenate(([0.0], np.hypot(*(walls[:, 2:] - walls[:, :2]).T) / 2, posts[:, 2]))
-    away = np.maximum(np.hypot(*(targets - other).T) - radii, 0.0)
-    longest = np.append(0.0, search.max_length + SLACK - away[1:])
+    away = np.maximum(np.hypot(*(points - other).T) - radii, 0.0)
+    targets = Targets(points, np.append(0.0, search.max_length + SLACK - away[1:]), radii)
     directions = fan(max(16, search.rays // _FEWER), None if search.axes is None else search.axes.leaving)
-    found = follow_fan(
-        place,
-        directions,
-        room.surfaces,
-        room.reflectances,
-        targets,
-        longest,
-        search.max_bounces,
-        all_rays(len(directions), len(targets), search.faintest_diffraction),
-        radii,
-        replace(plan.passing, climbs=climbs),
-    )
-    candidates = with_direct_paths(found.candidates, len(targets))
-    ray, bounces, target = candidates[candidates[:, 2] > 0].T
+    detectable = all_rays(len(directions), len(points), search.faintest_diffraction)
+    with_climbs = replace(plan.passing, climbs=climbs)
+    found = follow_fan(room, place, directions, targets, search.max_bounces, detectable, with_climbs)
+    ray, bounces, target = found.candidates[found.candidates[:, 2] > 0].T
     most = int(bounces.max(initial=0))
     before = np.where(np.arange(most) < bounces[:, None], found.touched[ray, :most], -1).astype(np.int32)
     return target - 1, before, bounces.astype(np.int32)

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
-from sonarhw_sim.rays.kernel import fan, follow_fan
+from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Room, load_room, with_post
 
@@ -59,9 +59,9 @@ def test_no_detectable_path_is_dropped(strength: EdgeStrength, leaving_deg: floa
 def test_ray_ends_where_it_is_too_faint() -> None:
     room = polygon_room([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     middle, rays = np.array([0.45, 0.55]), fan(64)
-    longest, targets = np.array([20.0]), np.array([[0.45, 0.55]])
+    targets = Targets.at(middle[None], np.array([20.0]))
     # with a reflectance of 0.9, six reflections leave more than half, seven less
     half = all_rays(64, 1)._replace(least=np.array([0.5]))
-    found = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
+    found = follow_fan(room, middle, rays, targets, 64, half)
     assert len(found.candidates)
     assert found.candidates[:, 1].max() == 6

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sonarhw_sim.rays import candidate_table, partial_paths, path_table
+from sonarhw_sim.rays import candidate_table, path_table, paths
+from sonarhw_sim.rays.candidate_table import Fan
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, EdgePaths, join_at_edges
-from sonarhw_sim.rays.kernel import Fan, follow_fan
+from sonarhw_sim.rays.kernel import follow_fan
 from sonarhw_sim.rays.partial_paths import PartialPaths
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 
@@ -38,7 +39,7 @@ def test_candidates_of_the_fan_are_limited_as_if_all_had_as_many_points_as_the_l
 ) -> None:
     corridor = room_of([(-50, 0, 50, 0), (-50, 1, 50, 1)])
     fans: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(partial_paths, "follow_fan", lambda *given, **_: fans.append(given) or follow_fan(*given))
+    monkeypatch.setattr(paths, "follow_fan", lambda *given: fans.append(given) or follow_fan(*given))
     find_paths(corridor, (0.0, 0.4), PathSearch(max_length=41.0, wavelength=0.007, max_bounces=500, diffraction=False))
     (fan,) = fans
     candidates = follow_fan(*fan).candidates
@@ -53,9 +54,7 @@ def test_candidates_of_the_fan_are_limited_as_if_all_had_as_many_points_as_the_l
 def test_candidates_do_not_depend_on_the_room_that_their_table_has_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
     room = room_of([(0, 0, 2, 0), (2, 0, 2, 2), (2, 2, 0, 2), (0, 2, 0, 0), (0.5, 0.6, 0.9, 0.7)])
     fans: list[Fan] = []
-    monkeypatch.setattr(
-        partial_paths, "follow_fan", lambda *given, **named: fans.append(follow_fan(*given, **named)) or fans[-1]
-    )
+    monkeypatch.setattr(paths, "follow_fan", lambda *given: fans.append(follow_fan(*given)) or fans[-1])
     search = PathSearch(max_length=12.0, wavelength=0.007)
     find_paths(room, (1.1, 1.3), search)
     monkeypatch.setattr(candidate_table, "_ROOM", 4)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import fan, follow_fan
+from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.paths import Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room, parse_room
@@ -49,9 +49,9 @@ material = "hard"
 def _found(directions: np.ndarray, passing: Passing) -> set[tuple[int, ...]]:
     """Return the target and the surfaces of all candidates."""
     here, other = np.array([1.4, 0.8]), np.array([2.6, 1.5])
-    targets, longest = np.vstack((here, other)), np.full(2, LONGEST)
+    targets = Targets.at(np.vstack((here, other)), np.full(2, LONGEST))
     limits = all_rays(len(directions), 2)
-    found = follow_fan(here, directions, ROOM.surfaces, ROOM.reflectances, targets, longest, 6, limits, passing=passing)
+    found = follow_fan(ROOM, here, directions, targets, 6, limits, passing)
     return {(target, *found.touched[ray, :count].tolist()) for ray, count, target in found.candidates.tolist()}
 
 
