@@ -19,10 +19,11 @@ from sonarhw_sim.rays.partial_paths import first_of_kind, hashes_of
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.folding import Folded, Ways, fold, ways_of
+from sonarhw_sim.vertical.folding import Folded, fold
 from sonarhw_sim.vertical.level_sequences import LevelSequence
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
+from sonarhw_sim.vertical.ways import Ways, ways_of
 
 _TOGETHER = 1e-9  # m: touches this near to each other in the plan are in the order of the plan
 

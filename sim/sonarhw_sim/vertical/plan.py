@@ -13,8 +13,8 @@ from sonarhw_sim.room.enclosures import find_enclosures
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_file import Span
-from sonarhw_sim.vertical.folding import Obstacles
 from sonarhw_sim.vertical.reflecting_levels import Levels
+from sonarhw_sim.vertical.ways import Obstacles
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.paths import PathSearch
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.room.grid import IntArray
-from sonarhw_sim.vertical.folding import BoolArray
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches
 from sonarhw_sim.vertical.rims.rim_pairs import Halves
 from sonarhw_sim.vertical.rims.rim_table import Rims
 from sonarhw_sim.vertical.rims.rim_ways import RimSequences, ways_to
+from sonarhw_sim.vertical.ways import BoolArray
 
 _ON_RIM = 1e-9  # m: beyond its end
 _TRIED = (0.5, 1e-3, 1 - 1e-3)  # shares of a part of a wall: points to which ways are tried

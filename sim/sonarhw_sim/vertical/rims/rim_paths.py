@@ -17,7 +17,6 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.diffraction import edge_amplitudes
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
-from sonarhw_sim.vertical.folding import BoolArray
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches, approaches_to
@@ -25,6 +24,7 @@ from sonarhw_sim.vertical.rims.rim_halves import are_possible, halves_of
 from sonarhw_sim.vertical.rims.rim_pairs import Halves, pairs_of
 from sonarhw_sim.vertical.rims.rim_table import Rims
 from sonarhw_sim.vertical.rims.rim_ways import Bends, End, RimSequences, paths_by, sequences_to
+from sonarhw_sim.vertical.ways import BoolArray
 from sonarhw_sim.wedges.narrow_walls import Arriving, along_narrow_walls
 
 MOST_REFLECTIONS = 8  # before and after the rim together

@@ -14,12 +14,13 @@ from sonarhw_sim.rays.path_table import fill_rows
 from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.rays.sequences import ON_WALL, path_is_free, unfold
 from sonarhw_sim.room.grid import IntArray, Surfaces
-from sonarhw_sim.vertical.folding import BoolArray, Folded, Obstacles, Rise, Ways, can_take
+from sonarhw_sim.vertical.folding import Folded
 from sonarhw_sim.vertical.in_space import loudest_at, with_levels
 from sonarhw_sim.vertical.level_sequences import LevelSequence, level_sequences
 from sonarhw_sim.vertical.plan import Plan
 from sonarhw_sim.vertical.reflecting_levels import Levels
 from sonarhw_sim.vertical.rims.approaches import Approaches
+from sonarhw_sim.vertical.ways import BoolArray, Obstacles, Rise, Ways, can_take
 
 _SAME_ANGLE = 1e-7  # rad
 
