@@ -129,15 +129,13 @@ def _first_echoes(
 ) -> None:
     """Fill in sample number, with its fraction, and path of the first echo at each heading, which are NaN and -1."""
     for row in range(headings.shape[0]):
-        x, y = math.cos(headings[row]), math.sin(headings[row])
-        found[row], winners[row] = _first_echo(row, x, y, sound, loudness, before_gain, table, detector, work)
+        heading = row, math.cos(headings[row]), math.sin(headings[row])
+        found[row], winners[row] = _first_echo(heading, sound, loudness, before_gain, table, detector, work)
 
 
 @inlined
 def _first_echo(
-    row: int,
-    x: float,
-    y: float,
+    heading: tuple[int, float, float],
     sound: Sound,
     loudness: FloatArray,
     before_gain: ComplexArray,
@@ -145,31 +143,25 @@ def _first_echo(
     detector: _Detector,
     work: _Work,
 ) -> tuple[float, int]:
-    """Return the sample number and the path of the first echo of a transducer that points along x, y: heading `row`."""
-    count, length = work.real.shape[0], table.real.shape[1]
-    own = detector.own.shape[0]
-    for k in range(own):
+    """Return the sample number and the path of the first echo at a heading: its row, and a unit vector that way."""
+    count, length, written = work.real.shape[0], table.real.shape[1], detector.own.shape[0]
+    for k in range(written):
         work.real[k], work.imaginary[k] = detector.own[k].real, detector.own[k].imag
     # earlier samples have no effect
-    opens = math.ceil(detector.opens)
-    unheard = opens - detector.window
-    at, charge, written, found = opens, 0.0, own, math.nan
+    at = math.ceil(detector.opens)
+    unheard, charge, found = at - detector.window, 0.0, math.nan
     # a plain 0 has a type of its own, for which `_loudest` would be compiled once more
     used: int = np.int64(0)  # type: ignore[assignment]
     last = -table.lead - 1  # where the last pulse begins
     for path in range(sound.times.shape[0] + 1):
-        begin = count
+        begin, leaving, arriving = count, 0.0, 0.0
         if path < sound.times.shape[0]:
             begin = int(sound.times[path] * RATE) - table.lead
             if begin >= count or begin + length <= unheard:
                 continue
-            leaving = sound.leaving[path, 0] * x + sound.leaving[path, 1] * y
-            arriving = sound.arriving[path, 0] * x + sound.arriving[path, 1] * y
+            leaving, arriving = _cosines(path, heading, sound)
             if not _matters(leaving, arriving, loudness[path], table):
                 continue
-            if sound.blocked.shape[0] > 0 and sound.blocked[row, path]:
-                continue
-
         # the signal before this pulse is complete
         if begin > last:
             if used > 0:
@@ -183,20 +175,25 @@ def _first_echo(
         if not work.is_phased[path]:
             _phase(work.phased[path], sound.times[path], before_gain[path], table)
             work.is_phased[path] = True
-        _weigh(work.weights[used], work.phased[path], leaving, arriving, table)
-        for q in range(work.sums.shape[0]):
-            work.sums[q] += work.weights[used, q]
+        _weigh(work.weights[used], work.phased[path], leaving, arriving, table, work.sums)
         work.rows[used] = path
         used += 1
-    winner = -1
-    if not math.isnan(found):
-        if found > detector.ends:
-            found = math.nan
-        else:
-            winner = _loudest(found, used, sound.times, table, detector, work)
-    work.real[:written] = 0.0
-    work.imaginary[:written] = 0.0
+    if found > detector.ends:
+        found = math.nan
+    winner = -1 if math.isnan(found) else _loudest(found, used, sound.times, table, detector, work)
+    work.real[:written], work.imaginary[:written] = 0.0, 0.0
     return found, winner
+
+
+@inlined
+def _cosines(path: int, heading: tuple[int, float, float], sound: Sound) -> tuple[float, float]:
+    """Return the cosines of the angles from the axis at which sound leaves and arrives; 0 if a face blocks it."""
+    row, x, y = heading
+    if sound.blocked.shape[0] > 0 and sound.blocked[row, path]:
+        return 0.0, 0.0
+    leaving: float = sound.leaving[path, 0] * x + sound.leaving[path, 1] * y
+    arriving: float = sound.arriving[path, 0] * x + sound.arriving[path, 1] * y
+    return leaving, arriving
 
 
 @inlined
@@ -238,8 +235,15 @@ def _phase(phased: ComplexArray, time: float, amplitude: complex, table: PulseTa
 
 
 @compiled_part
-def _weigh(weights: ComplexArray, phased: ComplexArray, leaving: float, arriving: float, table: PulseTable) -> None:
-    """Write the weight of each pulse of the table, with the beam."""
+def _weigh(
+    weights: ComplexArray,
+    phased: ComplexArray,
+    leaving: float,
+    arriving: float,
+    table: PulseTable,
+    sums: ComplexArray,
+) -> None:
+    """Write the weight of each pulse of the table, with the beam, and add it to the sums."""
     # for most sound, both angles are equal
     out = table.wavenumber * math.sqrt(max(0.0, 1.0 - leaving * leaving))
     back = table.wavenumber * math.sqrt(max(0.0, 1.0 - arriving * arriving))
@@ -248,6 +252,7 @@ def _weigh(weights: ComplexArray, phased: ComplexArray, leaving: float, arriving
         factor = disc(out * frequency, table.discs)
         factor *= factor if out == back else disc(back * frequency, table.discs)
         weights[q] = phased[q] * (leaving * arriving * factor)
+        sums[q] += weights[q]
 
 
 @compiled_part
