@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, inlined
 from sonarhw_sim.rays.paths import PathSearch
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.room.grid import IntArray
@@ -102,16 +102,11 @@ def _list(
         for rim in range(rims.owners.shape[0]):
             if approaches.walls[way] != rims.owners[rim]:
                 continue
-            x, y = rims.walls[rim, 0], rims.walls[rim, 1]
-            along_x, along_y = rims.walls[rim, 2] - x, rims.walls[rim, 3] - y
-            length = math.hypot(along_x, along_y)
-            along_x, along_y = along_x / length, along_y / length
+            axial, aside, length = _about(rims.walls[rim], approaches.images[way])
             low = max(approaches.lows[way] - rims.begins[rim], -_ON_RIM)
             high = min(approaches.highs[way] - rims.begins[rim], length + _ON_RIM)
             if high <= low:
                 continue
-            away_x, away_y = approaches.images[way, 0] - x, approaches.images[way, 1] - y
-            axial, aside = away_x * along_x + away_y * along_y, along_x * away_y - along_y * away_x
             farthest = math.hypot(max(abs(axial), abs(axial - length)), aside)
             for sequence in range(rims.sequences[rim, 0], rims.sequences[rim, 1]):
                 climb, bounces = rims.climbs[sequence], approaches.bounces[way] + rims.bounces[sequence]
@@ -134,6 +129,16 @@ def _list(
                 numbers[3, found] = bounces
                 found += 1
     return found
+
+
+@inlined
+def _about(wall: FloatArray, image: FloatArray) -> tuple[float, float, float]:
+    """Return where an image (2,) is along a wall and aside of it, and the length of the wall, m."""
+    along_x, along_y = wall[2] - wall[0], wall[3] - wall[1]
+    length = math.hypot(along_x, along_y)
+    along_x, along_y = along_x / length, along_y / length
+    away_x, away_y = image[0] - wall[0], image[1] - wall[1]
+    return away_x * along_x + away_y * along_y, along_x * away_y - along_y * away_x, length
 
 
 def are_possible(
