@@ -174,7 +174,7 @@ class SweepTracker:
         self._start_sweep(angle, at_boundary=broken is not _Break.GAP, direction=back.get(broken, 0.0))
         return ready
 
-    def _start_sweep(self, angle: float, at_boundary: bool, direction: float = 0.0) -> None:
+    def _start_sweep(self, angle: float, at_boundary: bool, direction: float) -> None:
         self._first = angle
         self._at_boundary = at_boundary
         self._direction = direction

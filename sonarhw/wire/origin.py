@@ -12,7 +12,7 @@ _WRITER = "sonarhw {}"  # start of the firmware in a log that a command wrote wi
 _BY_WRITER = {"simulate": Origin.SIMULATED, "import": Origin.IMPORTED}
 
 
-def origin_of(made_by: str, firmware: str = "", serial: str = "") -> Origin:
+def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
     """Return the origin of the readings in a log, from its writer and the identity of its device."""
     for writer, origin in _BY_WRITER.items():
         if made_by == writer or firmware.startswith(_WRITER.format(writer)):

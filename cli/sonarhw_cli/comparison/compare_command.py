@@ -156,8 +156,8 @@ def _check_not_given(options: Mapping[str, object], reason: str) -> None:
 
 def compare_log(
     log_file: Path,
-    room_name: str | None = None,
-    place: str | None = None,
+    room_name: str | None,
+    place: str | None,
     board: str | None = None,
     model: Model = Model.RAY_FOLLOWING,
     fit: str = "",

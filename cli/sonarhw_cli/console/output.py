@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def written_file(path: Path, what: str = "file", *, overwrite: bool = False) -> Iterator[BinaryIO]:
+def written_file(path: Path, what: str = "file", *, overwrite: bool) -> Iterator[BinaryIO]:
     """Yield the file `path`, kept only if the block succeeds, and print its name then. Raises OutputError."""
     with atomic_file(path, what, overwrite=overwrite) as file:
         yield file
@@ -134,11 +134,11 @@ def checked_out(
     existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
     """
     if str(out) == STDOUT and STDOUT in suffixes:
-        refuse_overwriting(Path("/dev/stdout"), *inputs, option=option)
+        _refuse_overwriting(Path("/dev/stdout"), *inputs, option=option)
         return STDOUT
     path = Path(out)
     if is_special(path):
-        refuse_overwriting(path, *inputs, option=option)
+        _refuse_overwriting(path, *inputs, option=option)
         return suffixes[0]
     suffix = path.suffix.lower()
     if suffix not in suffixes:
@@ -146,12 +146,12 @@ def checked_out(
         wanted = f"{', '.join(others)} or {last}" if others else last
         stdout = f", or {STDOUT} for standard output" if STDOUT in suffixes else ""
         raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
-    refuse_existing(path, force, option)
-    refuse_overwriting(path, *inputs, option=option)
+    _refuse_existing(path, force, option)
+    _refuse_overwriting(path, *inputs, option=option)
     return suffix
 
 
-def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
+def _refuse_existing(path: Path, force: bool, option: str) -> None:
     """Raise InputError if `path` exists and may not be overwritten, or if its folder is missing."""
     if path.is_dir():
         raise InputError(f"{option} {path}: is a folder; give the name of a file in it")
@@ -166,10 +166,10 @@ def refuse_existing_in(folder: Path, files: Sequence[Path], force: bool, option:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the name of a folder")
     for file in files if folder.exists() else ():
-        refuse_existing(file, force, option)
+        _refuse_existing(file, force, option)
 
 
-def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
+def _refuse_overwriting(out: Path, *inputs: str | Path | None, option: str) -> None:
     """Raise InputError if `out` is one of the files that the command reads, perhaps under another name.
 
     Inputs that are not files are ignored: None, URLs, and names of shipped rooms and boards.

@@ -44,7 +44,7 @@ def _rounded(place: Place) -> Place:
     return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits)))
 
 
-def with_listed_findings(room: Room, before: str, findings: Sequence[str], logs: Sequence[str] = ()) -> Room:
+def with_listed_findings(room: Room, before: str, findings: Sequence[str], logs: Sequence[str]) -> Room:
     """Return the room with a header that lists the `findings`, as lines of `finding`; `before` is the old room's name.
 
     A header, and not comments beside the values, because a wall's shift changes several points, and tables within one

@@ -92,7 +92,7 @@ class GivenScan:
 ScanInput: TypeAlias = Path | str | Log | Sequence[Reading] | GivenScan
 
 
-def common_board(scans: Sequence[GivenScan], given: BoardInput | None = None) -> Board:
+def common_board(scans: Sequence[GivenScan], given: BoardInput | None) -> Board:
     """Return the given board, else that of all the scans. Raises InputError if they have different ones."""
     if given is not None:
         return scans[0].board(given)

@@ -60,7 +60,7 @@ FORMATS = (
 _ROS, _RAW = FORMATS[-2:]
 
 
-def import_format(file: Path, rate: float | None = None) -> ImportFormat | None:
+def import_format(file: Path, rate: float | None) -> ImportFormat | None:
     """Return the format of a file by its suffix; None: CSV. Raises InputError for a log.
 
     With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag is a bag of ROS 2; any other

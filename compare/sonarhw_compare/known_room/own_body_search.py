@@ -41,7 +41,7 @@ class ScanAtPlace:
     position: tuple[float, float]  # m
 
 
-def find_own_body(scans: Sequence[ScanAtPlace], seed: int = 0) -> tuple[OwnBodyPart, ...]:
+def find_own_body(scans: Sequence[ScanAtPlace]) -> tuple[OwnBodyPart, ...]:
     """Return the parts of the carrier's body that the scans show, by turntable angle; none from fewer than 2 places."""
     places = place_numbers([scan.position for scan in scans])
     if len(set(places.tolist())) < 2:
@@ -49,7 +49,7 @@ def find_own_body(scans: Sequence[ScanAtPlace], seed: int = 0) -> tuple[OwnBodyP
     step = max(_FINEST, *(_step(scan.readings) for scan in scans))
     count = round(math.tau / step)
     ranges, covered = (np.array(both) for both in zip(*(_on_grid(scan.readings, count) for scan in scans), strict=True))
-    runs = _certain_runs(ranges, covered, places, np.random.default_rng(seed))
+    runs = _certain_runs(ranges, covered, places, np.random.default_rng(0))
     return tuple(sorted((_part(run, ranges, count) for run in runs), key=lambda part: part.from_deg))
 
 

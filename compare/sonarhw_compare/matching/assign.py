@@ -52,14 +52,14 @@ def assigned_echoes(comparison: Comparison, index: int) -> tuple[AssignedEcho, .
     )
 
 
-def assigned(measured: FloatArray, predicted: FloatArray, gate: float = TOLERANCE) -> list[int | None]:
-    """Return for each of `measured` (m,) its row of `predicted` (p,); None without one within `gate`, all in m."""
+def assigned(measured: FloatArray, predicted: FloatArray) -> list[int | None]:
+    """Return for each of `measured` (m,) its row of `predicted` (p,); None without one within 5 cm, all in m."""
     apart = np.abs(measured[:, None] - predicted)
-    # all costs beyond the gate are equal, so that they do not displace a pair within it
-    rows, columns = linear_sum_assignment(np.minimum(apart, 2 * gate))
+    # all costs beyond the tolerance are equal, so that they do not displace a pair within it
+    rows, columns = linear_sum_assignment(np.minimum(apart, 2 * TOLERANCE))
     chosen: list[int | None] = [None] * len(measured)
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
-        if apart[row, column] <= gate:
+        if apart[row, column] <= TOLERANCE:
             chosen[row] = column
     return chosen
 

@@ -37,7 +37,7 @@ cropped where they would show only distant readings.
 """
 
 
-def picture_name(exhibit: Exhibit, suffix: str = ".png") -> str:
+def picture_name(exhibit: Exhibit, suffix: str) -> str:
     """Return the file name of an exhibit's picture."""
     return f"{exhibit.name}{suffix}"
 

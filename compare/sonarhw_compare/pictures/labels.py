@@ -34,7 +34,7 @@ def names_by_position(places: Iterable[Place]) -> dict[Point, str]:
     return {position: fill(", ".join(names), _MOST) for position, names in found.items()}
 
 
-def set_apart(figure: Figure, labels: Sequence[Annotation], kept: Sequence[Annotation] = ()) -> None:
+def set_apart(figure: Figure, labels: Sequence[Annotation], kept: Sequence[Annotation]) -> None:
     """Move each label of a figure that is laid out to where it covers no earlier one, and nothing that is `kept`.
 
     A label that covers something everywhere stays at the first side.

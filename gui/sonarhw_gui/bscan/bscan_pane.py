@@ -68,7 +68,7 @@ class BScanPane:
         self.plot.layout.setColumnFixedWidth(5, _BAR + round(_FIGURES * look.scale))
         self._label()
 
-    def set_axes(self, polar: bool, pane_count: int = 1, lowest: bool = True) -> None:
+    def set_axes(self, polar: bool, pane_count: int, lowest: bool) -> None:
         """Set the axes for a polar or a flat image. The pane has a title if there are several panes.
 
         If there are several flat panes, only the lowest one labels the heading axis.

@@ -2,7 +2,6 @@
 
 from PySide6.QtCore import QSize, Qt, Slot
 from PySide6.QtGui import QPainter, QPaintEvent
-from PySide6.QtWidgets import QWidget
 
 from sonarhw_gui.parts.plain_label import PlainLabel
 
@@ -10,8 +9,8 @@ from sonarhw_gui.parts.plain_label import PlainLabel
 class ElidedLabel(PlainLabel):
     """One line of text, shortened to the width of the label."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent=parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
 
     @Slot(str)

@@ -4,14 +4,14 @@ from html import escape
 
 from PySide6.QtCore import Slot
 from PySide6.QtGui import QFont, Qt
-from PySide6.QtWidgets import QLabel, QWidget
+from PySide6.QtWidgets import QLabel
 
 
 class PlainLabel(QLabel):
     """A label whose text and tooltip are never interpreted as HTML."""
 
-    def __init__(self, text: str = "", parent: QWidget | None = None, *, wordWrap: bool = False) -> None:
-        super().__init__(text, parent, textFormat=Qt.TextFormat.PlainText, wordWrap=wordWrap)
+    def __init__(self, text: str = "", *, wordWrap: bool = False) -> None:
+        super().__init__(text, textFormat=Qt.TextFormat.PlainText, wordWrap=wordWrap)
 
     @Slot(str)
     def setToolTip(self, text: str) -> None:

@@ -71,9 +71,9 @@ class WindowSession(QObject):
         scene: Scene,
         scanner: ScannerTarget | None,
         scan_settings: ScanSettings,
-        look: Look | None = None,
-        find_scanner: ScannerFinder | None = None,
-        unsaved: Path | None = None,
+        look: Look | None,
+        find_scanner: ScannerFinder | None,
+        unsaved: Path | None,
     ) -> None:
         """`unsaved`: folder for rooms with unsaved changes, and for notes not beside their log; None: not stored."""
         super().__init__()

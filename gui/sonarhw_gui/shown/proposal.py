@@ -17,7 +17,7 @@ class Proposal:
     posts: FloatArray  # (m, 3), m
 
 
-def proposal_of(room: Room, changed: Room, readings: tuple[int, ...], surface: str | None = None) -> Proposal:
+def proposal_of(room: Room, changed: Room, readings: tuple[int, ...], surface: str | None) -> Proposal:
     """Return the surfaces that `changed` has and `room` does not; `surface` is included if it only changes material."""
     walls = [wall for wall in changed.walls if not (room.walls == wall).all(axis=1).any()]
     posts = [post for post in changed.posts if not (room.posts == post).all(axis=1).any()]

@@ -167,7 +167,7 @@ def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
     return -180.0 / _TURN, 0.0, 360.0, cells.reach
 
 
-def polar_area(cells: RangeCells, middle: tuple[float, float], arm: Arm = Arm()) -> tuple[float, float, float, float]:
+def polar_area(cells: RangeCells, middle: tuple[float, float], arm: Arm) -> tuple[float, float, float, float]:
     """Return the area of a polar picture around `middle` in the room (left, bottom, width, height), m."""
     reach = arm.reach(cells.reach)
     return middle[0] - reach, middle[1] - reach, 2 * reach, 2 * reach
