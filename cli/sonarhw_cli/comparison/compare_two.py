@@ -62,7 +62,7 @@ def _series(
     first: "GivenScan", second: "GivenScan", sweeps: tuple[int | None, int | None]
 ) -> "tuple[HeadingSeries, HeadingSeries]":
     """Return both scans by heading in the room, or by turntable angle if a log contains no place."""
-    rooms = [_room(scan) for scan in (first, second)]
+    rooms = [scan.recorded_room for scan in (first, second)]
     names = [room.name for room in rooms if room is not None]
     if len(set(names)) > 1:
         warn(f"the logs contain different rooms, {names[0]!r} and {names[1]!r}; differences show this, too")
@@ -76,11 +76,6 @@ def _series(
         headings = [0.0, 0.0]
     one, other = (_series_of(*given) for given in zip((first, second), headings, sweeps, strict=True))
     return one, other
-
-
-def _room(scan: "GivenScan") -> "Room | None":
-    """Return the room inside the log, if any."""
-    return scan.room() if scan.log is not None and scan.log.metadata.room_text else None
 
 
 def _place(scan: "GivenScan", room: "Room | None") -> "Place | None":

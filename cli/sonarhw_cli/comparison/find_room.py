@@ -82,7 +82,8 @@ def room_of_scans(
     from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
     from sonarhw_sim.air import Air
 
-    air = given[0].room().air if given[0].log is not None and given[0].log.metadata.room_text else Air()
+    recorded = given[0].recorded_room
+    air = Air() if recorded is None else recorded.air
     placed = find_room_and_poses(scans, board, air, spreads, lambda share: show(share, "finding the room"))
     room, with_found_offset = found_room(placed.found, placed.scans, board), with_offset(board, placed.found.draft)
     nexts = None

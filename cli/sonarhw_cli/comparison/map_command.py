@@ -163,8 +163,7 @@ def _option_that_finds(files: _Outputs, plan_next: bool) -> str:
 
 def _room_of_logs(given: "Sequence[GivenScan]") -> "Room | None":
     """Return the room that all logs contain; None if there is none, or not the same in all."""
-    texts = {scan.log.metadata.room_text if scan.log is not None else "" for scan in given}
-    return given[0].room() if len(texts) == 1 and texts != {""} else None
+    return given[0].recorded_room if len({scan.room_text for scan in given}) == 1 else None
 
 
 def _write(
@@ -241,10 +240,10 @@ def _placed(
 
 def _place(scan: "GivenScan", room: "Room | None", wanted: str | None) -> "Place":
     """Return the place of --place, else the recorded place. Raises InputError if there is neither."""
-    if room is None and (scan.log is None or not scan.log.metadata.room_text):
+    if room is None and not scan.room_text:
         raise InputError(f"{scan.where}: contains no room; give --pose X,Y,DEG, or --room and --place")
     known = scan.room(room)
-    own = scan.log is not None and scan.log.metadata.room_text == known.text
+    own = scan.room_text == known.text
     recorded = scan.recorded_place(known)
     # X,Y of another room may be anywhere in this one
     if wanted is None and recorded is not None and (own or recorded in known.places):

@@ -70,7 +70,7 @@ def _common_room(scans: Sequence[GivenScan]) -> Room:
     first = scans[0]
     room = first.room()
     for scan in scans:
-        if scan.log is not None and scan.log.metadata.room_text not in ("", room.text):
+        if scan.room_text not in ("", room.text):
             raise InputError(f"{first.where} and {scan.where} contain different rooms; give one room for both")
     return room
 

@@ -47,13 +47,23 @@ class GivenScan:
         """The origin of the readings: that of the log, else that of the first reading."""
         return self.log.origin if self.log else self.readings[0].origin or Origin.MEASURED
 
+    @property
+    def room_text(self) -> str:
+        """The text of the room inside the log; empty without one."""
+        return "" if self.log is None else self.log.metadata.room_text
+
+    @property
+    def recorded_room(self) -> Room | None:
+        """The room inside the log; None without one."""
+        return None if self.log is None else room_of_log(self.log.metadata, self.where)
+
     def room(self, given: RoomInput | None = None) -> Room:
         """Return the given room, else the one inside the log. Raises InputError if there is neither."""
         if isinstance(given, Room):
             return given
         if given is not None:
             return load_room(given)
-        room = None if self.log is None else room_of_log(self.log.metadata, self.where)
+        room = self.recorded_room
         if room is None:
             raise InputError(f"{self.where}: contains no room; give a room")
         return room
