@@ -61,16 +61,15 @@ class PaperScene:
         start, stop, step = self.degrees
         words = ["sonarhw simulate", f"rooms/{self.room}.toml", f"--place {self.place}", f"--board {self.board}"]
         words.append(f"--from {start:g} --to {stop:g} --step {step:g}")
-        if self.unit is not Unit.PASS:
-            words.append(f"--unit {self.unit.value}")
-        if self.receiver is not None:
-            words.append(f"--receiver {self.receiver.value}")
-        if self.edge_strength is not None:
-            words.append(f"--edge-strength {self.edge_strength.value}")
-        if self.model is not Model.RAY_FOLLOWING:
-            words.append(f"--model {self.model.value}")
-        if self.seed is not None:
-            words.append(f"--seed {self.seed}")
+        for option, value, default in (
+            ("unit", self.unit, Unit.PASS),
+            ("receiver", self.receiver, None),
+            ("edge-strength", self.edge_strength, None),
+            ("model", self.model, Model.RAY_FOLLOWING),
+            ("seed", self.seed, None),
+        ):
+            if value != default:
+                words.append(f"--{option} {value}")
         if self.reach is not None:
             words.append(f"  # here only to {self.reach:g} m")
         if self.noise:
