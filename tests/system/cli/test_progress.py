@@ -38,9 +38,10 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A predicted scan of the simple room."""
+    """A predicted scan of the simple room, by a board that hears only loud echoes, so searches are quick."""
     out = tmp_path_factory.mktemp("progress") / "scan.mcap"
-    assert run(["simulate", "rooms/simple.toml", "--place", "figure9", "--step", "30", "--out", str(out)]) == 0
+    scan = ["simulate", "rooms/simple.toml", "--place", "figure9", "--board", "hc-sr04", "--step", "30"]
+    assert run([*scan, "--out", str(out)]) == 0
     return str(out)
 
 
@@ -80,7 +81,7 @@ def seen(person: int, until: str = "") -> str:
 def test_progress_is_shown_on_a_terminal_and_output_equals_that_to_a_pipe(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    doing, (command, *options) = COMMANDS["fit"]
+    doing, (command, *options) = COMMANDS["compare"]
     with at_terminal(command, log, *options) as (process, person):
         on_terminal = seen(person)
         printed, _ = process.communicate(timeout=HANG)
@@ -96,7 +97,7 @@ def test_progress_is_shown_on_a_terminal_and_output_equals_that_to_a_pipe(
     assert after == in_pipe.err.replace("\n", "\r\n")
 
 
-@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - {"fit"}))  # the test above shows that of fit
+@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - {"compare"}))  # the test above shows that of compare
 def test_every_long_command_shows_its_progress(name: str, log: str, monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = fake_terminal(monkeypatch)
     doing, (command, *options) = COMMANDS[name]
