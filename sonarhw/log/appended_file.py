@@ -82,7 +82,7 @@ class LogFile:
         except FileExistsError as error:
             raise LogError(f"{path}: exists already; choose another name, or allow overwriting it") from error
         except OSError as error:
-            raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+            raise LogError(f"{path}: cannot be written: {error.strerror}; choose another file") from error
         self._sync_thread = _SyncThread(self._file)
 
     @property

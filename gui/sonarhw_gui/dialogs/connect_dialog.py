@@ -42,7 +42,7 @@ class ConnectDialog(QDialog):
         self.ports = _port_table()
         self.none = PlainLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
         self.none.setWordWrap(True)
-        self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Probe all ports")
+        self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Check all ports")
         self.probe_all.setToolTip("Opening a port may reset the device on it")
         self.listen = QPushButton("Listen for text")
         self.listen.setToolTip("Find out what an Arduino radar or another device prints at the port below")
@@ -71,7 +71,7 @@ class ConnectDialog(QDialog):
                 self.ports.setItem(k, column, item)
         self.none.setVisible(not rows)
         self.ports.setVisible(bool(rows))
-        self.probe_all.setEnabled(any(row.answer == "not probed" for row in rows))
+        self.probe_all.setEnabled(any(row.answer == "not checked" for row in rows))
         proposed = {row.device: row.proposed_url for row in rows if row.proposed_url}
         if chosen in proposed:
             self.url.setEditText(proposed[chosen])

@@ -22,7 +22,7 @@ class PortRow:
     device: str
     description: str
     known: bool  # whether its USB device may be a scanner
-    answer: str = "not probed"
+    answer: str = "not checked"
     answers: bool = False  # whether a scanner answers
     proposed_url: str = ""  # of a device that prints readings
 
@@ -89,7 +89,7 @@ class PortList:
         self._worker.submit(_ListPorts(self._find))
 
     def probe_all(self) -> None:
-        """Probe every port that was not probed yet."""
+        """Probe every port that was not checked yet."""
         self._queue([row.device for row in self.rows])
 
     def listen(self, device: str) -> None:
@@ -126,10 +126,10 @@ class PortList:
         self._worker.close()
 
     def _queue(self, devices: list[str]) -> None:
-        waiting = {row.device for row in self.rows if row.answer == "not probed"}
+        waiting = {row.device for row in self.rows if row.answer == "not checked"}
         self._to_probe = [device for device in devices if device in waiting]
         self.rows = tuple(
-            replace(row, answer="probing …") if row.device in self._to_probe else row for row in self.rows
+            replace(row, answer="checking …") if row.device in self._to_probe else row for row in self.rows
         )
         self._probe_next()
 

@@ -53,7 +53,7 @@ def test_ports_are_listed_and_known_ones_are_queried(qtbot: QtBot, open_with: Op
     until(qtbot, lambda: not window.session.scanners._ports.busy and window.connecting.dialog.ports.rowCount() == 2)
     assert rows(window) == [
         ["/dev/ttyACM0", "Arduino Mega 2560", "scanner POL-7"],
-        ["/dev/ttyS0", "n/a", "not probed"],
+        ["/dev/ttyS0", "n/a", "not checked"],
     ]
     assert window.connecting.dialog.url.currentText() == "/dev/ttyACM0"  # the only one that answers
     qtbot.mouseClick(window.connecting.dialog.probe_all, Qt.MouseButton.LeftButton)
@@ -65,7 +65,7 @@ def test_a_silent_port_does_not_block_the_window(qtbot: QtBot, open_with: OpenWi
     window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (gate.wait(HANG), "answered late"))
     open_dialog(qtbot, window)
-    until(qtbot, lambda: rows(window)[:1] == [["/dev/ttyACM0", "Arduino Mega 2560", "probing …"]])
+    until(qtbot, lambda: rows(window)[:1] == [["/dev/ttyACM0", "Arduino Mega 2560", "checking …"]])
     qtbot.keyClick(window, Qt.Key.Key_2)
     assert window.views.side_by_side.isVisible()
     gate.set()
