@@ -3,6 +3,9 @@
 Without the GIL, the window stays responsive while another thread follows rays. The first call of a kernel imports
 numba, not its decorator, because the import takes 0.2 s: the window is painted before it, and a command that predicts
 nothing does without it.
+
+Kernels may have more parameters than other functions: arrays for results are arguments, and in an inner loop, to unpack
+a tuple of arrays can take as long as the work itself.
 """
 
 from collections.abc import Callable
