@@ -3,11 +3,12 @@
 Locates each scan of the folder in the whole arena, with unknown heading, and prints the most probable of the arena's
 places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
 boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans, and
-finds it with poses within 3 cm and 2°, those of `locate` and those at the written positions, without range offsets, and
-once with the first pose of `locate` only. It prints which walls are found. If no other pose is known, the first one
-determines the direction of the whole room, and no scan determines this direction. For the first pose only, the walls
-are therefore also counted after two turns about the first place: the one that fits the written positions of the other
-scans, and the one within the 95 % interval of the first heading that gives most walls. `locate` states this interval.
+prints which walls are found without range offsets. The poses are those of `locate` or at the written positions, within
+3 cm and 2°; the written positions within 3 cm, with stated headings within 5° where there are any; the first pose of
+`locate` only; or this one, and stated headings without positions. If no other position is known, the first pose
+determines the direction of the whole room, and no scan determines this direction. The walls are then also counted after
+two turns about the first place: the one that fits the written positions of the other scans, and the one within the 95 %
+interval of the first heading that gives most walls. `locate` states this interval.
 """
 
 import math

@@ -95,6 +95,14 @@ def find_room(
     return found
 
 
+def worth_alone(scan: PlacedScan, board: Board, air: Air, course: Course) -> float:
+    """Return the worth of the walls and posts that explain one scan by itself, before they are refined together."""
+    scan = replace(scan, readings=without_own_body(board.own_body, scan.readings))
+    evidence = evidence_of([scan], [PoseSpread()], board, air, course)
+    arcs = arcs_of_scans([scan], board)
+    return worth(grown(evidence, arcs, scored(evidence, evidence.first), lambda _share: None))
+
+
 def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: Callable[[float], None]) -> FoundRoom:
     """Return the room of `find_room`. Raises InputError if no wall is found."""
     best = scored(evidence, evidence.first)

@@ -2,13 +2,14 @@
 
 The scans with known poses give a first room, in which the others are located. Those that it explains well are placed at
 once. If there are none, the one that it explains best is placed at each of its possible poses in turn: each gives
-another room, and the one that explains all scans best is kept. One scan in a part of a room often has several poses
-that are almost as probable, but the walls that it then needs contradict the other scans at the wrong ones.
+another room, and the one that explains all scans best is kept, if it is worth more than the room without this scan and
+a room of this scan alone. One scan in a part of a room often has several poses that are almost as probable, but the
+walls that it then needs contradict the other scans at the wrong ones.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from sonarhw_sim.air import Air
@@ -21,13 +22,12 @@ from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course
-from sonarhw_compare.room_finding.room_search import LARGE, FoundRoom, find_room
+from sonarhw_compare.room_finding.room_search import LARGE, FoundRoom, find_room, worth_alone
 
 # m, rad: of what is unknown of the pose of a located scan; wide, because the scan itself gives it
 _LOCATED = PoseSpread(0.05, 0.06)
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
-_POOR = 0.25  # of the share that the room explains of the other scans; a scan that is explained less is not placed
 _TRIED = 3  # poses of a scan, each of which needs a room
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
 
@@ -91,7 +91,7 @@ def find_room_and_poses(
             poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
             stage = longer
         if poses:  # once more, because the last scans began at located places, which are not refined
-            stage = search.room_with(stage, {}, 1.0, 1.0)
+            stage = max(search.room_with(stage, {}, 1.0, 1.0), stage, key=lambda one: one.found.worth)
     tick(1.0)
     return PlacedRoom(
         stage.found,
@@ -112,6 +112,7 @@ class _Search:
     tick: Callable[[float], None]
     course: Course
     processes: LateProcesses
+    alone: dict[int, float] = field(default_factory=dict)  # worth of the walls that one scan needs by itself
 
     @cached_property
     def known(self) -> dict[int, PlacedScan]:
@@ -173,9 +174,16 @@ class _Search:
             return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 0.0, 1.0)
         for k in sorted(located, key=lambda k: -located[k].explained):
             longer = self._with_best(stage, k, located[k].poses)
-            if longer.explained([k]) >= _POOR * longer.explained(list(stage.placed)):
+            if longer.found.worth >= stage.found.worth + self._alone(k):  # else they share no walls at this pose
                 return longer
         return None
+
+    def _alone(self, k: int) -> float:
+        """Return the worth of the walls that explain one scan by itself."""
+        if k not in self.alone:
+            course = Course(tried=self.course.tried, check=self.course.check)
+            self.alone[k] = worth_alone(self.scans[k], self.board, self.air, course)
+        return self.alone[k]
 
     def _with_best(self, stage: _Stage, k: int, poses: Sequence[Pose]) -> _Stage:
         """Return the best room with scan `k` at one of its poses."""
