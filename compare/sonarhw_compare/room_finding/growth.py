@@ -13,6 +13,7 @@ from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
 from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored, leading, scored_if_near
 from sonarhw_compare.room_finding.refining.refinement import refined
+from sonarhw_compare.room_finding.right_angles import common_angle
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
 
@@ -110,7 +111,8 @@ def with_wall(
     noise: ReadingNoise = ROUGH,
 ) -> Scored:
     """Return the draft with the wall that explains most; the draft itself without a candidate."""
-    walls = [wall for wall in wall_candidates(arcs, unexplained, _TRIED) if not evidence.refuses(wall)]
+    found_lines = wall_candidates(arcs, unexplained, _TRIED, common_angle(best.draft))
+    walls = [wall for wall in found_lines if not evidence.refuses(wall)]
     alone = all_scored(evidence, (best.draft.with_new_wall(wall)[0] for wall in walls), noise)
     tried = sorted(zip(alone, walls, strict=True), key=lambda one: -one[0].score)
     completed = [draft for _, wall in tried[:_COMPLETED] for draft in joined(best.draft, wall)]

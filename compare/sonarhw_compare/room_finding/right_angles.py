@@ -23,6 +23,12 @@ def log_prior(draft: RoomDraft) -> float:
     return float(_logarithms(away).sum(axis=1).max()) if len(away) and draft.base is None else 0.0
 
 
+def common_angle(draft: RoomDraft) -> float | None:
+    """Return the angle of the common wall, rad; None without walls."""
+    walls = list(draft.walls.values())
+    return walls[_common(_away(draft))].angle if walls else None
+
+
 def at_right_angles(draft: RoomDraft) -> int:
     """Return the number of walls that are parallel or at right angles to the common wall, with it, within 3°."""
     away = _away(draft)

@@ -84,11 +84,17 @@ def table_of(arcs: Sequence[Arc]) -> ArcTable:
     )
 
 
-def wall_candidates(arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most: int) -> list[DraftWall]:
-    """Return the `most` best supported walls; `unexplained` is the weight of each reading, 0..1, by scan."""
+def wall_candidates(
+    arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most: int, common: float | None = None
+) -> list[DraftWall]:
+    """Return the `most` best supported walls; `unexplained` is the weight of each reading, 0..1, by scan.
+
+    Lines at right angles to a wall at the angle `common` (rad) are among them where they fit an arc.
+    """
     table = table_of(arcs)
     weights = _weights(table, unexplained)
-    lines = np.array(_lines(tuple(arcs)), dtype=np.float64).reshape(-1, 2)
+    squared = () if common is None else _squared_lines(arcs, common)
+    lines = np.array([*_lines(tuple(arcs)), *squared], dtype=np.float64).reshape(-1, 2)
     if not len(lines):
         return []
     supports, members = np.empty(len(lines)), np.empty((len(lines), len(arcs)), np.bool_)
@@ -145,6 +151,19 @@ def _weights(table: ArcTable, unexplained: Sequence[FloatArray]) -> FloatArray:
 def _lines(arcs: tuple[Arc, ...]) -> tuple[tuple[float, float], ...]:
     """Return normal (rad) and distance from the origin (m) of lines that touch one arc or two."""
     return tuple(_lines_of(arcs))
+
+
+def _squared_lines(arcs: Sequence[Arc], common: float) -> Iterator[tuple[float, float]]:
+    """Yield the lines, as in `_lines`, that touch an arc within its width and are at right angles to a direction (rad).
+
+    An arc is often not centred about the normal of its wall, because a nearer echo ends it on one side.
+    """
+    quarter = math.pi / 2
+    for arc in arcs:
+        away = math.remainder(arc.bearing - common, quarter)
+        if abs(away) <= arc.spread:
+            normal = arc.bearing - away
+            yield normal, float(np.dot(arc.centre, direction(normal))) + arc.range
 
 
 def _lines_of(arcs: Sequence[Arc]) -> Iterator[tuple[float, float]]:
