@@ -155,6 +155,10 @@ class Evidence:
         """
         return self.problems[0].board.range_sd
 
+    def refusing(self, walls: Iterable[DraftWall]) -> "Evidence":
+        """Return the evidence of a search that does not find these walls again."""
+        return replace(self, course=replace(self.course, refused=(*self.course.refused, *walls)))
+
     def refuses(self, one: DraftWall | DraftPost) -> bool:
         """Return whether a wall or post is almost one that was refused."""
         return any(_alike(one, other) for other in self.course.refused)

@@ -38,6 +38,14 @@ def at_right_angles(draft: RoomDraft) -> int:
     return int((np.abs(away[common]) < 3 * SPREAD).sum())
 
 
+def oblique(draft: RoomDraft) -> list[int]:
+    """Return the keys of the walls that are not within 3° of right angles to the common wall."""
+    away = _away(draft)
+    if not len(away):
+        return []
+    return [key for key, turned in zip(draft.walls, away[_common(away)], strict=True) if abs(turned) >= 3 * SPREAD]
+
+
 def pulls(draft: RoomDraft) -> Iterator[tuple[int, int, float, float]]:
     """Yield wall, common wall, angle (rad) by which the first is away from right angles, and the weight of this error.
 

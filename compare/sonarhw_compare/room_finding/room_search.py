@@ -13,6 +13,7 @@ from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.locate.pose_spread import PoseSpread
+from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import (
@@ -31,11 +32,13 @@ from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
 from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
+from sonarhw_compare.room_finding.right_angles import oblique
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_free_ends_moved, with_gaps
 
 _ROUNDS = 3  # of growth and refinement
+_REGROWN = 2  # times that walls grow in place of those that no range determines
 LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
 _UNKNOWN, _UNKNOWN_TURN = 0.06, math.radians(5.4)  # m, rad: standard deviations of a wall that is not reported
@@ -108,8 +111,7 @@ def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: 
     best = scored(evidence, evidence.first)
     for turn in range(_ROUNDS):
         tick(turn / (_ROUNDS + 1))
-        placed = [replace(scan, place=place) for scan, place in zip(scans, best.draft.places, strict=True)]
-        arcs = arcs_of_scans(placed, with_offset(board, best.draft))
+        arcs = _arcs(scans, best.draft, board)
         longer = pruned(evidence, grown(evidence, arcs, best, _part(tick, turn)))
         if longer.draft == best.draft:
             break
@@ -118,13 +120,42 @@ def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: 
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, with_better_ends(evidence, best), scans, board)
         best = with_free_ends_moved(evidence, best)
-    end, deviations = _finished(evidence, best, _part(tick, _ROUNDS))
+    best = _rebuilt(evidence, best, scans, board)
+    end, deviations = _finished(evidence, best, scans, board, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
     return FoundRoom(end, deviations, touches_of(scans, end, board, evidence.air), worth(scored(evidence, end)))
 
 
-def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -> tuple[RoomDraft, dict[Move, float]]:
+def _rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+    """Return the draft with oblique walls replaced by what grows without them, where that is worth more.
+
+    One oblique wall can explain a part of what two walls at right angles explain. Once it stands, neither of these is
+    worth its price alone.
+    """
+    for key in oblique(best.draft):
+        if key in best.draft.walls and key not in evidence.first.walls:
+            refusing = evidence.refusing([best.draft.alone(key)])
+            other = _regrown(refusing, scored(refusing, best.draft.without_wall(key)), scans, board)
+            best = other if worth(other) > worth(best) else best
+    return best
+
+
+def _regrown(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+    """Return the draft after more growth."""
+    longer = grown(evidence, _arcs(scans, best.draft, board), best, lambda _share: None)
+    return squared(evidence, scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft))
+
+
+def _arcs(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board) -> tuple[Arc, ...]:
+    """Return the arcs of scans at the places of a draft."""
+    placed = [replace(scan, place=place) for scan, place in zip(scans, draft.places, strict=True)]
+    return arcs_of_scans(placed, with_offset(board, draft))
+
+
+def _finished(
+    evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board, tick: Callable[[float], None]
+) -> tuple[RoomDraft, dict[Move, float]]:
     """Return the best draft, refined without haste, and its deviations."""
     tick(0.0)
     kept = pruned(evidence, best).draft
@@ -133,28 +164,39 @@ def _finished(evidence: Evidence, best: Scored, tick: Callable[[float], None]) -
     tick(2 / 4)
     draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
     tick(3 / 4)
-    return _determined(evidence, draft)
+    return _determined(evidence, draft, scans, board)
 
 
-def _determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[Move, float]]:
+def _determined(
+    evidence: Evidence, draft: RoomDraft, scans: Sequence[PlacedScan], board: Board
+) -> tuple[RoomDraft, dict[Move, float]]:
     """Return a refined draft without walls that no range determines, and its deviations; walls of the first draft stay.
 
     Such a wall is added because it changes the sound at the end of another one. If it is a part of another one, that
-    wall becomes longer.
+    wall becomes longer. Other walls may grow in its place.
     """
-    deviations = deviations_of(evidence, draft)
-    unknown = {
+    for again in range(_REGROWN + 1):
+        deviations = deviations_of(evidence, draft)
+        unknown = _undetermined(deviations) - evidence.first.walls.keys()
+        if not unknown:
+            break
+        evidence = evidence.refusing(draft.alone(key) for key in unknown)
+        for key in sorted(unknown):
+            draft = without_part(draft, key)
+        if again < _REGROWN:
+            draft = _regrown(evidence, scored(evidence, draft), scans, board).draft
+        draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
+        deviations = deviations_of(evidence, draft)
+    return draft, deviations
+
+
+def _undetermined(deviations: dict[Move, float]) -> set[int]:
+    """Return the walls whose position or direction no range determines."""
+    return {
         move.which
         for move, deviation in deviations.items()
         if move.what == "wall" and move.part < 2 and deviation > (_UNKNOWN_TURN if move.is_turn else _UNKNOWN)
     }
-    unknown -= evidence.first.walls.keys()
-    if not unknown:
-        return draft, deviations
-    for key in sorted(unknown):
-        draft = without_part(draft, key)
-    draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
-    return draft, deviations_of(evidence, draft)
 
 
 def _part(tick: Callable[[float], None], turn: int) -> Callable[[float], None]:
