@@ -120,14 +120,14 @@ def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: 
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, with_better_ends(evidence, best), scans, board)
         best = with_free_ends_moved(evidence, best)
-    best = _rebuilt(evidence, best, scans, board)
+    best = rebuilt(evidence, best, scans, board)
     end, deviations = _finished(evidence, best, scans, board, _part(tick, _ROUNDS))
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
     return FoundRoom(end, deviations, touches_of(scans, end, board, evidence.air), worth(scored(evidence, end)))
 
 
-def _rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+def rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
     """Return the draft with oblique walls replaced by what grows without them, where that is worth more.
 
     One oblique wall can explain a part of what two walls at right angles explain. Once it stands, neither of these is
@@ -164,10 +164,10 @@ def _finished(
     tick(2 / 4)
     draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
     tick(3 / 4)
-    return _determined(evidence, draft, scans, board)
+    return determined(evidence, draft, scans, board)
 
 
-def _determined(
+def determined(
     evidence: Evidence, draft: RoomDraft, scans: Sequence[PlacedScan], board: Board
 ) -> tuple[RoomDraft, dict[Move, float]]:
     """Return a refined draft without walls that no range determines, and its deviations; walls of the first draft stay.

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding import right_angles
+from sonarhw_compare.room_finding import right_angles, room_search
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, evidence_of, scored
+from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
+from sonarhw_compare.room_finding.room_search import determined, rebuilt
 from sonarhw_compare.room_finding.wall_ends import with_gaps
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -39,10 +41,9 @@ def room_of(points: Sequence[tuple[float, float]]) -> Room:
     )
 
 
-def case(points: Sequence[tuple[float, float]], *places: tuple[float, float]) -> tuple[Evidence, RoomDraft]:
-    """Return exact scans of a room as evidence, and the room as a draft."""
-    room, scans = room_of(points), []
-    speed = room.air.speed_of_sound
+def scans_of(room: Room, *places: tuple[float, float]) -> list[PlacedScan]:
+    """Return exact scans of a room."""
+    scans, speed = [], room.air.speed_of_sound
     for number, at in enumerate(places):
         place = Place(str(number), at)
         ranges = predict_scan(room, place, BOARD, ANGLES, FOLLOWED).ranges.tolist()
@@ -51,6 +52,13 @@ def case(points: Sequence[tuple[float, float]], *places: tuple[float, float]) ->
             for k, (angle, one) in enumerate(zip(ANGLES.tolist(), ranges, strict=True))
         ]
         scans.append(PlacedScan(readings, place, place.name))
+    return scans
+
+
+def case(points: Sequence[tuple[float, float]], *places: tuple[float, float]) -> tuple[Evidence, RoomDraft]:
+    """Return exact scans of a room as evidence, and the room as a draft."""
+    room = room_of(points)
+    scans = scans_of(room, *places)
     evidence = evidence_of(scans, [PoseSpread()] * len(scans), BOARD, room.air)
     return evidence, replace(draft_of_room(room), places=tuple(scan.place for scan in scans))
 
@@ -121,3 +129,38 @@ def test_a_free_end_of_which_nothing_is_touched_but_the_end_itself_is_cut_back()
     assert with_gaps(evidence, scored(evidence, draft), touched).draft.extent(0)[1] == pytest.approx(1.0)
     near = {0: np.array([-0.9, 0.9, 1.7, 2.0])}  # touched every 80 cm at most: no gap at the end
     assert with_gaps(evidence, scored(evidence, draft), near).draft.extent(0)[1] == pytest.approx(2.0)
+
+
+def test_two_walls_at_right_angles_replace_an_oblique_one() -> None:
+    notched = [(0.0, 0.0), (2.1, 0.0), (2.1, 0.84), (1.68, 0.84), (1.68, 2.1), (0.0, 2.1)]
+    places = (1.5, 0.3), (1.1, 1.4), (0.6, 0.5)
+    evidence, true = case(notched, *places)
+    # in place of the two walls of the notch, one from the end of the wall before it to that of the wall behind it
+    draft = true.without_only(2).without_only(3)
+    start, end = (2.1, 0.84), (1.68, 2.1)
+    angle, half = math.atan2(end[1] - start[1], end[0] - start[0]), math.dist(start, end) / 2
+    middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
+    draft, oblique = draft.with_new_wall(DraftWall(middle, angle, (DraftEnd(-half), DraftEnd(half))))
+    assert right_angles.oblique(draft) == [oblique]
+    found = rebuilt(evidence, scored(evidence, draft), scans_of(room_of(notched), *places), BOARD).draft
+    assert right_angles.oblique(found) == []
+    for x, y, x2, y2 in found.segments.tolist():
+        assert min(abs(x - x2), abs(y - y2)) < 0.02
+    assert any(abs(x - 1.68) < 0.02 and abs(x2 - 1.68) < 0.02 for x, _, x2, _ in found.segments.tolist())
+
+
+def test_walls_grow_in_place_of_one_that_no_range_determines(monkeypatch: pytest.MonkeyPatch) -> None:
+    rectangle, places = [(0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0)], ((0.7, 1.0), (1.2, 2.0))
+    evidence, true = case(rectangle, *places)
+    draft, oblique = true.without_only(1).with_new_wall(DraftWall((2.2, 1.5), 1.2, WIDE))
+    usual = room_search.deviations_of
+
+    def unsure(evidence: Evidence, draft: RoomDraft) -> dict[Move, float]:
+        return {
+            move: 1.0 if move.is_of("wall", oblique) and move.part < 2 and draft.walls[oblique].angle == 1.2 else one
+            for move, one in usual(evidence, draft).items()
+        }
+
+    monkeypatch.setattr(room_search, "deviations_of", unsure)
+    found, _ = determined(evidence, draft, scans_of(room_of(rectangle), *places), BOARD)
+    assert any(abs(x - 2.0) < 0.02 and abs(x2 - 2.0) < 0.02 for x, _, x2, _ in found.segments.tolist())
