@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate.pose_spread import PoseSpread
+from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding import right_angles, room_search
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, evidence_of, scored
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
 from sonarhw_compare.room_finding.room_search import determined, rebuilt
+from sonarhw_compare.room_finding.surface_candidates import wall_candidates
 from sonarhw_compare.room_finding.wall_ends import with_gaps
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -164,3 +166,26 @@ def test_walls_grow_in_place_of_one_that_no_range_determines(monkeypatch: pytest
     monkeypatch.setattr(room_search, "deviations_of", unsure)
     found, _ = determined(evidence, draft, scans_of(room_of(rectangle), *places), BOARD)
     assert any(abs(x - 2.0) < 0.02 and abs(x2 - 2.0) < 0.02 for x, _, x2, _ in found.segments.tolist())
+
+
+# a wall at x = 1.5 m seen from (1.2, 0.5) m, of which a nearer echo hides the lower half
+CUT_OFF = Arc(0, tuple(range(20)), (1.2, 0.5), 0.3, math.radians(22), math.radians(32))
+UNEXPLAINED = [np.ones(20)]
+
+
+def normals(common: float | None) -> list[float]:
+    """Return the bearing of each candidate's normal, degrees."""
+    found = wall_candidates([CUT_OFF], UNEXPLAINED, 8, common)
+    return sorted(math.degrees(math.remainder(wall.angle + math.pi / 2, math.tau)) for wall in found)
+
+
+def test_a_wall_of_which_one_side_is_hidden_is_tried_at_right_angles_to_the_others() -> None:
+    assert normals(None) == pytest.approx([22.0])
+    assert normals(math.radians(90.0)) == pytest.approx([0.0, 22.0])
+    (square,) = (wall for wall in wall_candidates([CUT_OFF], UNEXPLAINED, 8, math.pi) if abs(wall.along[0]) < 1e-9)
+    assert square.middle == pytest.approx((1.5, 0.5))
+
+
+def test_no_wall_is_tried_at_right_angles_outside_the_arc() -> None:
+    # the nearest right angle is 40° from the middle of the arc, which is 32° wide to each side
+    assert normals(math.radians(62.0)) == pytest.approx([22.0])
