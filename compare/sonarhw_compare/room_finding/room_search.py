@@ -30,7 +30,7 @@ from sonarhw_compare.room_finding.evidence import (
 from sonarhw_compare.room_finding.growth import grown, pruned, worth
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
-from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
+from sonarhw_compare.room_finding.refining.squaring import squared, squared_together, turned_square
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.right_angles import oblique
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
@@ -173,16 +173,19 @@ def determined(
     """Return a refined draft without walls that no range determines, and its deviations; walls of the first draft stay.
 
     Such a wall is added because it changes the sound at the end of another one. If it is a part of another one, that
-    wall becomes longer. Other walls may grow in its place.
+    wall becomes longer. Other walls may grow in its place. If it is worth its price at right angles, it stays there.
     """
     for again in range(_REGROWN + 1):
         deviations = deviations_of(evidence, draft)
         unknown = _undetermined(deviations) - evidence.first.walls.keys()
         if not unknown:
             break
-        evidence = evidence.refusing(draft.alone(key) for key in unknown)
         for key in sorted(unknown):
-            draft = without_part(draft, key)
+            square, without = turned_square(evidence, draft, key), without_part(draft, key)
+            if square is not None and square.score >= scored(evidence, without).score + PRICE:
+                draft = square.draft
+            else:
+                evidence, draft = evidence.refusing([draft.alone(key)]), without
         if again < _REGROWN:
             draft = _regrown(evidence, scored(evidence, draft), scans, board).draft
         draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft

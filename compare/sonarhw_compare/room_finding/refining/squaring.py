@@ -20,17 +20,21 @@ def squared(evidence: Evidence, best: Scored) -> Scored:
     A wall that one place faces is turned about this place, which keeps its distance. All places are tried.
     """
     for key in list(best.draft.walls):
-        away = _away(best.draft).get(key, 0.0)
-        if not _LEAST < abs(away) < _MOST:
-            continue
-        draft = centred(best.draft)
-        wall = draft.walls[key]
-        turned = (draft.with_wall(key, _turned(wall, place.position, -away)) for place in draft.places)
-        tried = max(all_scored(evidence, turned), key=lambda one: one.score)
-        if math.isfinite(tried.score):
-            found = refined(evidence, tried.draft, ROUGH, _STEPS)
-            best = found if found.score > best.score else best
+        found = turned_square(evidence, best.draft, key)
+        best = found if found is not None and found.score > best.score else best
     return best
+
+
+def turned_square(evidence: Evidence, draft: RoomDraft, key: int) -> Scored | None:
+    """Return the draft with a wall at right angles; None if it is there already, or oblique by more than 30°."""
+    away = _away(draft).get(key, 0.0)
+    if not _LEAST < abs(away) < _MOST:
+        return None
+    draft = centred(draft)
+    wall = draft.walls[key]
+    turned = (draft.with_wall(key, _turned(wall, place.position, -away)) for place in draft.places)
+    tried = max(all_scored(evidence, turned), key=lambda one: one.score)
+    return refined(evidence, tried.draft, ROUGH, _STEPS) if math.isfinite(tried.score) else None
 
 
 def squared_together(evidence: Evidence, best: Scored) -> Scored:
