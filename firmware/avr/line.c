@@ -82,8 +82,6 @@ uint8_t line_write(const uint8_t *bytes, uint8_t count)
 
 bool line_quiet(void) { return !sent_once || (send_in == send_out && (UCSR0A & _BV(TXC0))); }
 
-bool usart_idle(void) { return receive_in == receive_out && line_quiet(); }
-
 int16_t line_read(void)
 {
     uint8_t out = receive_out;

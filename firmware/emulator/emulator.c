@@ -203,10 +203,6 @@ static void never_sleep(avr_t *avr, avr_cycle_count_t cycles)
 
 #define AT_ONCE 1000 // cycles; less than SLICE
 
-static avr_cycle_count_t asleep; // cycles since the start
-
-double seconds_asleep(void) { return (double)asleep / FREQUENCY; }
-
 static uint32_t longest[INTERRUPTS];
 
 const uint32_t *longest_interrupts(void) { return longest; }
@@ -234,9 +230,7 @@ static void run_for(avr_t *avr, avr_cycle_count_t cycles)
 {
     for (avr_cycle_count_t end = avr->cycle + cycles; avr->cycle < end;) {
         avr_flashaddr_t before = avr->pc;
-        avr_cycle_count_t began = avr->cycle;
         int state = avr_run(avr);
-        asleep += state == cpu_Sleeping ? avr->cycle - began : 0;
         ranging_time_conversion(avr);
         if (state == cpu_Done || state == cpu_Crashed)
             die("the firmware crashed");

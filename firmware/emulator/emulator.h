@@ -53,7 +53,7 @@ struct options {
     enum turning turning;
     const char *eeprom; // file that keeps the EEPROM; NULL: none
     const char *link; // symbolic link to the pseudo-terminal; NULL: none
-    double pace; // factor to real time; 0: as fast as a host can follow
+    double pace; // factor to real time; 0: as fast as possible
     double initial_degrees; // initial angle of the table, degrees
     double temperature; // °C; NAN: no thermistor
     bool any_baud; // ignore the baud rate of the host
@@ -90,7 +90,6 @@ double seconds(const avr_t *avr); // time of the board
 struct ping current_ping(const avr_t *avr); // sweep and index that the firmware has set
 void reset_board(avr_t *avr); // as with the reset button
 void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
-double seconds_asleep(void); // board's time since the start in which the chip slept
 const uint32_t *longest_interrupts(void); // longest duration of each handler in cycles, INTERRUPTS values
 
 /* pins.c */
@@ -143,7 +142,6 @@ void line_reset(void);
 void line_poll(avr_t *avr);
 void line_end(void);
 double line_silence(const avr_t *avr); // s of board time since the last byte of a connected client
-bool line_on_trial(const avr_t *avr); // the firmware waits for the first byte at a new baud rate
 const char *line_name(void);
 
 /* pace.c */

@@ -7,7 +7,6 @@
  *                    R reset the board · H make it hang · S slip: microsteps f64 · W wedge: seconds f64
  *                    M wiring faults u32
  *                    C request the longest duration of interrupt handlers; answer: C, cycles u32 of each vector
- *                    A request the time asleep; answer: A, seconds f64 of the board's time, and of them asleep f64
  *                    T the parent runs; once it has sent this, the board's time stops while it is LATE
  */
 #include <errno.h>
@@ -18,11 +17,10 @@
 
 #include "emulator.h"
 
-#define LATE 0.06 // s of real time without T; at three times real time 0.2 s, less than half of the shortest patience
+#define LATE 0.1 // s of real time without T
 
 static int parent = -1;
 static double running; // real time of the last T; 0: none yet
-static void (*postponed)(avr_t *); // until the instruction ends in which a ping began: its end sets the program counter
 
 void parent_start(int descriptor) { parent = descriptor; }
 
@@ -99,10 +97,10 @@ static bool process_message(avr_t *avr, struct echoes *echoes)
         read_echoes(echoes);
         return true;
     case 'R':
-        postponed = reset_board;
+        reset_board(avr);
         return false;
     case 'H':
-        postponed = hang_board;
+        hang_board(avr);
         return false;
     case 'S':
         turntable_slip(read_double());
@@ -115,9 +113,6 @@ static bool process_message(avr_t *avr, struct echoes *echoes)
         return false;
     case 'C':
         send_message('C', longest_interrupts(), INTERRUPTS * sizeof(uint32_t));
-        return false;
-    case 'A':
-        send_message('A', (double[]){seconds(avr), seconds_asleep()}, 2 * sizeof(double));
         return false;
     case 'T':
         running = real_seconds();
@@ -137,9 +132,6 @@ void parent_poll(avr_t *avr)
     struct pollfd waiting = {.fd = parent, .events = POLLIN};
     while (parent >= 0 && poll(&waiting, 1, parent_late() ? -1 : 0) > 0)
         process_message(avr, NULL);
-    if (postponed)
-        postponed(avr);
-    postponed = NULL;
 }
 
 void parent_request_echoes(avr_t *avr, const struct ping *ping, struct echoes *echoes)

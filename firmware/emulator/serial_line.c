@@ -19,7 +19,6 @@
 #define DOUBLE_SPEED 0x02
 #define UNSET_BAUD 38400 // of a new pseudo-terminal; a client that never sets it gets undamaged bytes
 #define NOISE_EVERY 3000 // bytes
-#define TRIAL 0.5 // s of board time that the firmware waits for a frame at a new baud rate
 #define STALLED 10000 // ms; the emulator waits this long for a client that does not read, then discards bytes
 
 static struct {
@@ -34,8 +33,6 @@ static struct {
     size_t received_at, received_size;
     bool feeding;
     avr_cycle_count_t last_byte; // time of the last byte from a client, or without a client
-    unsigned baud; // of the firmware
-    avr_cycle_count_t changed_baud; // time of its last change
     uint32_t noise;
 } line;
 
@@ -81,14 +78,11 @@ static bool baud_rates_differ(const avr_t *avr)
     return !line.any_baud && baud != UNSET_BAUD && baud != firmware_baud(avr);
 }
 
-// What is the case now: POLLIN, bytes from the client; POLLHUP, no client.
-static short terminal_events(void)
+static bool client_connected(void)
 {
-    struct pollfd terminal = {.fd = line.terminal, .events = POLLIN};
-    return poll(&terminal, 1, 0) > 0 ? terminal.revents : 0;
+    struct pollfd terminal = {.fd = line.terminal};
+    return poll(&terminal, 1, 0) <= 0 || !(terminal.revents & POLLHUP);
 }
-
-static bool client_connected(void) { return !(terminal_events() & POLLHUP); }
 
 static void flush(void)
 {
@@ -139,28 +133,13 @@ double line_silence(const avr_t *avr)
     return avr->cycle > line.last_byte ? (double)(avr->cycle - line.last_byte) / FREQUENCY : 0;
 }
 
-bool line_on_trial(const avr_t *avr)
-{
-    return line.last_byte <= line.changed_baud && avr->cycle - line.changed_baud < TRIAL * FREQUENCY;
-}
-
-static void note_baud(const avr_t *avr)
-{
-    if (firmware_baud(avr) == line.baud)
-        return;
-    line.baud = firmware_baud(avr);
-    line.changed_baud = avr->cycle;
-}
-
 void line_poll(avr_t *avr)
 {
     correct_pace(avr);
-    note_baud(avr);
     flush();
-    short events = terminal_events();
-    if (line.feeding || events & POLLHUP)
+    if (line.feeding || !client_connected())
         line.last_byte = avr->cycle;
-    if (line.received_at < line.received_size || !(events & POLLIN))
+    if (line.received_at < line.received_size)
         return;
     ssize_t got = read(line.terminal, line.received, sizeof line.received);
     if (got <= 0)

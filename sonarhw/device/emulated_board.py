@@ -27,9 +27,8 @@ BUILT = Path(__file__).parents[2] / "firmware" / "build"
 LISTEN = 0.0655  # s; slightly above the longest listening time of the firmware
 _READY_WITHIN = 60.0  # s, on a busy machine
 _ENDS_WITHIN = 30.0  # s, on a busy machine
-_RUNNING_EVERY = 0.03  # s; the emulator stops the board's time 0.06 s after the last of these messages
+_RUNNING_EVERY = 0.03  # s; the emulator stops the board's time 0.1 s after the last of these messages
 _HEADER = struct.Struct("<cI")
-_ASLEEP = struct.Struct("<dd")
 _PING = struct.Struct("<ddHB")
 
 
@@ -41,7 +40,6 @@ class EmulatedBoard:
         self._writing = threading.Lock()
         self.fired = 0.0  # start of the current or last ping, s of the board's time
         self._cycles: queue.Queue[tuple[int, ...]] = queue.Queue()
-        self._asleep: queue.Queue[tuple[float, float]] = queue.Queue()
         kind, name = self._message()
         if kind != b"U":
             raise LinkError("the emulated board did not start")
@@ -72,11 +70,6 @@ class EmulatedBoard:
         self._send(b"C", b"")
         return self._cycles.get(timeout=_READY_WITHIN)
 
-    def asleep(self) -> tuple[float, float]:
-        """Return the time of the board since its start, and how much of it the chip slept, s. A Linux program has 0."""
-        self._send(b"A", b"")
-        return self._asleep.get(timeout=_READY_WITHIN)
-
     def wait(self) -> int:
         """Wait until the process ends, and return its exit status."""
         return self._process.wait()
@@ -105,8 +98,6 @@ class EmulatedBoard:
                     self._send(b"E", packed(result))
             elif kind == b"C":
                 self._cycles.put(struct.unpack(f"<{len(payload) // 4}I", payload))
-            elif kind == b"A":
-                self._asleep.put(_ASLEEP.unpack(payload))
 
     def _next(self) -> tuple[bytes, bytes] | None:
         try:

@@ -3,7 +3,7 @@
 #include "action.h" // action_work
 #include "answers.h" // answer_refused
 #include "commands.h" // command_handle
-#include "hardware.h" // clock_us, motor_turning
+#include "hardware.h" // clock_us
 #include "host_link.h" // host_link_receive
 #include "kept.h" // kept_end
 #include "outbox.h" // outbox_pump
@@ -95,12 +95,6 @@ static void send_next(uint64_t now_us)
         .homed = turntable_zero(),
         .inputs = turntable_inputs() | ranging_inputs(),
     });
-}
-
-// In a scan only while the motor turns, whose last step ends the wait: otherwise a ping could start later.
-bool conversation_can_wait(void)
-{
-    return !waiting && outbox_idle() && (action_state() != STATE_SCANNING || motor_turning());
 }
 
 void conversation_run(void)

@@ -48,12 +48,6 @@ void switch_off(void) { exit(0); }
 
 double seconds(const avr_t *avr) { return (double)avr->cycle / FREQUENCY; }
 
-bool line_on_trial(const avr_t *avr)
-{
-    (void)avr;
-    return false;
-}
-
 double line_silence(const avr_t *avr) { return seconds(avr) - (double)gpio.last_byte / FREQUENCY; }
 
 void reset_board(avr_t *avr)
@@ -67,8 +61,6 @@ void hang_board(avr_t *avr)
     (void)avr;
     die("a Linux program has no watchdog");
 }
-
-double seconds_asleep(void) { return 0; }
 
 const uint32_t *longest_interrupts(void)
 {

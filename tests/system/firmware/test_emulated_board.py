@@ -49,7 +49,7 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
-from tests.system.firmware.combinations.images import MEGA, UNO, budgets, vector
+from tests.system.firmware.combinations.images import MEGA, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, envelope, scanner_on
 from tests.unit.compare.plate.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 
@@ -183,10 +183,7 @@ def test_pings_are_as_frequent_as_documented() -> None:
                 talk.ask(Configure(round(float(listen) * 1000), 2_380, int(trace), 343_200), Settings)
                 # in board time, without host messages in between
                 fired = fire_times_without_host_messages(talk, StartScan(0, round(float(step) * 1e6), 9, 1, 1))
-                median = np.median(np.diff(fired))
-                assert 1e6 / median == pytest.approx(float(documented), abs=0.1)
-                # as soon as the period permits: a chip that slept during a scan would start its pings up to 1 ms later
-                assert documented != "10" or median < 100_300
+                assert 1e6 / np.median(np.diff(fired)) == pytest.approx(float(documented), abs=0.1)
 
 
 def fire_times_without_host_messages(talk: Talk, order: StartScan) -> list[int]:
@@ -307,22 +304,13 @@ def test_a_scan_continues_after_a_reset_with_every_angle_once() -> None:
     assert sorted(reading.number for reading in readings) == [*range(18)]
 
 
-class Hanging(Echoes):
-    """Echo source that makes the firmware hang while a ping begins."""
-
-    board: EmulatedBoard
-
-    def receive(self, ping: Ping) -> PingResult:
-        """Return the given echoes."""
-        if len(self.pings) == 5:
-            self.board.hang()
-        return super().receive(ping)
-
-
 def test_a_scan_continues_after_a_watchdog_reset() -> None:
-    echoes = Hanging(0.020)
-    with scanner_on(echoes) as (echoes.board, scanner):
-        readings = [*scanner.scan(sector(0, 60, 5))]
+    with scanner_on(Echoes(0.020)) as (board, scanner):
+        readings = []
+        for reading in scanner.scan(sector(0, 60, 5)):
+            readings.append(reading)
+            if len(readings) == 5:
+                board.hang()
         assert scanner.device_statistics().reset_cause == ResetCause.WATCHDOG
     assert sorted(reading.number for reading in readings) == [*range(12)]
 
@@ -380,19 +368,6 @@ def test_a_host_that_never_pauses_delays_neither_heartbeats_nor_pings() -> None:
         assert {one.reset_cause for one in statistics} == {ResetCause.POWER}
         # the line was full: the board could not keep all bytes
         assert statistics[-1].overruns > 1000
-
-
-@pytest.mark.parametrize("combination", [MEGA, UNO])
-def test_an_idle_chip_sleeps_and_sends_its_heartbeats_in_time(combination: str) -> None:
-    with emulated_board(Echoes(), pace=PACE, combination=combination) as board, Link(board.url) as link:
-        talk = Talk(link)
-        talk.greet()
-        since, (began, before) = len(talk.received), board.asleep()
-        talk.until(lambda received: sum(isinstance(one, Heartbeat) for one in received) >= 4, since, alive=False)
-        ended, after = board.asleep()
-    beats = [item.frame.time_us for item in talk.received[since:] if isinstance(item.message, Heartbeat)]
-    assert (after - before) / (ended - began) > 0.85
-    assert np.diff(beats) == pytest.approx([250_000] * 3, abs=1_100)
 
 
 class Broken(Echoes):
