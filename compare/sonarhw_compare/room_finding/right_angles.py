@@ -31,11 +31,7 @@ def common_angle(draft: RoomDraft) -> float | None:
 
 def at_right_angles(draft: RoomDraft) -> int:
     """Return the number of walls that are parallel or at right angles to the common wall, with it, within 3°."""
-    away = _away(draft)
-    if not len(away):
-        return 0
-    common = _common(away)
-    return int((np.abs(away[common]) < 3 * SPREAD).sum())
+    return len(draft.walls) - len(oblique(draft))
 
 
 def oblique(draft: RoomDraft) -> list[int]:

@@ -175,8 +175,8 @@ def determined(
     Such a wall is added because it changes the sound at the end of another one. If it is a part of another one, that
     wall becomes longer. Other walls may grow in its place. If it is worth its price at right angles, it stays there.
     """
+    deviations = deviations_of(evidence, draft)
     for again in range(_REGROWN + 1):
-        deviations = deviations_of(evidence, draft)
         unknown = _undetermined(deviations) - evidence.first.walls.keys()
         if not unknown:
             break
