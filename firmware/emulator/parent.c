@@ -21,6 +21,8 @@
 
 static int parent = -1;
 static double running; // real time of the last T; 0: none yet
+// Reset or hang that waits for the end of the instruction in which a ping begins, which sets the program counter.
+static void (*postponed)(avr_t *);
 
 void parent_start(int descriptor) { parent = descriptor; }
 
@@ -97,10 +99,10 @@ static bool process_message(avr_t *avr, struct echoes *echoes)
         read_echoes(echoes);
         return true;
     case 'R':
-        reset_board(avr);
+        postponed = reset_board;
         return false;
     case 'H':
-        hang_board(avr);
+        postponed = hang_board;
         return false;
     case 'S':
         turntable_slip(read_double());
@@ -132,6 +134,9 @@ void parent_poll(avr_t *avr)
     struct pollfd waiting = {.fd = parent, .events = POLLIN};
     while (parent >= 0 && poll(&waiting, 1, parent_late() ? -1 : 0) > 0)
         process_message(avr, NULL);
+    if (postponed)
+        postponed(avr);
+    postponed = NULL;
 }
 
 void parent_request_echoes(avr_t *avr, const struct ping *ping, struct echoes *echoes)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -291,13 +292,23 @@ def test_echoes_at_the_wrap_of_the_timer_are_timed_correctly() -> None:
             assert reading.echo_times == pytest.approx([expected], rel=0, abs=TWO_TICKS + 1e-6)
 
 
+class WithFault(Echoes):
+    """Echo source that resets the board, or makes it hang, in the instruction that begins the sixth ping."""
+
+    fault: Callable[[], None]
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the given echoes."""
+        if len(self.pings) == 5:
+            self.fault()
+        return super().receive(ping)
+
+
 def test_a_scan_continues_after_a_reset_with_every_angle_once() -> None:
-    with scanner_on(Echoes(0.020)) as (board, scanner):
-        readings = []
-        for reading in scanner.scan(sector(0, 90, 5)):
-            readings.append(reading)
-            if len(readings) == 5:
-                board.reset()
+    echoes = WithFault(0.020)
+    with scanner_on(echoes) as (board, scanner):
+        echoes.fault = board.reset
+        readings = [*scanner.scan(sector(0, 90, 5))]
         assert scanner.info.boot == 2
         assert scanner.device_statistics().reset_cause == ResetCause.BUTTON
         assert scanner.statistics.resets == 1
@@ -305,12 +316,10 @@ def test_a_scan_continues_after_a_reset_with_every_angle_once() -> None:
 
 
 def test_a_scan_continues_after_a_watchdog_reset() -> None:
-    with scanner_on(Echoes(0.020)) as (board, scanner):
-        readings = []
-        for reading in scanner.scan(sector(0, 60, 5)):
-            readings.append(reading)
-            if len(readings) == 5:
-                board.hang()
+    echoes = WithFault(0.020)
+    with scanner_on(echoes) as (board, scanner):
+        echoes.fault = board.hang
+        readings = [*scanner.scan(sector(0, 60, 5))]
         assert scanner.device_statistics().reset_cause == ResetCause.WATCHDOG
     assert sorted(reading.number for reading in readings) == [*range(12)]
 
