@@ -44,6 +44,7 @@ else
     echo "Debian packages to install first (as root): apt-get install$missing" >&2
     exit 0
 fi
+echo "Installing Debian packages: about a minute"
 export DEBIAN_FRONTEND=noninteractive
 $as_root apt-get update -qq
 # shellcheck disable=SC2086  # word splitting is intended

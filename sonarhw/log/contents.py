@@ -126,9 +126,10 @@ class Log:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Clauses for warnings: what is missing in the file, and which angles of its scans may be wrong."""
+        """Clauses for warnings: what is missing in the file and what to do, and which angles may be wrong."""
         count = len(self.readings)
-        missing = (f"{self.condition}; {counted(count, 'whole reading')} read; {self.torn}",) if self.torn else ()
+        remedy = "; to repair: sonarhw log recover LOG --out FILE.mcap" if count else ""
+        missing = (f"{self.condition}; {counted(count, 'whole reading')} read; {self.torn}{remedy}",) * bool(self.torn)
         several = len(self.scans) > 1
         doubted = ((number, scan.angle_warning) for number, scan in enumerate(self.scans, 1))
         return missing + tuple(f"scan {number}: {why}" if several else why for number, why in doubted if why)

@@ -85,7 +85,7 @@ class Located:
             return ()
         return (
             f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose may "
-            "be stated as certain; scan more headings",
+            "be stated as certain; scan a wider sector, or locate a scan from another place too",
         )
 
     @property

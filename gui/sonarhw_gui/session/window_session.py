@@ -188,7 +188,10 @@ class WindowSession(QObject):
         self.showing.open_notes()
         if log.torn:
             now = time.monotonic()
-            self._followed.follow(path, f"{name}: {log.torn}; {len(log.readings)} whole readings are shown", now)
+            remedy = "; to repair: sonarhw log recover" if log.readings else ""
+            self._followed.follow(
+                path, f"{name}: {log.torn}; {len(log.readings)} whole readings are shown{remedy}", now
+            )
             self._warn_of_torn(now)
         elif not log.readings:
             self.warned.emit(f"{name}: contains no readings")

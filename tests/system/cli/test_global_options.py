@@ -52,6 +52,16 @@ def test_h_is_the_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> N
         assert short.startswith("Usage: ")
 
 
+def test_a_list_of_commands_shows_whole_sentences_on_a_narrow_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "50")
+    for command in ([], ["log"], ["room"], ["profile"]):
+        assert run([*command, "--help"]) == 0
+        printed = capsys.readouterr().out
+        assert "..." not in printed.partition("\nCommands:\n")[2]
+
+
 def test_the_help_shows_arguments_and_values_as_typed_and_no_python_types() -> None:
     texts = help_texts()
     assert "Usage: sonarhw fit [OPTIONS] LOG...\n" in texts["sonarhw fit"]

@@ -18,6 +18,7 @@ from PySide6.QtCore import QBuffer, Qt
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
+from sonarhw_compare.headings import heading_text
 from sonarhw_gui.live.live_device import LiveDevice
 from sonarhw_gui.live.scanner_jobs import ScanJob, ScanSettings
 from sonarhw_gui.look.palette import DARK, LIGHT, Palette
@@ -141,11 +142,12 @@ def with_look(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> Main
 
 
 def traced(window: MainWindow) -> bool:
-    """Return whether the sentence and the trace of the selected reading are shown."""
+    """Return whether the sentence and the trace of the selected reading are drawn; views are drawn after a change."""
     shown = window.session.shown
-    return (
-        shown.chosen_row is not None and shown.trace is not None and shown.trace.heading == shown.heading(shown.chosen)
-    )
+    if shown.chosen_row is None:
+        return False
+    heading, *rest = window.views.trace.title.text().split(" · ")
+    return heading == f"Trace at {heading_text(shown.heading(shown.chosen))}" and "computed" not in "".join(rest)
 
 
 def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
