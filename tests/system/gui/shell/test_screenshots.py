@@ -18,7 +18,6 @@ from PySide6.QtCore import QBuffer, Qt
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_compare.headings import heading_text
 from sonarhw_gui.live.live_device import LiveDevice
 from sonarhw_gui.live.scanner_jobs import ScanJob, ScanSettings
 from sonarhw_gui.look.palette import DARK, LIGHT, Palette
@@ -62,6 +61,8 @@ class Album:
 
     def keep(self, part: QWidget, name: str) -> None:
         """Save a picture of a window or a dialog in 256 colours, which takes a third of the space."""
+        if isinstance(part, MainWindow):
+            part._turns.all_now()  # during a scan, each view waits for its turn
         image, scale = part.grab().toImage(), part.devicePixelRatioF()
         if part.isWindow() and isinstance(part, MainWindow):
             assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
@@ -142,12 +143,11 @@ def with_look(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> Main
 
 
 def traced(window: MainWindow) -> bool:
-    """Return whether the sentence and the trace of the selected reading are drawn; views are drawn after a change."""
+    """Return whether the sentence and the trace of the selected reading are shown."""
     shown = window.session.shown
-    if shown.chosen_row is None:
-        return False
-    heading, *rest = window.views.trace.title.text().split(" · ")
-    return heading == f"Trace at {heading_text(shown.heading(shown.chosen))}" and "computed" not in "".join(rest)
+    return (
+        shown.chosen_row is not None and shown.trace is not None and shown.trace.heading == shown.heading(shown.chosen)
+    )
 
 
 def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
