@@ -23,6 +23,7 @@ from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding import right_angles
 from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft, post_name, wall_name
+from sonarhw_compare.search_progress import SearchProgress
 
 REFLECTANCE = 0.9  # of found walls, assumed
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
@@ -39,24 +40,27 @@ _HOPELESS = 100.0  # log-likelihood: in no room so far, a draft worse by so much
 _Result = TypeVar("_Result")
 
 
-# defaults of `Course`: functions of a module, because a lambda cannot be sent to other processes
-def _ignore(_draft: RoomDraft) -> None:
-    """Do nothing with a draft."""
-
-
-def _continue() -> None:
-    """Do not end a search."""
-
-
 @dataclass(frozen=True)
 class Course:
-    """Where a search begins, what it leaves out, and the functions that follow it."""
+    """Where a search begins, what it leaves out, and the function that receives what it accepts."""
 
     start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
     refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
-    accepted: Callable[[RoomDraft], None] = _ignore  # receives each draft with one more wall or post
-    tried: Callable[[], None] = _continue  # called before likelihoods
-    check: Callable[[], None] = _continue  # called before and during likelihoods; ends the search by an exception
+    accepted: Callable[[RoomDraft], None] | None = None  # receives each draft with which the search goes on
+
+    def refusing(self, wall: DraftWall) -> "Course":
+        """Return the course of a search that does not find this wall again."""
+        return replace(self, refused=(*self.refused, wall))
+
+    @property
+    def unseen(self) -> "Course":
+        """The course of a part of the search whose result can be rejected."""
+        return replace(self, accepted=None)
+
+    def accept(self, draft: RoomDraft) -> None:
+        """Report a draft with which the search goes on."""
+        if self.accepted is not None:
+            self.accepted(draft)
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ class Evidence:
     known: dict[bytes, FloatArray] = field(default_factory=dict, compare=False, repr=False)
     # compute the scans of a large search at once; None: this process computes all
     processes: LateProcesses | None = field(default=None, compare=False, repr=False)
+    progress: SearchProgress = field(default_factory=SearchProgress, compare=False, repr=False)
 
     def log_likelihood(self, draft: RoomDraft, noise: ReadingNoise) -> float:
         """Return the log-likelihood of all scans plus the logarithm of the prior of their places."""
@@ -98,8 +103,7 @@ class Evidence:
         self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
     ) -> list[list[FloatArray]]:
         """Return `by_reading` of several drafts, of all scans or these."""
-        self.course.tried()
-        self.course.check()
+        self.progress.step()
         scans = range(len(self.problems)) if scans is None else scans
         rooms = [draft.room(REFLECTANCE, self.air) for draft in drafts]
         keys = [[_key(draft, room, scan, noise) for scan in scans] for draft, room in zip(drafts, rooms, strict=True)]
@@ -122,7 +126,7 @@ class Evidence:
             return function(self, items, *others)
         bounds = _bounds(len(items), len(processes))
         parts = processes.results(
-            function, [(items[begin:end], *others) for begin, end in pairwise(bounds)], self.course.check
+            function, [(items[begin:end], *others) for begin, end in pairwise(bounds)], self.progress.repeat
         )
         return [result for part in parts for result in part]
 
@@ -154,10 +158,6 @@ class Evidence:
         A profile with a spread describes a population, of which the scans show one sensor.
         """
         return self.problems[0].board.range_sd
-
-    def refusing(self, walls: Iterable[DraftWall]) -> "Evidence":
-        """Return the evidence of a search that does not find these walls again."""
-        return replace(self, course=replace(self.course, refused=(*self.course.refused, *walls)))
 
     def refuses(self, one: DraftWall | DraftPost) -> bool:
         """Return whether a wall or post is almost one that was refused."""
@@ -306,11 +306,12 @@ def evidence_of(
     air: Air,
     course: Course | None = None,
     processes: LateProcesses | None = None,
+    progress: SearchProgress | None = None,
 ) -> Evidence:
     """Return scans from places with these spreads as evidence."""
     first = RoomDraft(tuple(scan.place for scan in scans))
     nowhere = first.room(REFLECTANCE, air)
     problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, all_echoes=True) for scan in scans)
-    course = course or Course()
+    course, progress = course or Course(), progress or SearchProgress()
     first = first if course.start is None else replace(course.start, places=first.places)
-    return Evidence(problems, tuple(spreads), first, air, course, processes=processes)
+    return Evidence(problems, tuple(spreads), first, air, course, processes=processes, progress=progress)

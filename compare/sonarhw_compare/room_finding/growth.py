@@ -17,7 +17,6 @@ from sonarhw_compare.room_finding.right_angles import common_angle
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
 
-_USUAL = 5  # walls and posts that a room usually has, for the progress
 _TRIED = 8  # candidates for walls at a time
 _SHORT = 0.5  # m: a new wall that is shorter could be a post
 _POSTS = 6  # candidates for posts at a time; each takes more time than a wall
@@ -29,13 +28,11 @@ _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a readin
 _Part = TypeVar("_Part", int, DraftPost)  # the key of a wall, or a post
 
 
-def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored, tick: Callable[[float], None]) -> Scored:
+def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
     """Return the draft to which no wall and no post can be added that is worth its price.
 
-    What is no longer worth its price is removed on the way. `tick` receives a share below 1 that grows with each wall
-    and post, because their final number is unknown.
+    What is no longer worth its price is removed on the way.
     """
-    added = 0
     nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
     while True:
         unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
@@ -50,9 +47,7 @@ def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored, tick: Callabl
         best, before = pruned(evidence, longer), best
         if worth(best) <= worth(before):
             return before
-        evidence.course.accepted(best.draft)
-        added += 1
-        tick(added / (added + _USUAL))
+        evidence.course.accept(best.draft)
 
 
 def _newest_length(draft: RoomDraft) -> float:

@@ -36,8 +36,10 @@ from sonarhw_compare.room_finding.right_angles import oblique
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_free_ends_moved, with_gaps
+from sonarhw_compare.search_progress import SearchProgress
 
-_ROUNDS = 3  # of growth and refinement
+# shares of a search that are done after each round of growth and refinement, and once oblique walls are replaced
+_ROUNDS_DONE, _REBUILT_DONE = (0.65, 0.75, 0.8), 0.9
 _REGROWN = 2  # times that walls grow in place of those that no range determines
 LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
@@ -80,9 +82,10 @@ def find_room(
 ) -> FoundRoom:
     """Return the walls and posts that explain scans. Readings of the carrier's own body are left out.
 
-    `spreads` are the standard deviations of the places, by default exact. `tick` receives the completed share, 0..1.
-    `course` continues a search. `processes` are those of several searches, by default started and ended by this one.
-    Raises InputError if no reading has an echo, no wall is found, a scan is given twice, or the board is a ring.
+    `spreads` are the standard deviations of the places, by default exact. `tick` receives the completed share, 0..1;
+    it can end the search by an exception. `course` continues a search. `processes` are those of several searches, by
+    default started and ended by this one. Raises InputError if no reading has an echo, no wall is found, a scan
+    is given twice, or the board is a ring.
     """
     scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     if board.ring is not None:
@@ -92,27 +95,28 @@ def find_room(
     check_given_once(scans)
     own = LateProcesses(len(scans), LARGE) if processes is None else nullcontext(processes)
     with own as used:
-        evidence = evidence_of(scans, spreads or [PoseSpread()] * len(scans), board, air, course, used)
-        found = _found(evidence, scans, board, tick)
+        spreads, progress = spreads or [PoseSpread()] * len(scans), SearchProgress(tick)
+        found = _found(evidence_of(scans, spreads, board, air, course, used, progress), scans, board)
     tick(1.0)
     return found
 
 
-def worth_alone(scan: PlacedScan, board: Board, air: Air, course: Course) -> float:
-    """Return the worth of the walls and posts that explain one scan by itself, before they are refined together."""
-    scan = replace(scan, readings=without_own_body(board.own_body, scan.readings))
-    evidence = evidence_of([scan], [PoseSpread()], board, air, course)
-    arcs = arcs_of_scans([scan], board)
-    return worth(grown(evidence, arcs, scored(evidence, evidence.first), lambda _share: None))
+def worth_alone(scan: PlacedScan, board: Board, air: Air, tick: Callable[[float], None]) -> float:
+    """Return the worth of the walls and posts that explain one scan by itself, before they are refined together.
+
+    `tick` receives the completed share, 0..1.
+    """
+    evidence = evidence_of([scan], [PoseSpread()], board, air, progress=SearchProgress(tick))
+    evidence.progress.begin(1.0)
+    return worth(grown(evidence, arcs_of_scans([scan], board), scored(evidence, evidence.first)))
 
 
-def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: Callable[[float], None]) -> FoundRoom:
+def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board) -> FoundRoom:
     """Return the room of `find_room`. Raises InputError if no wall is found."""
     best = scored(evidence, evidence.first)
-    for turn in range(_ROUNDS):
-        tick(turn / (_ROUNDS + 1))
-        arcs = _arcs(scans, best.draft, board)
-        longer = pruned(evidence, grown(evidence, arcs, best, _part(tick, turn)))
+    for done in _ROUNDS_DONE:
+        evidence.progress.begin(done)
+        longer = pruned(evidence, grown(evidence, _arcs(scans, best.draft, board), best))
         if longer.draft == best.draft:
             break
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
@@ -120,8 +124,10 @@ def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board, tick: 
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, with_better_ends(evidence, best), scans, board)
         best = with_free_ends_moved(evidence, best)
+    evidence.progress.begin(_REBUILT_DONE)
     best = rebuilt(evidence, best, scans, board)
-    end, deviations = _finished(evidence, best, scans, board, _part(tick, _ROUNDS))
+    evidence.progress.begin(1.0)
+    end, deviations = _finished(evidence, best, scans, board)
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
     return FoundRoom(end, deviations, touches_of(scans, end, board, evidence.air), worth(scored(evidence, end)))
@@ -135,15 +141,18 @@ def rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board
     """
     for key in oblique(best.draft):
         if key in best.draft.walls and key not in evidence.first.walls:
-            refusing = evidence.refusing([best.draft.alone(key)])
-            other = _regrown(refusing, scored(refusing, best.draft.without_wall(key)), scans, board)
-            best = other if worth(other) > worth(best) else best
+            course = evidence.course.refusing(best.draft.alone(key))
+            trial = replace(evidence, course=course.unseen)
+            other = _regrown(trial, scored(trial, best.draft.without_wall(key)), scans, board)
+            if worth(other) > worth(best):
+                best = other
+                evidence.course.accept(best.draft)
     return best
 
 
 def _regrown(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
     """Return the draft after more growth."""
-    longer = grown(evidence, _arcs(scans, best.draft, board), best, lambda _share: None)
+    longer = grown(evidence, _arcs(scans, best.draft, board), best)
     return squared(evidence, scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft))
 
 
@@ -154,16 +163,12 @@ def _arcs(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board) -> tuple[
 
 
 def _finished(
-    evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board, tick: Callable[[float], None]
+    evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board
 ) -> tuple[RoomDraft, dict[Move, float]]:
     """Return the best draft, refined without haste, and its deviations."""
-    tick(0.0)
     kept = pruned(evidence, best).draft
-    tick(1 / 4)
     draft = squared_together(evidence, refined(evidence, kept, ROUGH, _STEPS)).draft
-    tick(2 / 4)
     draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
-    tick(3 / 4)
     return determined(evidence, draft, scans, board)
 
 
@@ -185,7 +190,8 @@ def determined(
             if square is not None and square.score >= scored(evidence, without).score + PRICE:
                 draft = square.draft
             else:
-                evidence, draft = evidence.refusing([draft.alone(key)]), without
+                course = evidence.course.refusing(draft.alone(key))
+                evidence, draft = replace(evidence, course=course), without
         if again < _REGROWN:
             draft = _regrown(evidence, scored(evidence, draft), scans, board).draft
         draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
@@ -200,11 +206,6 @@ def _undetermined(deviations: dict[Move, float]) -> set[int]:
         for move, deviation in deviations.items()
         if move.what == "wall" and move.part < 2 and deviation > (_UNKNOWN_TURN if move.is_turn else _UNKNOWN)
     }
-
-
-def _part(tick: Callable[[float], None], turn: int) -> Callable[[float], None]:
-    """Return the progress of one round of growth."""
-    return lambda share: tick((turn + share) / (_ROUNDS + 1))
 
 
 def _cut_back(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:

@@ -23,12 +23,14 @@ from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course
 from sonarhw_compare.room_finding.room_search import LARGE, FoundRoom, find_room, worth_alone
+from sonarhw_compare.search_progress import SearchProgress
 
 # m, rad: of what is unknown of the pose of a located scan; wide, because the scan itself gives it
 _LOCATED = PoseSpread(0.05, 0.06)
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
 _TRIED = 3  # poses of a scan, each of which needs a room
+_LOCATING, _TRYING = 0.02, 0.25  # of what is left of a part of the progress, for a scan and for a room or a scan alone
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
 
 
@@ -79,19 +81,24 @@ def find_room_and_poses(
     """
     spreads = spreads or [PoseSpread()] * len(scans)
     with LateProcesses(len(scans), LARGE) as processes:
-        search = _Search(tuple(scans), tuple(spreads), board, air, tick, course or Course(), processes)
+        search = _Search(tuple(scans), tuple(spreads), board, air, SearchProgress(tick), course or Course(), processes)
         if not search.known:
             raise InputError("no pose is known; give that of the first log")
-        stage = search.room_of(search.known, 0.0, 1.0)
+        search.progress.begin(1 / search.parts)
+        stage = search.room_of(search.known, 1.0, search.course)
         poses: dict[int, tuple[Pose, ...]] = {}
-        while located := search.located(stage):
+        while len(stage.placed) < len(scans):
+            search.progress.begin((len(stage.placed) - len(search.known) + 2) / search.parts)
+            located = search.located(stage)
             longer = search.extended(stage, located)
             if longer is None:
                 break
             poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
             stage = longer
         if poses:  # once more, because the last scans began at located places, which are not refined
-            stage = max(search.room_with(stage, {}, 1.0, 1.0), stage, key=lambda one: one.found.worth)
+            search.progress.begin(1.0)
+            again = search.room_with(stage, {}, 1.0, search.course.unseen)
+            stage = max(again, stage, key=lambda one: one.found.worth)
     tick(1.0)
     return PlacedRoom(
         stage.found,
@@ -109,7 +116,7 @@ class _Search:
     spreads: tuple[PoseSpread, ...]  # of their places
     board: Board
     air: Air
-    tick: Callable[[float], None]
+    progress: SearchProgress
     course: Course
     processes: LateProcesses
     alone: dict[int, float] = field(default_factory=dict)  # worth of the walls that one scan needs by itself
@@ -119,16 +126,17 @@ class _Search:
         """The scans of which the whole pose is known, by number."""
         return {k: scan for k, scan in enumerate(self.scans) if self.spreads[k].is_whole}
 
-    def room_of(self, placed: dict[int, PlacedScan], done: float, part: float) -> _Stage:
-        """Return the room of some scans; `done` and `part` are shares of the progress with this number of scans."""
-        step, unknown = len(placed) - len(self.known), len(self.scans) - len(self.known)
-        steps = unknown + 2 if unknown else 1
+    @property
+    def parts(self) -> int:
+        """The number of parts of the progress: the first room, each scan of unknown pose, and the room of all."""
+        unknown = len(self.scans) - len(self.known)
+        return unknown + 2 if unknown else 1
 
-        def tick(share: float) -> None:
-            self.tick((step + done + part * share) / steps)
-
+    def room_of(self, placed: dict[int, PlacedScan], part: float, course: Course) -> _Stage:
+        """Return the room of some scans; it takes a `part` of what is left of the part of the progress."""
         spreads = [self._spread(k, scan.place) for k, scan in placed.items()]
-        found = find_room(list(placed.values()), self.board, self.air, spreads, tick, self.course, self.processes)
+        tick = self.progress.inner(part)
+        found = find_room(list(placed.values()), self.board, self.air, spreads, tick, course, self.processes)
         return _Stage(placed, found)
 
     def _spread(self, k: int, begins: Place) -> PoseSpread:
@@ -158,7 +166,7 @@ class _Search:
                 prediction=FOLLOWED,
                 expected=scan.place,
                 spread=self.spreads[k],
-                tick=lambda _share: self.course.check(),
+                tick=self.progress.inner(_LOCATING),
             )
             for k, scan in enumerate(self.scans)
             if k not in stage.placed
@@ -171,32 +179,31 @@ class _Search:
             k for k, one in located.items() if one.explained >= _AS_GOOD * own and one.poses[0].probability >= _PROBABLE
         ]
         if sure:
-            return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 0.0, 1.0)
+            return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 1.0, self.course)
         for k in sorted(located, key=lambda k: -located[k].explained):
             longer = self._with_best(stage, k, located[k].poses)
             if longer.found.worth >= stage.found.worth + self._alone(k):  # else they share no walls at this pose
+                self.course.accept(longer.found.draft)
                 return longer
         return None
 
     def _alone(self, k: int) -> float:
         """Return the worth of the walls that explain one scan by itself."""
         if k not in self.alone:
-            course = Course(tried=self.course.tried, check=self.course.check)
-            self.alone[k] = worth_alone(self.scans[k], self.board, self.air, course)
+            self.alone[k] = worth_alone(self.scans[k], self.board, self.air, self.progress.inner(_TRYING))
         return self.alone[k]
 
     def _with_best(self, stage: _Stage, k: int, poses: Sequence[Pose]) -> _Stage:
         """Return the best room with scan `k` at one of its poses."""
         tried = [pose for pose in poses[:_TRIED] if pose.probability >= _UNLIKELY * poses[0].probability]
-        part = 1 / len(tried)
-        rooms = [self.room_with(stage, {k: pose}, row * part, part) for row, pose in enumerate(tried)]
+        rooms = [self.room_with(stage, {k: pose}, _TRYING, self.course.unseen) for pose in tried]
         return max(rooms, key=lambda one: one.found.worth)
 
-    def room_with(self, stage: _Stage, poses: Mapping[int, Pose], done: float, part: float) -> _Stage:
+    def room_with(self, stage: _Stage, poses: Mapping[int, Pose], part: float, course: Course) -> _Stage:
         """Return the room with more scans at their poses; scans of known poses begin where they are given."""
         before = stage.refined | self.known
         more = {
             k: replace(self.scans[k], place=replace(self.scans[k].place, position=pose.position, heading=pose.heading))
             for k, pose in poses.items()
         }
-        return self.room_of(dict(sorted((before | more).items())), done, part)
+        return self.room_of(dict(sorted((before | more).items())), part, course)

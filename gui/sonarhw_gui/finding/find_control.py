@@ -36,7 +36,6 @@ class FindState:
 
     running: str = ""  # what runs: "searching" or "planning"; empty: nothing
     share: float = 0.0
-    tried: int = 0  # rooms
     hypotheses: Hypotheses | None = None  # without those rejected
     answer: RoomAnswer | None = None  # of a complete search, also after walls of it were rejected
     refused: "tuple[DraftWall | DraftPost, ...]" = ()
@@ -161,7 +160,7 @@ class FindControl(RunControl):
 
     def _begin(self, request: FindRequest | NextRequest, state: FindState) -> None:
         self._newest = None
-        self._run(request, replace(state, share=0.0, tried=0))
+        self._run(request, replace(state, share=0.0))
 
     def _idle(self) -> FindState:
         """Return the state with the walls found so far."""
@@ -172,9 +171,9 @@ class FindControl(RunControl):
         if progress.newest is not self._newest:
             self._newest = progress.newest
             state = replace(state, hypotheses=progress.newest, answer=None, accepted=False)
-        if (progress.share, progress.tried) != (state.share, state.tried):
-            state = replace(state, share=progress.share, tried=progress.tried)
-        return state if progress.places == state.places else replace(state, places=progress.places)
+        if (progress.share, progress.places) != (state.share, state.places):
+            state = replace(state, share=progress.share, places=progress.places)
+        return state
 
     def _finished(self, answer: RoomAnswer | NextAnswer) -> FindState:
         if isinstance(answer, NextAnswer):

@@ -265,4 +265,4 @@ def _step_text(state: FindState) -> str:
         return "trying places for the next scan"
     found = state.hypotheses
     walls, posts = (len(found.draft.walls), len(found.draft.posts)) if found is not None else (0, 0)
-    return f"{walls} walls and {posts} posts so far; {state.tried} rooms tried"
+    return f"{walls} walls and {posts} posts so far"

@@ -82,27 +82,18 @@ class FindProgress(RunProgress):
 
     def __init__(self) -> None:
         super().__init__()
-        self.tried = 0  # rooms
         self.newest: Hypotheses | None = None
         self.places: tuple[NextPlace, ...] = ()  # the best ones to scan next so far, best first
-
-    def count(self) -> None:
-        """Count a tried room."""
-        self.tried += 1
 
     def tick(self, share: float) -> None:
         """Store the share that is done. Raises Cancelled."""
         self.report(share)
-        self.raise_if_cancelled()
+        if self.cancelled:
+            raise Cancelled("the search was cancelled")
 
     def take_places(self, places: "tuple[NextPlace, ...]") -> None:
         """Store the best places so far."""
         self.places = places
-
-    def raise_if_cancelled(self) -> None:
-        """Raise Cancelled if the search should end."""
-        if self.cancelled:
-            raise Cancelled("the search was cancelled")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +128,7 @@ class FindRequest:
         board = _one_board(self.scans)
         if self.start is not None and not self.start.is_sound:
             raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
-        course = Course(self.start, self.refused, self._accept, self.progress.count, self.progress.raise_if_cancelled)
+        course = Course(self.start, self.refused, self._accept)
         placed = find_room_and_poses(
             [self._placed(scan) for scan in self.scans], board, self.air, self._spreads(), self.progress.tick, course
         )
@@ -152,21 +143,20 @@ class FindRequest:
         )
 
     def _accept(self, draft: "RoomDraft") -> None:
-        """Show a draft with one more wall or post."""
+        """Show an accepted draft."""
         from sonarhw_compare.room_finding.evidence import ROUGH
 
         self.progress.newest = self._supported(draft, ROUGH)
 
     def _supported(self, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
         from sonarhw_compare.locate.pose_spread import PoseSpread
-        from sonarhw_compare.room_finding.evidence import Course, evidence_of, support_of
+        from sonarhw_compare.room_finding.evidence import evidence_of, support_of
 
         by_name = {scan.name: scan for scan in self.scans}
         scans = tuple(by_name[place.name] for place in draft.places)
         placed = [replace(self._placed(scan), place=at) for scan, at in zip(scans, draft.places, strict=True)]
-        course = Course(check=self.progress.raise_if_cancelled)
         board = scans[0].board
-        evidence = evidence_of(placed, [PoseSpread()] * len(placed), board, self.air, course)
+        evidence = evidence_of(placed, [PoseSpread()] * len(placed), board, self.air)
         return Hypotheses(draft, scans, board, support_of(evidence, draft, noise))
 
     def _placed(self, scan: LoadedScan) -> "PlacedScan":

@@ -17,7 +17,7 @@ from sonarhw_compare.processes.compute_processes import ComputeProcesses
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding import room_search
 from sonarhw_compare.room_finding.draft import draft_of_room
-from sonarhw_compare.room_finding.evidence import ROUGH, Course, evidence_of
+from sonarhw_compare.room_finding.evidence import ROUGH, evidence_of
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.room_search import find_room
 from sonarhw_sim.board.profile import load_board
@@ -130,10 +130,10 @@ def test_a_cancelled_search_ends_its_processes(
     scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
     monkeypatch.setattr(room_search, "LARGE", 0)
 
-    def check() -> None:
+    def tick(_share: float) -> None:
         if two_cores:
             raise Cancelled("the search was cancelled")
 
     with pytest.raises(Cancelled):
-        find_room(scans, BOARD, room.air, course=Course(check=check))
+        find_room(scans, BOARD, room.air, tick=tick)
     assert [len(one) for one in two_cores] == [0]

@@ -1,4 +1,4 @@
-"""Growth reports its progress, and adds walls before posts."""
+"""Growth adds walls before posts."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,8 +12,8 @@ from sonarhw_compare.room_finding.evidence import Course, Evidence, Scored
 from sonarhw_compare.room_finding.growth import grown
 
 
-def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> tuple[list[str], list[float]]:
-    """Return what is added, "w" or "p", and the reported shares, if walls of `lengths` (m) are found one by one.
+def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> list[str]:
+    """Return what is added, "w" or "p", if walls of `lengths` (m) are found one by one.
 
     Each wall adds 20 to the log-likelihood, the only post adds `post`.
     """
@@ -44,23 +44,14 @@ def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> 
         monkeypatch.setattr(growth, name, lambda _evidence, one: one)
     monkeypatch.setattr(growth, "unexplained_readings", lambda *_: [])
     evidence = SimpleNamespace(by_reading=lambda *_: [np.zeros(1)], course=Course(accepted=accepted))
-    shares: list[float] = []
-    grown(cast(Evidence, evidence), (), Scored(RoomDraft(()), 0.0), shares.append)
-    return added, shares
-
-
-def test_the_share_grows_with_each_wall_and_stays_below_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    added, shares = grow(monkeypatch, [1.0] * 12, 0.0)
-    assert len(added) == len(shares) == 12
-    assert np.diff([0.0, *shares]).min() > 0.0
-    assert shares[-1] < 1.0
+    grown(cast(Evidence, evidence), (), Scored(RoomDraft(()), 0.0))
+    return added
 
 
 def test_posts_follow_the_walls_because_a_corner_looks_like_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
-    added, _ = grow(monkeypatch, [1.0, 1.0, 1.0], 60.0)
-    assert added == ["w", "w", "w", "p"]
+    assert grow(monkeypatch, [1.0, 1.0, 1.0], 60.0) == ["w", "w", "w", "p"]
 
 
 def test_a_short_wall_competes_with_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert grow(monkeypatch, [1.0, 0.2, 1.0], 60.0)[0] == ["w", "p", "w", "w"]
-    assert grow(monkeypatch, [1.0, 0.2, 1.0], 15.0)[0] == ["w", "w", "w", "p"]
+    assert grow(monkeypatch, [1.0, 0.2, 1.0], 60.0) == ["w", "p", "w", "w"]
+    assert grow(monkeypatch, [1.0, 0.2, 1.0], 15.0) == ["w", "w", "w", "p"]

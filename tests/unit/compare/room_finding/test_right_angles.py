@@ -11,12 +11,13 @@ from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding import right_angles, room_search
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import FOLLOWED, Evidence, evidence_of, scored
+from sonarhw_compare.room_finding.evidence import FOLLOWED, Course, Evidence, Scored, evidence_of, scored
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
 from sonarhw_compare.room_finding.room_search import determined, rebuilt
 from sonarhw_compare.room_finding.surface_candidates import wall_candidates
 from sonarhw_compare.room_finding.wall_ends import with_gaps
+from sonarhw_compare.search_progress import SearchProgress
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, parse_room
@@ -144,11 +145,39 @@ def test_two_walls_at_right_angles_replace_an_oblique_one() -> None:
     middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
     draft, oblique = draft.with_new_wall(DraftWall(middle, angle, (DraftEnd(-half), DraftEnd(half))))
     assert right_angles.oblique(draft) == [oblique]
+    evidence, seen, shares = followed(evidence)
     found = rebuilt(evidence, scored(evidence, draft), scans_of(room_of(notched), *places), BOARD).draft
+    assert seen == [found]
+    assert np.diff(shares).min() >= 0.0
+    assert len(set(shares)) > 20  # it moves during growth
     assert right_angles.oblique(found) == []
     for x, y, x2, y2 in found.segments.tolist():
         assert min(abs(x - x2), abs(y - y2)) < 0.02
     assert any(abs(x - 1.68) < 0.02 and abs(x2 - 1.68) < 0.02 for x, _, x2, _ in found.segments.tolist())
+
+
+def test_drafts_without_a_true_oblique_wall_are_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    def grown(evidence: Evidence, _arcs: object, best: Scored) -> Scored:
+        evidence.course.accept(best.draft)
+        return best
+
+    monkeypatch.setattr(room_search, "grown", grown)
+    cut, places = [(0.0, 0.0), (2.4, 0.0), (1.8, 3.0), (0.0, 3.0)], ((0.5, 1.0), (1.0, 1.8), (1.4, 0.6))
+    evidence, true = case(cut, *places)
+    assert right_angles.oblique(true) == [1]
+    evidence, seen, _ = followed(evidence)
+    best = scored(evidence, true)
+    assert rebuilt(evidence, best, scans_of(room_of(cut), *places), BOARD) == best
+    assert seen == []
+
+
+def followed(evidence: Evidence) -> tuple[Evidence, list[RoomDraft], list[float]]:
+    """Return evidence whose accepted drafts, and shares of progress, are put into the lists."""
+    seen: list[RoomDraft] = []
+    shares: list[float] = []
+    followed = replace(evidence, course=Course(accepted=seen.append), progress=SearchProgress(shares.append))
+    followed.progress.begin(1.0)
+    return followed, seen, shares
 
 
 def test_walls_grow_in_place_of_one_that_no_range_determines(monkeypatch: pytest.MonkeyPatch) -> None:

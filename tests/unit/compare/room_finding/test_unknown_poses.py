@@ -12,6 +12,7 @@ from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.room_finding import unknown_poses
 from sonarhw_compare.room_finding.draft import RoomDraft
+from sonarhw_compare.room_finding.evidence import Course
 from sonarhw_compare.room_finding.room_search import FoundRoom
 from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
@@ -24,6 +25,7 @@ from sonarhw.readings import Reading
 
 BOARD = load_board("polaroid-6500")
 NOWHERE = Place("", (0.0, 0.0))
+Tick = Callable[[float], None]
 
 
 def scans(count: int) -> list[PlacedScan]:
@@ -50,15 +52,21 @@ def with_answers(
     """
     rooms: list[list[str]] = []
 
-    def find_room(given: list[PlacedScan], *_: object) -> object:
+    def find_room(
+        given: list[PlacedScan], _board: object, _air: object, _spreads: object, tick: Tick, course: Course, _: object
+    ) -> object:
         rooms.append([scan.title for scan in given])
         explained = [shares.get(int(scan.title), [0.8])[-1] for scan in given]
         touches = Touches({}, (), (100,) * len(given), tuple(round(100 * (1 - share)) for share in explained))
         draft = RoomDraft(tuple(scan.place for scan in given))
         added = sum(15.0 if scan.title in foreign else 20.0 for scan in given)
+        tick(0.5)
+        course.accept(draft)
+        tick(1.0)
         return FoundRoom(draft, {}, touches, worth(given[-1].place.position[0]) + added)
 
-    def locate_scan(readings: list[Reading], *_: object, **__: object) -> object:
+    def locate_scan(readings: list[Reading], *_: object, tick: Tick, **__: object) -> object:
+        tick(1.0)
         k = readings[0].number
         share = shares[k].pop(0) if len(shares[k]) > 1 else shares[k][0]
         return SimpleNamespace(explained=share, poses=(poses or {}).get(k, (pose(float(k)),)))
@@ -92,6 +100,24 @@ def test_of_similar_poses_that_whose_room_explains_all_scans_best_is_taken(
     assert [scan.place.position[0] for scan in result.scans] == [0.0, right]
     assert [found.probability for found in result.poses["1"]] == [0.6, 0.4]
     assert rooms == [["0"], ["0", "1"], ["0", "1"], ["0", "1"]]  # the last one from the refined places
+
+
+def test_the_share_never_decreases_where_a_scan_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_answers(monkeypatch, {1: [0.8], 2: [0.7], 3: [0.65]}, {2: (pose(5.0, 0.6), pose(7.0, 0.4))}, foreign="2")
+    shares: list[float] = []
+    result = find_room_and_poses(scans(4), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 3], shares.append)
+    assert result.left_out == ("2",)
+    assert np.diff(shares).min() >= 0.0
+    assert shares[-1] == 1.0
+    assert len(set(shares)) > 20  # it moves in each room, also in those that are rejected
+
+
+def test_rooms_of_tried_poses_are_reported_only_if_they_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_answers(monkeypatch, {1: [0.7], 2: [0.65]}, {1: (pose(5.0, 0.6), pose(7.0, 0.4))}, foreign="2")
+    seen: list[list[float]] = []
+    course = Course(accepted=lambda draft: seen.append([place.position[0] for place in draft.places]))
+    find_room_and_poses(scans(3), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 2], course=course)
+    assert seen == [[0.0], [0.0, 5.0]]  # of the better of two equal poses; not with scan 2, nor at 7 m
 
 
 def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatch: pytest.MonkeyPatch) -> None:
