@@ -165,11 +165,10 @@ def _columns(
 
     if known is None:
         if heading is None or distance is None:
-            missing = "--heading" if heading is None else "--range"
             names = ", ".join(read_head(file, 0, decimal_comma).header)
             raise InputError(
-                f"{missing}: a CSV file needs it: the name of a column; those of {file.name}: {names}; "
-                f"other formats: {formats_text()}"
+                f"{file}: a CSV file needs --heading COL and --range COL; its columns: {names}; "
+                "`sonarhw import --help` lists other formats"
             )
         return CsvColumns(heading, distance, time_column, decimal_comma)
     given = {"--heading": heading, "--range": distance, "--time": time_column, "--decimal-comma": decimal_comma}

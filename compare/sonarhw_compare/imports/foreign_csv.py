@@ -92,8 +92,8 @@ def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
     if heading is None or distance is None:
         wanted = "a heading" if heading is None else "a range"
         raise InputError(
-            f"{file}, line 1: expected exactly one column with a name for {wanted}, got: {', '.join(header)}; "
-            "use `sonarhw import --heading COL --range COL`"
+            f"{file}, line 1: expected exactly one column with a name for {wanted}, got: {', '.join(header)}"
+            f"{_hint(header)}; use `sonarhw import --heading COL --range COL`"
         )
     return CsvColumns(heading, distance, time), Meaning(likely_unit(distance) or 1.0)
 
@@ -198,6 +198,15 @@ def _header(file: Path, fields: list[str], separator: str = ",") -> list[str]:
     return header
 
 
+def _hint(header: Sequence[str]) -> str:
+    """Return what to do if the first line has numbers where names are expected, else an empty text."""
+    try:
+        [float(name) for name in header]
+    except ValueError:
+        return ""
+    return "; if the first line is a reading, add a line with names above it, such as heading,range"
+
+
 def _column_indices(file: Path, header: list[str], columns: CsvColumns) -> dict[str, int]:
     wanted = [columns.heading, columns.distance, *([] if columns.time is None else [columns.time])]
     if repeated := next((name for name in wanted if wanted.count(name) > 1), None):
@@ -208,7 +217,7 @@ def _column_indices(file: Path, header: list[str], columns: CsvColumns) -> dict[
     for name in wanted:
         if header.count(name) != 1:
             found = "no column" if name not in header else "more than one column"
-            raise InputError(f"{file}, line 1: {found} {name!r}; columns: {', '.join(header)}")
+            raise InputError(f"{file}, line 1: {found} {name!r}; columns: {', '.join(header)}{_hint(header)}")
     return {name: header.index(name) for name in wanted}
 
 

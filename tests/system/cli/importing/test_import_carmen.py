@@ -74,4 +74,5 @@ def test_options_of_csv_files_are_refused_for_other_formats(tmp_path: Path, caps
     assert "--range: only for CSV files; robot.log has the format CARMEN logs" in capsys.readouterr().err
     (tmp_path / "in.csv").write_text("deg,cm\n0,1\n")
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), "--heading", "deg"]) == 2
-    assert "--range: a CSV file needs it: the name of a column; those of in.csv: deg, cm" in capsys.readouterr().err
+    message = "in.csv: a CSV file needs --heading COL and --range COL; its columns: deg, cm; "
+    assert message in capsys.readouterr().err

@@ -176,6 +176,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("", [], "in.csv: the file is empty"),
         ("deg,cm\n", [], "in.csv: no readings"),
         ("angle,cm\n0,1\n", [], "line 1: no column 'deg'; columns: angle, cm"),
+        ("0,1.5\n10,1.6\n", [], "columns: 0, 1.5; if the first line is a reading, add a line with names above it"),
         ("deg,cm,cm\n0,1,1\n", [], "line 1: more than one column 'cm'"),
         ("deg,cm\n0,1\n5,far\n", [], "line 3: cm is 'far'; expected a number"),
         ("deg,cm\n\n0,1\n\n,1\n", [], "line 5: deg is ''; expected a number"),
