@@ -1,7 +1,8 @@
 """A prior of wall directions: most walls of a room are parallel or at right angles to one of them.
 
 A share of the walls is at right angles to a common wall, with a small spread. The others have any direction. A wall
-that the scans determine keeps its direction; one that they hardly determine gets the direction of the others.
+that the scans determine keeps its direction; one that they hardly determine gets the direction of the others. The
+walls of a known room, to which a draft adds some, do not count: what is put into a room can have any direction.
 """
 
 import math
@@ -20,7 +21,7 @@ _ANY = 2 / math.pi  # density of the direction of the others, per radian
 def log_prior(draft: RoomDraft) -> float:
     """Return the logarithm of the prior of the directions of a draft's walls; 0 if all are at right angles."""
     away = _away(draft)
-    return float(_logarithms(away).sum(axis=1).max()) if len(away) and draft.base is None else 0.0
+    return float(_logarithms(away).sum(axis=1).max()) if len(away) else 0.0
 
 
 def common_angle(draft: RoomDraft) -> float | None:
@@ -48,7 +49,7 @@ def pulls(draft: RoomDraft) -> Iterator[tuple[int, int, float, float]]:
     The weight is the probability that the wall is at right angles at all, over the variance.
     """
     away, keys = _away(draft), list(draft.walls)
-    if len(keys) < 2 or draft.base is not None:
+    if len(keys) < 2:
         return
     common = _common(away)
     near = _core(away[common])

@@ -80,6 +80,16 @@ def test_a_wall_near_right_angles_is_pulled_and_an_oblique_one_is_left_alone() -
     assert right_angles.at_right_angles(walls(10.0, 100.0, 191.0, 220.0)) == 3
 
 
+def test_a_wall_that_is_added_to_a_known_room_can_have_any_direction() -> None:
+    known = room_of([(0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0)])
+    one, two = (replace(walls(*angles), base=known) for angles in ((30.0,), (30.0, 123.0)))
+    assert right_angles.log_prior(one) == 0.0
+    assert right_angles.oblique(one) == []
+    # the sides of one object are expected at right angles to each other
+    assert right_angles.common_angle(two) in (math.radians(30.0), math.radians(123.0))
+    assert right_angles.log_prior(two) == right_angles.log_prior(walls(30.0, 123.0)) < 0.0
+
+
 def test_a_wall_that_one_place_faces_is_turned_to_right_angles() -> None:
     evidence, true = case([(0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0)], (0.5, 1.0))
     # the east wall alone, turned about the place by 15°: its range is the same
