@@ -141,16 +141,17 @@ void line_start(avr_t *avr, const char *link, bool any_baud);
 void line_reset(void);
 void line_poll(avr_t *avr);
 void line_end(void);
+int line_terminal(void); // descriptor
 double line_silence(const avr_t *avr); // s of board time since the last byte of a connected client
 const char *line_name(void);
 
 /* pace.c */
-double real_seconds(void);
+bool client_late(const avr_t *avr); // it has not read what the board has sent
 void keep_pace(const avr_t *avr); // wait until real time reaches the board's time
 
 /* parent.c */
 void parent_start(int descriptor);
-void parent_poll(avr_t *avr);
+void parent_poll(avr_t *avr); // returns once the client is not late
 void parent_request_echoes(avr_t *avr, const struct ping *ping, struct echoes *echoes);
 void parent_report_ready(const char *url);
 

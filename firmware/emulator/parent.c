@@ -7,7 +7,6 @@
  *                    R reset the board · H make it hang · S slip: microsteps f64 · W wedge: seconds f64
  *                    M wiring faults u32
  *                    C request the longest duration of interrupt handlers; answer: C, cycles u32 of each vector
- *                    T the parent runs; once it has sent this, the board's time stops while it is LATE
  */
 #include <errno.h>
 #include <poll.h>
@@ -17,10 +16,7 @@
 
 #include "emulator.h"
 
-#define LATE 0.1 // s of real time without T
-
 static int parent = -1;
-static double running; // real time of the last T; 0: none yet
 // Reset or hang that waits for the end of the instruction in which a ping begins, which sets the program counter.
 static void (*postponed)(avr_t *);
 
@@ -116,27 +112,29 @@ static bool process_message(avr_t *avr, struct echoes *echoes)
     case 'C':
         send_message('C', longest_interrupts(), INTERRUPTS * sizeof(uint32_t));
         return false;
-    case 'T':
-        running = real_seconds();
-        return false;
     default:
         die("unknown message from the parent process");
         return false;
     }
 }
 
-static bool parent_late(void) { return running && real_seconds() - running > LATE; }
-
-// While the machine stops the parent, it usually stops the host too. The firmware would treat the host as gone, or
-// return to the former baud rate, so the board's time stops until the parent runs again.
-void parent_poll(avr_t *avr)
+static void process_messages(avr_t *avr, int wait_ms)
 {
     struct pollfd waiting = {.fd = parent, .events = POLLIN};
-    while (parent >= 0 && poll(&waiting, 1, parent_late() ? -1 : 0) > 0)
+    while (poll(&waiting, 1, wait_ms) > 0)
         process_message(avr, NULL);
     if (postponed)
         postponed(avr);
     postponed = NULL;
+}
+
+// While the machine stops the client, the firmware would treat the host as gone, or return to the former baud rate. It
+// sends heartbeats, so the board's time stops until the client has read them.
+void parent_poll(avr_t *avr)
+{
+    process_messages(avr, 0);
+    while (client_late(avr) && !end_requested())
+        process_messages(avr, 1);
 }
 
 void parent_request_echoes(avr_t *avr, const struct ping *ping, struct echoes *echoes)

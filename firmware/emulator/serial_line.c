@@ -185,6 +185,8 @@ void line_start(avr_t *avr, const char *link, bool any_baud)
     avr_irq_register_notify(line.uart + UART_IRQ_OUTPUT, sent, avr);
 }
 
+int line_terminal(void) { return line.terminal; }
+
 void line_end(void)
 {
     if (line.link)

@@ -4,7 +4,7 @@
         Scanner.open(board.url)
 
 The firmware runs in a separate process. An echo source supplies the echoes of its pings. The firmware itself sends
-every byte that arrives at `url`.
+every byte that arrives at `url`. The board's time stops while the client has not read what the board has sent.
 """
 
 import queue
@@ -27,7 +27,6 @@ BUILT = Path(__file__).parents[2] / "firmware" / "build"
 LISTEN = 0.0655  # s; slightly above the longest listening time of the firmware
 _READY_WITHIN = 60.0  # s, on a busy machine
 _ENDS_WITHIN = 30.0  # s, on a busy machine
-_RUNNING_EVERY = 0.03  # s; the emulator stops the board's time 0.1 s after the last of these messages
 _HEADER = struct.Struct("<cI")
 _PING = struct.Struct("<ddHB")
 
@@ -80,12 +79,6 @@ class EmulatedBoard:
         # the emulator may be waiting for the echoes of a ping
         with suppress(OSError):
             self._line.shutdown(socket.SHUT_RDWR)
-
-    def report_running(self, ended: threading.Event) -> None:
-        """Report to the emulator that this process runs, until `ended`: while the machine stops it, the board waits."""
-        with suppress(OSError):  # the board may have been switched off
-            while not ended.wait(_RUNNING_EVERY):
-                self._send(b"T", b"")
 
     def serve(self) -> None:
         """Answer pings until the process has ended. Errors of the echo source are raised."""
@@ -197,7 +190,6 @@ def _started(arguments: list[str | Path]) -> Iterator[tuple["subprocess.Popen[by
 @contextmanager
 def _served(board: EmulatedBoard) -> Iterator[None]:
     failures: list[BaseException] = []
-    ended = threading.Event()
 
     def run() -> None:
         try:
@@ -206,18 +198,12 @@ def _served(board: EmulatedBoard) -> Iterator[None]:
             failures.append(failure)
             board.end()
 
-    threads = [
-        threading.Thread(target=run, name=f"echoes for {board.url}", daemon=True),
-        threading.Thread(target=board.report_running, args=(ended,), name=f"time of {board.url}", daemon=True),
-    ]
-    for thread in threads:
-        thread.start()
+    thread = threading.Thread(target=run, name=f"echoes for {board.url}", daemon=True)
+    thread.start()
     try:
         yield
     finally:
-        ended.set()
         board.end()
-        for thread in threads:
-            thread.join(_ENDS_WITHIN)
+        thread.join(_ENDS_WITHIN)
     if failures:
         raise failures[0]

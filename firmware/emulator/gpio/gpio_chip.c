@@ -48,6 +48,8 @@ void switch_off(void) { exit(0); }
 
 double seconds(const avr_t *avr) { return (double)avr->cycle / FREQUENCY; }
 
+int line_terminal(void) { return gpio.terminal; }
+
 double line_silence(const avr_t *avr) { return seconds(avr) - (double)gpio.last_byte / FREQUENCY; }
 
 void reset_board(avr_t *avr)

@@ -42,6 +42,7 @@ from sonarhw.wire.messages import (
     Hello,
     Info,
     ReadingMessage,
+    Refused,
     SetBaud,
     Settings,
     Started,
@@ -96,8 +97,9 @@ def test_echo_times_in_the_demo_room_match_the_fake_board_to_two_timer_ticks(tra
 
 
 STOPPED_HOST = """
-from tests.system.firmware.conftest import Echoes, scanner_on
-with scanner_on(Echoes(0.020)) as (_, scanner):
+import sys
+from sonarhw import Scanner
+with Scanner.open(sys.argv[1]) as scanner:
     before = scanner.statistics
     print("open", flush=True)
     scanner.home()
@@ -108,7 +110,10 @@ with scanner_on(Echoes(0.020)) as (_, scanner):
 
 def losses_with_a_stop() -> str:
     """Stop the host for longer than the firmware waits for it; return what it prints."""
-    with subprocess.Popen([sys.executable, "-c", STOPPED_HOST], stdout=subprocess.PIPE, text=True) as host:
+    with (
+        emulated_board(Echoes(0.020), pace=PACE) as board,
+        subprocess.Popen([sys.executable, "-c", STOPPED_HOST, board.url], stdout=subprocess.PIPE, text=True) as host,
+    ):
         assert host.stdout is not None
         try:
             assert host.stdout.readline() == "open\n"
@@ -127,6 +132,17 @@ def test_the_time_of_the_board_stops_while_the_machine_stops_the_host() -> None:
     A busy machine may also stop the emulator for longer than the driver waits for bytes, which is no fault.
     """
     assert any(losses_with_a_stop() == "0 0\n" for _ in range(3))
+
+
+def test_as_fast_as_possible_the_board_does_not_give_up_a_host_that_sends_in_time() -> None:
+    program = "linux-polaroid-step-dir"  # runs hundreds of times faster than real time, on a busy machine too
+    with emulated_board(Echoes(), pace="max", combination=program) as board, Link(board.url) as link:
+        talk = Talk(link)
+        talk.greet()
+        began = talk.received[-1].frame.time_us
+        # sends every half second of real time; the firmware gives up after two seconds of its own time
+        messages = talk.until(lambda _: talk.received[-1].frame.time_us > began + 2_500_000)
+    assert not any(isinstance(message, Refused) for message in messages)
 
 
 def test_levels_and_times_of_a_trace_are_correct() -> None:
