@@ -17,8 +17,7 @@ from tests.checkout import CHECKOUT
 from tests.system.firmware.portable import PortableBoard
 
 FIRMWARE = CHECKOUT / "firmware"
-# Times real time. Not more, because the firmware treats a host as gone after 2 s of board time without a frame: a busy
-# machine can stop the host for a second.
+# Times real time. Above 2.4, the board slows down before each sign of life of the host, which comes every 0.5 s.
 PACE = 2.0
 
 
