@@ -1,50 +1,63 @@
 """Rooms found from scans of random rooms, beside the true ones: `python -m benchmarks.room_finding [FIRST LAST]`.
 
-With `--leave-out` before them, each room is found without its last scan, and the found and the true room predict it.
-With `--rough`, all places but the first are known within 5 cm and 3° (standard deviations); with `--headings`, only
-their headings are, with `--positions`, only their positions, and with `--unknown`, nothing. Each row then ends with the
-errors of the places found.
+Each row is a room, the last one all rooms together. Its columns:
 
-Beside them are the walls of a map without a room file, from regions of constant depth, and the certainty grid. `held`:
-the number of found walls, and of those whose 95 % intervals hold the true offset, and the true direction. `s`: the
-wall time of a search, and the processor time on all cores.
+  walls, posts  number of those of the true room, and of the found one
+  seen          length of the true walls between their outermost touches by recorded echoes, m
+  found         share of it that is found within 1 cm and 1°
+  inv.          share of the length of the found walls that is invented: more than 5 cm from every true surface
+  held          number of found walls that exist, and of those whose 95 % intervals hold the true offset, and the true
+                direction
+  time          wall time of the search, and processor time on all cores, s
+
+`found` and `inv.` are those of the room search and of two baselines, a map without a room file: its walls, from regions
+of constant depth (arcs), and its certainty grid, of which cells are counted in place of lengths.
+
+All poses are exact by default. With other ones, each row ends with the errors of the poses found. With --leave-out,
+each row states which share of the last scan the found and the true room predict within 5 cm.
 """
 
 import os
 import time
-from argparse import ArgumentParser
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
 from sonarhw_compare.room_finding.room_search import find_room
-from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+from sonarhw_compare.room_finding.unknown_poses import PlacedRoom, find_room_and_poses
 from sonarhw_sim.board.profile import Board, load_board
 
-from benchmarks.cases.random_rooms import random_room
+from benchmarks.cases.random_rooms import RandomRoom, random_room
 from benchmarks.cases.room_measures import Lengths, lengths_found, lengths_in_grid, seen_parts, truth_held
 from benchmarks.cases.uncertain_poses import POSES, exact_poses, pose_text
 
 ROOMS = 30
+KNOWN = {
+    "--rough": "poses but the first are known within 5 cm and 3° (standard deviations)",
+    "--headings": "headings but the first are known within 3°, and no position but the first",
+    "--positions": "positions but the first are known within 5 cm, and no heading but the first",
+    "--unknown": "no pose but the first is known",
+}
+HEADER = """\
+        true             found                room search    by arcs      by the grid        held       time
+room  walls posts scans  walls posts   seen   found   inv.  found   inv.  found   inv.  of  off turn  wall  cores"""
 
 
 def main() -> None:
     """Print a row for each room, and the totals."""
-    parser = ArgumentParser(description="Find random rooms from scans of them, and compare them with the true ones.")
+    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("first", nargs="?", type=int, default=0, help="number of the first room; default: %(default)s")
     parser.add_argument(
-        "last", nargs="?", type=int, default=ROOMS, help="the number after the last; default: %(default)s"
+        "last", nargs="?", type=int, default=ROOMS, help="number after that of the last room; default: %(default)s"
     )
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--leave-out", action="store_true", help="find each room without its last scan, and predict it")
-    for option, known in (
-        ("--rough", "within 5 cm and 3°"),
-        ("--headings", "within 3°, without positions"),
-        ("--positions", "within 5 cm, without headings"),
-        ("--unknown", "for the first scan only"),
-    ):
-        kinds.add_argument(option, dest="poses", action="store_const", const=option, help=f"places are known {known}")
+    for option, known in KNOWN.items():
+        kinds.add_argument(option, dest="poses", action="store_const", const=option, help=known)
     options = parser.parse_args()
     seeds, board = range(options.first, options.last), load_board("polaroid-6500")
     if options.leave_out:
@@ -68,38 +81,46 @@ def leave_out(seeds: range, board: Board) -> None:
     print(f"all  {totals[0]:7.0f} {totals[1] / totals[0]:6.1%} {totals[2] / totals[0]:6.1%}")
 
 
-def find_rooms(seeds: range, board: Board, option: str | None = None) -> None:
+@dataclass(frozen=True)
+class Search:
+    """A room found from the scans of a random room, and how well it agrees with that."""
+
+    case: RandomRoom
+    placed: PlacedRoom
+    lengths: tuple[Lengths, Lengths, Lengths]  # of the room search, of walls by arcs, and of the certainty grid
+    held: list[tuple[bool, bool]]  # of found walls: whether the intervals hold the true offset, and the true direction
+    wall_time: float  # s
+    processor_time: float  # s, on all cores
+
+
+def find_rooms(seeds: range, board: Board, option: str | None) -> None:
     """Print what is found of each room; `option` is one of POSES, without which all poses are exact."""
-    print("found and invented:                          room search   by arcs       grid          held        s")
-    print(
-        "room  walls posts scans  walls posts  seen m  found  inv.   found  inv.   found  inv.  of    off turn   cores"
-    )
-    totals, held_of_all = [Lengths(0, 0, 0, 0)] * 3, []
+    print(HEADER)
+    searches = []
     for seed in seeds:
-        case = random_room(seed, board)
-        scans, spreads = (POSES[option] if option else exact_poses)(case, seed)
-        began, used = time.perf_counter(), _processor_time()
-        placed = find_room_and_poses(scans, board, case.room.air, spreads)
-        took, used, found = time.perf_counter() - began, _processor_time() - used, placed.found
-        by_arcs = map_scans(case.scans, board).direct
-        arcs = np.array([(*wall.start, *wall.end) for wall in by_arcs.features.walls]).reshape(-1, 4)
-        parts = seen_parts(case, board)
-        lengths = [
-            lengths_found(case, parts, found.draft.segments),
-            lengths_found(case, parts, arcs),
-            lengths_in_grid(case, parts, by_arcs.grid),
-        ]
-        totals = [one + other for one, other in zip(totals, lengths, strict=True)]
-        held = truth_held(case, found)
-        held_of_all += held
-        print(
-            f"{seed:4} {len(case.room.walls):6} {len(case.room.posts):5} {len(case.scans):5} "
-            f"{len(found.draft.walls):6} {len(found.draft.posts):5} {lengths[0].seen:7.2f} "
-            f"{' '.join(one.shares for one in lengths)} {_held(held)} {took:3.0f} {used:5.0f}"
-            f"{'; ' + pose_text(case, placed) if option else ''}",
-            flush=True,
-        )
-    print(f"all {' ' * 38} {' '.join(one.shares for one in totals)} {_held(held_of_all)}")
+        searches.append(searched(seed, board, option))
+        poses = f"; {pose_text(searches[-1].case, searches[-1].placed)}" if option else ""
+        print(f"{seed:4} {_row(searches[-1])}{poses}", flush=True)
+    totals = [sum(of_rooms, Lengths(0, 0, 0, 0)) for of_rooms in zip(*(one.lengths for one in searches), strict=True)]
+    held = [wall for one in searches for wall in one.held]
+    print(f"all {' ' * 38} {_agreement(totals, held)}")
+
+
+def searched(seed: int, board: Board, option: str | None) -> Search:
+    """Return the room found from the scans of a random room."""
+    case = random_room(seed, board)
+    scans, spreads = (POSES[option] if option else exact_poses)(case, seed)
+    began, used = time.perf_counter(), _processor_time()
+    placed = find_room_and_poses(scans, board, case.room.air, spreads)
+    took, used = time.perf_counter() - began, _processor_time() - used
+    parts, baseline = seen_parts(case, board), map_scans(case.scans, board).direct
+    by_arcs = np.array([(*wall.start, *wall.end) for wall in baseline.features.walls]).reshape(-1, 4)
+    lengths = (
+        lengths_found(case, parts, placed.found.draft.segments),
+        lengths_found(case, parts, by_arcs),
+        lengths_in_grid(case, parts, baseline.grid),
+    )
+    return Search(case, placed, lengths, truth_held(case, placed.found), took, used)
 
 
 def _processor_time() -> float:
@@ -108,8 +129,17 @@ def _processor_time() -> float:
     return times.user + times.system + times.children_user + times.children_system
 
 
-def _held(held: list[tuple[bool, bool]]) -> str:
-    return f"{len(held):3} {sum(offset for offset, _ in held):6} {sum(turn for _, turn in held):4}"
+def _row(one: Search) -> str:
+    room, draft = one.case.room, one.placed.found.draft
+    return (
+        f"{len(room.walls):6} {len(room.posts):5} {len(one.case.scans):5} {len(draft.walls):6} {len(draft.posts):5} "
+        f"{one.lengths[0].seen:6.2f} {_agreement(one.lengths, one.held)} {one.wall_time:5.0f} {one.processor_time:6.0f}"
+    )
+
+
+def _agreement(lengths: Sequence[Lengths], held: Sequence[tuple[bool, bool]]) -> str:
+    of_offset, of_turn = (sum(wall[part] for wall in held) for part in (0, 1))
+    return f"{' '.join(one.shares for one in lengths)} {len(held):3} {of_offset:4} {of_turn:4}"
 
 
 if __name__ == "__main__":
