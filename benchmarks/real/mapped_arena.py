@@ -1,4 +1,4 @@
-"""The arena mapped from real scans: `python -m benchmarks.real.mapped_arena [FOLDER]` (up to an hour).
+"""The arena mapped from real scans: `python -m benchmarks.real.mapped_arena [FOLDER]`.
 
 First come the walls of a map by regions of constant depth, from the poses and range offsets of `locate`. Then the room
 is found without known range offsets, from several kinds of poses:

@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
+from sonarhw_sim.board.mount import without_own_body
+
 from sonarhw.readings import Reading
 from sonarhw_gui.finding.find_request import LoadedScan
 from sonarhw_gui.scene.scene import NOWHERE, Scene
@@ -32,7 +34,8 @@ def share_readings(one: tuple[Reading, ...], other: tuple[Reading, ...]) -> bool
 
 def _loaded(name: str, readings: tuple[Reading, ...], scene: Scene) -> LoadedScan:
     known = scene.place is not None
-    return LoadedScan(name, readings[-MOST_READINGS:], scene.place or NOWHERE, scene.board, known)
+    of_room = tuple(without_own_body(scene.board.own_body, readings))  # as the search counts them
+    return LoadedScan(name, of_room[-MOST_READINGS:], scene.place or NOWHERE, scene.board, known)
 
 
 def _with_own_names(scans: Iterable[LoadedScan]) -> Iterable[LoadedScan]:

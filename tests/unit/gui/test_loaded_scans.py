@@ -2,10 +2,15 @@
 
 from dataclasses import replace
 
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.locate.pose_spread import PoseSpread
+from sonarhw_compare.room_finding.evidence import FINE, evidence_of
 from sonarhw_gui.finding.loaded_scans import loaded_scans
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.overlaid_scan import overlaid
 from sonarhw_gui.shown.shown import Shown
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.mount import OwnBodyPart
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
@@ -30,6 +35,16 @@ def test_each_scan_is_used_once_under_a_name_of_its_own() -> None:
     assert [(scan.name, scan.readings) for scan in scans] == [("s", first), ("s 2", second)]
     assert [scan.name for scan in loaded_scans(replace(shown, overlays=()), "shown")] == ["shown"]
     assert loaded_scans(replace(shown, overlays=(), readings=()), "shown") == ()
+
+
+def test_readings_of_the_own_body_are_left_out_so_that_evidence_belongs_to_the_right_readings() -> None:
+    body = OwnBodyPart(from_deg=5.0, to_deg=7.0, nearest=1.0, farthest=2.0)  # contains the reading at 0.1 rad
+    scene = replace(NOWHERE, board=replace(NOWHERE.board, own_body=(body,)))
+    readings = sweep(0)
+    (scan,) = loaded_scans(Shown(scene, readings=readings), "shown")
+    assert scan.readings == (readings[0], readings[2])
+    evidence = evidence_of([PlacedScan(readings, scan.place)], [PoseSpread()], scan.board, Air())
+    assert len(scan.readings) == len(evidence.by_reading(evidence.first, FINE)[0])
 
 
 def test_a_scan_with_a_known_place_comes_first() -> None:
