@@ -360,7 +360,7 @@ class Heartbeat(Message):
 
     TYPE = 0x89
     state: int = _on_wire(U8, "state code")
-    angle: int = _on_wire(I32, "turntable angle, µdeg")
+    angle: int = _on_wire(I32, "turntable angle, µdeg; 0 while the zero is unknown")
     readings: int = _on_wire(U32, "number of the next reading of this or the last scan")
     temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
     boot: int = _since_1_1(U32, "as in Info; a different number means that the device was reset", 0)

@@ -263,7 +263,7 @@ struct trace_chunk {
 
 struct heartbeat {
     uint8_t state; // state code
-    int32_t angle; // turntable angle, µdeg
+    int32_t angle; // turntable angle, µdeg; 0 while the zero is unknown
     uint32_t readings; // number of the next reading of this or the last scan
     int16_t temperature; // air temperature at the board, 0.01 °C; −32768: no thermometer
     uint32_t boot; // as in Info; a different number means that the device was reset · 1.1, else 0

@@ -6,6 +6,7 @@ import pytest
 
 from sonarhw.wire.codes import Approach, Input, Outcome, Refusal, Wiring
 from sonarhw.wire.messages import (
+    Accepted,
     AskStatistics,
     ConfigureTurntable,
     ConfigureWiring,
@@ -18,6 +19,7 @@ from sonarhw.wire.messages import (
     SetZero,
     StartScan,
     Statistics,
+    Stop,
     Turn,
     WiringSettings,
 )
@@ -268,6 +270,17 @@ def test_homes_with_changing_settings_wind_the_cable_no_further(board: PortableB
         finished_of(board, Home(), 40_000_000)
         board.ask(ConfigureWiring(both, both if k % 2 == 0 else 0))
         assert abs(board.c.host_position()) <= 760 * A_DEGREE
+
+
+def test_stop_is_answered_while_the_table_slows_down_and_the_next_turn_begins_at_rest(board: PortableBoard) -> None:
+    home_board(board)
+    board.ask(Turn(180_000_000), 300_000)
+    answers, stopped_at = board.ask(Stop()), board.c.host_position()
+    assert [type(answer) for answer in answers] == [Finished, Accepted]
+    board.ask(Turn(0), 50_000)
+    assert board.c.host_position() > stopped_at
+    board.frames_until(board.now + 3_000_000)
+    assert board.c.host_position() == 0
 
 
 def test_every_heading_is_approached_in_the_requested_direction(board: PortableBoard) -> None:
