@@ -26,7 +26,7 @@ class RoomOfScans:
 
     placed: "PlacedRoom"
     room: "Room"  # of its file
-    board: "Board"  # with the range offset found
+    board: "Board"  # with range offset and threshold as found
     given_board: "Board"
     next_places: "tuple[NextPlace, ...] | None"  # best first; None: they were not asked for
 
@@ -76,7 +76,7 @@ def room_of_scans(
     show: Callable[[float, str], None],
 ) -> RoomOfScans:
     """Return the room that scans show, with the places to scan next if wanted. `show` receives share and step."""
-    from sonarhw_compare.room_finding.evidence import with_offset
+    from sonarhw_compare.room_finding.evidence import as_found
     from sonarhw_compare.room_finding.found_room_file import found_room
     from sonarhw_compare.room_finding.next_place import next_places
     from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
@@ -85,13 +85,13 @@ def room_of_scans(
     recorded = given[0].recorded_room
     air = Air() if recorded is None else recorded.air
     placed = find_room_and_poses(scans, board, air, spreads, lambda share: show(share, "finding the room"))
-    room, with_found_offset = found_room(placed.found, placed.scans, board), with_offset(board, placed.found.draft)
+    room, board_as_found = found_room(placed.found, placed.scans, board), as_found(board, placed.found.draft)
     nexts = None
     if plan_next:
         nexts = next_places(
-            placed.found, room, with_found_offset, tick=lambda share: show(share, "planning the next scan")
+            placed.found, room, board_as_found, tick=lambda share: show(share, "planning the next scan")
         )
-    return RoomOfScans(placed, room, with_found_offset, board, nexts)
+    return RoomOfScans(placed, room, board_as_found, board, nexts)
 
 
 def rounded_point(point: tuple[float, float]) -> list[float]:

@@ -71,6 +71,7 @@ class RoomDraft:
     walls: dict[int, DraftWall] = field(default_factory=dict)
     posts: tuple[DraftPost, ...] = ()
     offset: float = 0.0  # m, by which all ranges are longer than the board's profile states
+    threshold_db: float = 0.0  # dB, by which the threshold is higher than the board's profile states
     base: Room | None = None  # a known room, whose walls and posts are fixed; those of the draft are added to it
 
     def with_wall(self, key: int, wall: DraftWall) -> "RoomDraft":

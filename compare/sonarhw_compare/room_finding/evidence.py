@@ -137,7 +137,7 @@ class Evidence:
 
     def of_draft(self, draft: RoomDraft, room: Room, scan: int, free: tuple[Parameter, ...] = ()) -> Problem:
         """Return the problem of one scan with `free` parameters; `room` is that of the draft."""
-        board, places = with_offset(self.problems[scan].board, draft), (draft.places[scan],)
+        board, places = as_found(self.problems[scan].board, draft), (draft.places[scan],)
         return replace(self.problems[scan], room=room, places=places, board=board, parameters=free)
 
     @property
@@ -146,9 +146,9 @@ class Evidence:
         return any(spread.heading > 0 for spread in self.spreads)
 
     def log_prior(self, draft: RoomDraft) -> float:
-        """Return the logarithm of the prior of directions, places and range offset; 0 where they are as expected."""
+        """Return the logarithm of the prior of directions, places and sensor; 0 where they are as expected."""
         errors = [error for scan in range(len(self.spreads)) for error in self.pose_errors(draft, scan)]
-        errors.append((draft.offset, self.offset_spread))
+        errors += [(draft.offset, self.offset_spread), (draft.threshold_db, self.threshold_spread)]
         return right_angles.log_prior(draft) - 0.5 * sum((away / sd) ** 2 for away, sd in errors if sd > 0)
 
     @property
@@ -158,6 +158,11 @@ class Evidence:
         A profile with a spread describes a population, of which the scans show one sensor.
         """
         return self.problems[0].board.range_sd
+
+    @property
+    def threshold_spread(self) -> float:
+        """Standard deviation of the threshold, dB: the one that the profile states, likewise."""
+        return self.problems[0].board.threshold_sd_db
 
     def refuses(self, one: DraftWall | DraftPost) -> bool:
         """Return whether a wall or post is almost one that was refused."""
@@ -206,9 +211,12 @@ class Scored:
     score: float
 
 
-def with_offset(board: Board, draft: RoomDraft) -> Board:
-    """Return a board with the range offset of a draft."""
-    return replace(board, range_offset=board.range_offset + draft.offset) if draft.offset else board
+def as_found(board: Board, draft: RoomDraft) -> Board:
+    """Return a board with the range offset and the threshold of a draft."""
+    if not draft.offset and not draft.threshold_db:
+        return board
+    offset, threshold = board.range_offset + draft.offset, board.threshold_db + draft.threshold_db
+    return replace(board, range_offset=offset, threshold_db=threshold)
 
 
 def all_scored(evidence: Evidence, drafts: Iterable[RoomDraft], noise: ReadingNoise = ROUGH) -> list[Scored]:
@@ -271,7 +279,7 @@ def _bounds(items: int, processes: int) -> list[int]:
 def _key(draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> bytes:
     """Return all that the log-likelihoods of the readings of a scan depend on; `room` is that of the draft."""
     place = draft.places[scan]
-    others = np.array([*place.position, place.heading, draft.offset, scan, *noise])
+    others = np.array([*place.position, place.heading, draft.offset, draft.threshold_db, scan, *noise])
     surfaces = room.walls, room.posts, room.reflectances, room.scattered, room.heights
     return b"|".join(array.tobytes() for array in (others, *surfaces))
 

@@ -55,6 +55,8 @@ def found_room_figures(found: FoundRoom) -> dict[str, Any]:
         "explained": found.explained,
         "offset_m": round(found.draft.offset, _DIGITS),
         "offset_sd_m": found.offset_deviation,
+        "threshold_higher_db": found.draft.threshold_db,
+        "threshold_sd_db": found.threshold_deviation,
         "right_angled": at_right_angles(found.draft),
         "walls": [
             {
@@ -85,6 +87,11 @@ def assumptions(found: FoundRoom, board: Board) -> list[str]:
         lines.append(
             f"range offset of the sensor: {found.draft.offset * 1000:.0f} ± {found.offset_deviation * 1000:.0f} mm "
             f"beside that of board {board.name!r}; 0 ± {board.range_sd * 1000:.0f} mm was expected (its range_sd)"
+        )
+    if found.threshold_deviation is not None:
+        lines.append(
+            f"threshold of the sensor: {found.draft.threshold_db:+.1f} ± {found.threshold_deviation:.1f} dB beside "
+            f"that of board {board.name!r}; 0 ± {board.threshold_sd_db:.1f} dB was expected (its threshold_sd_db)"
         )
     return lines
 

@@ -13,6 +13,7 @@ from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
 from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored, leading, scored_if_near
 from sonarhw_compare.room_finding.refining.refinement import refined
+from sonarhw_compare.room_finding.refining.threshold_search import with_threshold
 from sonarhw_compare.room_finding.right_angles import common_angle
 from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
@@ -44,6 +45,7 @@ def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
         if longer.score - best.score < PRICE:
             return best
         longer = refined(evidence, with_better_ends(evidence, longer).draft, ROUGH, _STEPS)
+        longer = with_threshold(evidence, longer)
         best, before = pruned(evidence, longer), best
         if worth(best) <= worth(before):
             return before
@@ -60,22 +62,26 @@ def worth(one: Scored) -> float:
     return one.score - PRICE * (len(one.draft.walls) + len(one.draft.posts))
 
 
-def pruned(evidence: Evidence, best: Scored) -> Scored:
+def pruned(evidence: Evidence, best: Scored, price: float = PRICE) -> Scored:
     """Return the draft without walls and posts that are not worth their price; those of the first draft stay."""
     keys = sorted(best.draft.walls.keys() - evidence.first.walls.keys())
-    best = _without_worthless(evidence, best, keys, RoomDraft.without_wall)
+    best = _without_worthless(evidence, best, keys, RoomDraft.without_wall, price)
     posts = best.draft.posts[len(evidence.first.posts) :]
-    return _without_worthless(evidence, best, posts, _without_post)
+    return _without_worthless(evidence, best, posts, _without_post, price)
 
 
 def _without_worthless(
-    evidence: Evidence, best: Scored, parts: Sequence[_Part], without: Callable[[RoomDraft, _Part], RoomDraft]
+    evidence: Evidence,
+    best: Scored,
+    parts: Sequence[_Part],
+    without: Callable[[RoomDraft, _Part], RoomDraft],
+    price: float,
 ) -> Scored:
     """Return the draft without those of its parts that are not worth their price, tried in order."""
     while parts:
         # all at once, because processes divide many drafts better; most rooms keep all
         tried = scored_if_near(evidence, [without(best.draft, part) for part in parts], best)
-        row = next((row for row, one in enumerate(tried) if best.score - one.score < PRICE), None)
+        row = next((row for row, one in enumerate(tried) if best.score - one.score < price), None)
         if row is None:
             return best
         best, parts = tried[row], parts[row + 1 :]

@@ -23,14 +23,15 @@ from sonarhw_compare.room_finding.evidence import (
     Course,
     Evidence,
     Scored,
+    as_found,
     evidence_of,
     scored,
-    with_offset,
 )
 from sonarhw_compare.room_finding.growth import grown, pruned, worth
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
 from sonarhw_compare.room_finding.refining.squaring import squared, squared_together, turned_square
+from sonarhw_compare.room_finding.refining.threshold_search import threshold_deviation
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.right_angles import oblique
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
@@ -43,6 +44,7 @@ _ROUNDS_DONE, _REBUILT_DONE = (0.65, 0.75, 0.8), 0.9
 _REGROWN = 2  # times that walls grow in place of those that no range determines
 LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
+_CLEAR_PRICE = 25.0  # log-likelihood: in real scans, false walls and posts added 11 to 24, true ones 32 and more
 _UNKNOWN, _UNKNOWN_TURN = 0.06, math.radians(5.4)  # m, rad: standard deviations of a wall that is not reported
 
 
@@ -54,6 +56,7 @@ class FoundRoom:
     deviations: dict[Move, float]  # m or rad: standard deviations
     touches: Touches
     worth: float  # log-likelihood of all scans, less the price of all walls and posts
+    threshold_deviation: float | None = None  # dB: standard deviation; None if the board states that it is exact
 
     @property
     def echoes(self) -> int:
@@ -130,7 +133,8 @@ def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board) -> Fou
     end, deviations = _finished(evidence, best, scans, board)
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    return FoundRoom(end, deviations, touches_of(scans, end, board, evidence.air), worth(scored(evidence, end)))
+    touches, of_threshold = touches_of(scans, end, board, evidence.air), threshold_deviation(evidence, end)
+    return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
 
 
 def rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
@@ -159,7 +163,7 @@ def _regrown(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], boar
 def _arcs(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board) -> tuple[Arc, ...]:
     """Return the arcs of scans at the places of a draft."""
     placed = [replace(scan, place=place) for scan, place in zip(scans, draft.places, strict=True)]
-    return arcs_of_scans(placed, with_offset(board, draft))
+    return arcs_of_scans(placed, as_found(board, draft))
 
 
 def _finished(
@@ -169,7 +173,22 @@ def _finished(
     kept = pruned(evidence, best).draft
     draft = squared_together(evidence, refined(evidence, kept, ROUGH, _STEPS)).draft
     draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
-    return determined(evidence, draft, scans, board)
+    return _clear(evidence, *determined(evidence, draft, scans, board))
+
+
+def _clear(evidence: Evidence, draft: RoomDraft, deviations: dict[Move, float]) -> tuple[RoomDraft, dict[Move, float]]:
+    """Return a refined draft and its deviations; if the profile states spreads, without what is hardly worth its price.
+
+    The readings of a sensor of a population have errors in common, so a wall that does not exist can explain some of
+    them. Until the room is complete, a wall that exists can add as little.
+    """
+    if not evidence.problems[0].board.states_spread:
+        return draft, deviations
+    kept = pruned(evidence, scored(evidence, draft), _CLEAR_PRICE).draft
+    if kept == draft:
+        return draft, deviations
+    kept = refined(evidence, kept, FINE, _LAST_STEPS, with_headings=True).draft
+    return kept, deviations_of(evidence, kept)
 
 
 def determined(

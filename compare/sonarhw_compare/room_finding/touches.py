@@ -11,7 +11,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, with_offset
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, as_found
 
 _BEFORE = 0.99  # share of the way to a corner, before which a wall hides it
 
@@ -28,7 +28,7 @@ class Touches:
 
 def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air: Air) -> Touches:
     """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
-    room, board = draft.room(REFLECTANCE, air), with_offset(board, draft)
+    room, board = draft.room(REFLECTANCE, air), as_found(board, draft)
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, echoes, unexplained = [0] * len(draft.posts), [], []
     for scan, place in zip(scans, draft.places, strict=True):

@@ -112,6 +112,28 @@ def test_places_that_are_roughly_known_and_unknown_are_found_with_the_room(
     assert figures["poses"][given[2]][0]["probability"] > 0.9
 
 
+def test_a_sensor_that_hears_less_than_its_profile_states_is_found_with_the_room(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = load_board("hc-sr04")
+    stated = f"threshold_db = {board.threshold_db}"
+    assert stated in board.text
+    of_population, deaf, room_file = tmp_path / "population.toml", tmp_path / "deaf.toml", tmp_path / "found.toml"
+    of_population.write_text(board.text.replace(stated, f"threshold_sd_db = 4.0\n{stated}"))
+    deaf.write_text(board.text.replace(stated, f"threshold_db = {board.threshold_db + 8.0}"))
+    scans = [str(tmp_path / f"{name}.mcap") for name in "ac"]
+    for name, scan in zip("ac", scans, strict=True):
+        command = ["simulate", str(folder / "true.toml"), "--place", name, "--board", str(deaf), "--step", "5"]
+        assert run([*command, "--out", scan]) == 0
+    capsys.readouterr()
+    assert run(["map", *scans, "--board", str(of_population), "--out", str(room_file), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)["found"]
+    # at the stated threshold, the end of a wall that faces no place would return echoes, and is left out
+    assert (len(load_room(room_file).walls), figures["open_ends_m"]) == (len(CORNERS), [])
+    assert abs(figures["threshold_higher_db"] - 8.0) < 1.96 * figures["threshold_sd_db"] < 4.0
+    assert "0 ± 4.0 dB was expected (its threshold_sd_db)" in room_file.read_text(encoding="utf-8")
+
+
 def test_an_unknown_pose_needs_a_search_for_the_room(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.matching.regions import mean_run
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, with_offset
+from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, as_found
 
 _STEP = math.radians(0.25)  # between the headings that are tried
 _LEAST_TURN = math.radians(6)  # to each side, at least
@@ -27,7 +27,7 @@ def heading_error(evidence: Evidence, draft: RoomDraft, room: Room, scan: int) -
 
     `room` is that of the draft. Neighbouring readings of one echo count as one.
     """
-    board, place = with_offset(evidence.problems[scan].board, draft), draft.places[scan]
+    board, place = as_found(evidence.problems[scan].board, draft), draft.places[scan]
     problem = evidence.of_draft(draft, room, scan, free_parameters(("heading",), ("",), room, board))
     turns = _turns(evidence.spreads[scan].heading)
     here = problem.with_noise(np.array([place.heading]), ROUGH)

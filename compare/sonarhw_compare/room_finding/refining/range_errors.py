@@ -18,7 +18,7 @@ from sonarhw_sim.room.model import Room
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Evidence, with_offset
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Evidence, as_found
 from sonarhw_compare.room_finding.refining.heading_errors import heading_error
 from sonarhw_compare.room_finding.refining.moves import Move
 
@@ -111,7 +111,7 @@ def _of_scan(
     evidence: Evidence, draft: RoomDraft, scan: int, room: Room, moves: Sequence[Move], shifts: _Shifts
 ) -> tuple[list[Row], list[Row], list[FloatArray]]:
     """Return the errors of ranges, those of bearings, and the derivatives of the bearing of each reading."""
-    board, arrays = with_offset(evidence.problems[scan].board, draft), evidence.problems[scan].scans[0]
+    board, arrays = as_found(evidence.problems[scan].board, draft), evidence.problems[scan].scans[0]
     place = board.faced(draft.places[scan])
     headings = np.asarray(place.heading + board.turned(arrays.angles))
     predicted = predict_scan(room, place, board, headings, FOLLOWED)

@@ -16,11 +16,13 @@ from sonarhw_compare.room_finding.evidence import (
     ROUGH,
     Evidence,
     evidence_of,
+    scored,
 )
 from sonarhw_compare.room_finding.refining.heading_errors import heading_error
 from sonarhw_compare.room_finding.refining.moves import Move, moves_of
 from sonarhw_compare.room_finding.refining.range_errors import RANGE, range_errors
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
+from sonarhw_compare.room_finding.refining.threshold_search import threshold_deviation, with_threshold
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
@@ -225,3 +227,18 @@ def test_a_range_offset_is_found_if_the_board_describes_a_population() -> None:
         assert found.offset == pytest.approx(0.015 if board is of_population else 0.0, abs=0.004)
     assert errors[0] < 0.006
     assert errors[1] > 0.008
+
+
+@pytest.mark.parametrize("stated", [4.0, 0.0])
+def test_a_threshold_is_found_if_the_board_describes_a_population(stated: float) -> None:
+    scans = scans_of(ROOM, PLACES, replace(BOARD, threshold_db=BOARD.threshold_db + 8.0), 0.005, 3)
+    evidence = evidence_of(scans, [PoseSpread()] * 3, replace(BOARD, threshold_sd_db=stated), ROOM.air)
+    draft = replace(draft_of_room(ROOM), places=PLACES)
+    for _ in range(3):  # as in growth, which reaches a far threshold step by step
+        draft = with_threshold(evidence, scored(evidence, draft)).draft
+    deviation = threshold_deviation(evidence, draft)
+    if stated == 0.0:
+        assert (draft.threshold_db, deviation) == (0.0, None)
+    else:
+        assert deviation is not None
+        assert abs(draft.threshold_db - 8.0) < 1.96 * deviation < 4.0
