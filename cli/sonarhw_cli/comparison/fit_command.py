@@ -48,7 +48,8 @@ Priors = Annotated[
     list[str] | None,
     typer.Option(
         "--prior",
-        help="Prior of a quantity: NAME=VALUE+-DEVIATION (normal) or NAME=LOW..HIGH (bounds).",
+        help="Prior of a quantity: NAME=VALUE+-DEVIATION (normal) or NAME=LOW..HIGH (bounds), in metres, degrees, °C, "
+        "m/s or dB.",
         metavar="NAME=...",
     ),
 ]

@@ -42,7 +42,12 @@ RoomToFollow = Annotated[
 ]
 PosesFile = Annotated[
     Path | None,
-    typer.Option("--poses", help="Poses of all logs, some uncertain or unknown.", metavar="FILE.csv"),
+    typer.Option(
+        "--poses",
+        help="Poses of all logs, some uncertain or unknown; columns: "
+        "log, x_m, y_m, heading_deg, sd_xy_m, sd_heading_deg.",
+        metavar="FILE.csv",
+    ),
 ]
 MapFiles = Annotated[
     list[Path] | None,

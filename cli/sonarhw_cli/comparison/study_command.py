@@ -10,7 +10,9 @@ from sonarhw.harmless_text import counted
 from sonarhw_cli.console.lines import print_error, print_line
 from sonarhw_cli.console.progress import progress
 
-StudyFile = Annotated[Path, typer.Argument(help="Study file (*.toml).", metavar="SPEC")]
+StudyFile = Annotated[
+    Path, typer.Argument(help="Study file (*.toml), such as docs/comparing/study_example.toml.", metavar="SPEC")
+]
 StudyFolder = Annotated[
     Path | None,
     typer.Option(

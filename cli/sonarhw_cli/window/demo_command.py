@@ -36,7 +36,7 @@ def demo(
     """Scan the demo room with a fake scanner and show the overlay.
 
     The overlay is the scan drawn over its prediction. Without a display and without --headless, the files are written
-    to a new folder demo-result, demo-result-2 and so on. The seed is fixed, so each run gives the same result.
+    to a new folder: demo-result, or demo-result-2 and so on. The seed is fixed, so each run gives the same result.
     """
     if force and headless is None:
         raise InputError(f"--force: needs {OPTION} DIR; without it, the demo overwrites nothing")

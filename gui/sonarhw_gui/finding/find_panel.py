@@ -36,7 +36,7 @@ from sonarhw_gui.shown.shown import Shown
 ACCEPTING, REJECTING = "accepting the found room", "rejecting"  # labels of Undo
 _HINT = (
     "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
-    "(F12). This takes up to minutes."
+    "(F12). This takes seconds to minutes."
 )
 _ELSEWHERE = "These walls were found while another room was shown, so they are not drawn in this one."
 _KEY = "Rings in the plan: echoes that speak for the selected wall. Crosses: against it. Silence counts too."
@@ -251,7 +251,7 @@ def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
     """Return the number of the scans, and a warning if all have one place."""
     if not scans:
         return "No scan"
-    text = f"Scans: {len(scans)} (the one shown, the visible ones of the panel Scans)"
+    text = f"Scans: {len(scans)} (the scan shown and the visible ones of the panel Scans)"
     from sonarhw_compare.known_room.own_body_search import place_numbers  # not needed at the start of the window
 
     places = place_numbers([scan.place.position for scan in scans])

@@ -120,7 +120,7 @@ class FindRequest:
     progress: FindProgress = field(compare=False)
 
     def answer(self) -> RoomAnswer:
-        """Run the search, which takes up to minutes. Raises InputError, Cancelled."""
+        """Run the search, which takes seconds to minutes. Raises InputError, Cancelled."""
         from sonarhw_compare.room_finding.evidence import FINE, Course
         from sonarhw_compare.room_finding.found_room_file import found_room
         from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
