@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.locate.pose_spread import PoseSpread
     from sonarhw_compare.map import RoomMap
+    from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
 
@@ -106,7 +107,7 @@ def map_logs(
             found = room_of_scans(scans, moved, given, spreads, plan_next, show)
             room, scans = found.room, found.scans
         mapped = map_scans(scans, found.board if found else moved, room, lambda share: show(share, "mapping"))
-    doubts = list(_doubts(mapped, room_name is not None, found))
+    doubts = [*_doubts(mapped, room_name is not None, found), *_own_body_doubts(scans, chosen)]
     for doubt in doubts:
         warn(doubt)
     known = None if poses or poses_file else _room_of_logs(given)
@@ -138,6 +139,23 @@ def _doubts(mapped: "RoomMap", is_given: bool, found: RoomOfScans | None) -> Ite
         )
     for title in found.placed.left_out if found else ():
         yield f"{title}: its pose was not found, so the room is found without it"
+
+
+def _own_body_doubts(scans: "Sequence[PlacedScan]", board: "Board") -> Iterator[str]:
+    """Yield one line for each part of the carrier's body that scans from enough places show, and the profile lacks."""
+    from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
+    from sonarhw_compare.map.features import CONFIRMING
+    from sonarhw_sim.board.mount import without_own_body
+
+    if board.ring is not None or len(set(place_numbers([scan.place.position for scan in scans]).tolist())) < CONFIRMING:
+        return
+    of_room = [ScanAtPlace(without_own_body(board.own_body, scan.readings), scan.place.position) for scan in scans]
+    for part in find_own_body(of_room):
+        yield (
+            f"echoes from {part.nearest:.2f} to {part.farthest:.2f} m at turntable angles {part.from_deg:.0f}° to "
+            f"{part.to_deg:.0f}° are the same at most places: if they are of the carrier of the sensor, state this in "
+            "the board profile ([[own_body]]; `sonarhw calibrate` finds it), else they become walls and posts"
+        )
 
 
 @dataclass(frozen=True)

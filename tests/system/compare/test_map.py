@@ -229,3 +229,25 @@ def test_the_document_shows_the_output_of_the_command(tmp_path: Path, capsys: py
         assert run(["simulate", "rooms/kuc_siegel.toml", "--place", place, "--step", "2", "--out", log]) == 0
     assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--out", str(tmp_path / "map.png")]) == 0
     assert capsys.readouterr().out == printed
+
+
+@pytest.mark.parametrize("has_body", [True, False])
+def test_echoes_that_are_the_same_at_most_places_may_be_of_the_carrier(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], has_body: bool
+) -> None:
+    room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
+    command = ["map", "--json", "--board", "paper"]
+    for number, (x, y) in enumerate(((0.8, 0.7), (1.5, 1.3), (2.2, 0.9), (1.2, 0.6))):
+        table, log = tmp_path / f"{number}.csv", tmp_path / f"{number}.mcap"
+        lines = ["deg,m"]
+        for one in scan_from(room, (x, y)).readings:
+            of_body = has_body and 20 <= math.degrees(one.angle) <= 50
+            lines.append(f"{math.degrees(one.angle):.0f},{0.2 if of_body else one.range or 99}")
+        table.write_text("\n".join(lines))
+        columns = ["--heading", "deg", "--range", "m", "--no-echo", "99"]
+        assert run(["import", str(table), "--out", str(log), *columns]) == 0
+        command += [str(log), "--pose", f"{x},{y},0"]
+    capsys.readouterr()
+    assert run(command) == 0
+    warning = "echoes from 0.17 to 0.23 m at turntable angles 19° to 51° are the same at most places"
+    assert (warning in capsys.readouterr().err) == has_body
