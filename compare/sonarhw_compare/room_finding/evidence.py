@@ -67,6 +67,7 @@ class Course:
 class Evidence:
     """Scans and board, against which drafts are held."""
 
+    scans: tuple[PlacedScan, ...]
     problems: tuple[Problem, ...]  # one for each scan; room and place are those of the draft
     spreads: tuple[PoseSpread, ...]  # of the places; each is expected where the search begins, unless it says where
     first: RoomDraft  # with the walls and posts at which the search begins
@@ -133,12 +134,17 @@ class Evidence:
     def _to_send(self) -> "Evidence":
         """Return what other processes need of it."""
         problems = tuple(replace(problem, memory=PathMemory()) for problem in self.problems)
-        return Evidence(problems, self.spreads, RoomDraft(self.first.places), self.air)
+        return Evidence((), problems, self.spreads, RoomDraft(self.first.places), self.air)
 
     def of_draft(self, draft: RoomDraft, room: Room, scan: int, free: tuple[Parameter, ...] = ()) -> Problem:
         """Return the problem of one scan with `free` parameters; `room` is that of the draft."""
         board, places = as_found(self.problems[scan].board, draft), (draft.places[scan],)
         return replace(self.problems[scan], room=room, places=places, board=board, parameters=free)
+
+    @property
+    def board(self) -> Board:
+        """The board of all scans, as its profile states it."""
+        return self.problems[0].board
 
     @property
     def has_free_headings(self) -> bool:
@@ -157,12 +163,12 @@ class Evidence:
 
         A profile with a spread describes a population, of which the scans show one sensor.
         """
-        return self.problems[0].board.range_sd
+        return self.board.range_sd
 
     @property
     def threshold_spread(self) -> float:
         """Standard deviation of the threshold, dB: the one that the profile states, likewise."""
-        return self.problems[0].board.threshold_sd_db
+        return self.board.threshold_sd_db
 
     def refuses(self, one: DraftWall | DraftPost) -> bool:
         """Return whether a wall or post is almost one that was refused."""
@@ -322,4 +328,4 @@ def evidence_of(
     problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, all_echoes=True) for scan in scans)
     course, progress = course or Course(), progress or SearchProgress()
     first = first if course.start is None else replace(course.start, places=first.places)
-    return Evidence(problems, tuple(spreads), first, air, course, processes=processes, progress=progress)
+    return Evidence(tuple(scans), problems, tuple(spreads), first, air, course, processes=processes, progress=progress)

@@ -11,11 +11,20 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
-from sonarhw_compare.room_finding.evidence import PRICE, ROUGH, Evidence, Scored, all_scored, leading, scored_if_near
+from sonarhw_compare.room_finding.evidence import (
+    PRICE,
+    ROUGH,
+    Evidence,
+    Scored,
+    all_scored,
+    as_found,
+    leading,
+    scored_if_near,
+)
 from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.refining.threshold_search import with_threshold
 from sonarhw_compare.room_finding.right_angles import common_angle
-from sonarhw_compare.room_finding.surface_candidates import post_candidates, wall_candidates
+from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans, post_candidates, wall_candidates
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, joined, with_better_ends
 
 _TRIED = 8  # candidates for walls at a time
@@ -29,12 +38,12 @@ _UNEXPLAINED = 2.0  # log-likelihood over that of a false echo at which a readin
 _Part = TypeVar("_Part", int, DraftPost)  # the key of a wall, or a post
 
 
-def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
+def grown(evidence: Evidence, best: Scored) -> Scored:
     """Return the draft to which no wall and no post can be added that is worth its price.
 
     What is no longer worth its price is removed on the way.
     """
-    nothing = evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
+    arcs, nothing = _arcs(evidence, best.draft), evidence.by_reading(RoomDraft(best.draft.places), ROUGH)
     while True:
         unexplained = unexplained_readings(evidence, best.draft, ROUGH, nothing)
         longer = with_wall(evidence, best, arcs, unexplained)
@@ -50,6 +59,12 @@ def grown(evidence: Evidence, arcs: tuple[Arc, ...], best: Scored) -> Scored:
         if worth(best) <= worth(before):
             return before
         evidence.course.accept(best.draft)
+
+
+def _arcs(evidence: Evidence, draft: RoomDraft) -> tuple[Arc, ...]:
+    """Return the arcs of all scans at the places of a draft."""
+    placed = [replace(scan, place=place) for scan, place in zip(evidence.scans, draft.places, strict=True)]
+    return arcs_of_scans(placed, as_found(evidence.board, draft))
 
 
 def _newest_length(draft: RoomDraft) -> float:

@@ -13,7 +13,6 @@ from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.map.arcs import Arc
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import (
@@ -23,7 +22,6 @@ from sonarhw_compare.room_finding.evidence import (
     Course,
     Evidence,
     Scored,
-    as_found,
     evidence_of,
     scored,
 )
@@ -34,7 +32,6 @@ from sonarhw_compare.room_finding.refining.squaring import squared, squared_toge
 from sonarhw_compare.room_finding.refining.threshold_search import threshold_deviation
 from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
 from sonarhw_compare.room_finding.right_angles import oblique
-from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
 from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_free_ends_moved, with_gaps
 from sonarhw_compare.search_progress import SearchProgress
@@ -99,7 +96,7 @@ def find_room(
     own = LateProcesses(len(scans), LARGE) if processes is None else nullcontext(processes)
     with own as used:
         spreads, progress = spreads or [PoseSpread()] * len(scans), SearchProgress(tick)
-        found = _found(evidence_of(scans, spreads, board, air, course, used, progress), scans, board)
+        found = _found(evidence_of(scans, spreads, board, air, course, used, progress))
     tick(1.0)
     return found
 
@@ -111,33 +108,33 @@ def worth_alone(scan: PlacedScan, board: Board, air: Air, tick: Callable[[float]
     """
     evidence = evidence_of([scan], [PoseSpread()], board, air, progress=SearchProgress(tick))
     evidence.progress.begin(1.0)
-    return worth(grown(evidence, arcs_of_scans([scan], board), scored(evidence, evidence.first)))
+    return worth(grown(evidence, scored(evidence, evidence.first)))
 
 
-def _found(evidence: Evidence, scans: Sequence[PlacedScan], board: Board) -> FoundRoom:
+def _found(evidence: Evidence) -> FoundRoom:
     """Return the room of `find_room`. Raises InputError if no wall is found."""
     best = scored(evidence, evidence.first)
     for done in _ROUNDS_DONE:
         evidence.progress.begin(done)
-        longer = pruned(evidence, grown(evidence, _arcs(scans, best.draft, board), best))
+        longer = pruned(evidence, grown(evidence, best))
         if longer.draft == best.draft:
             break
         best = scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft)
         best = squared(evidence, best)
         best = with_parts_joined(evidence, pruned(evidence, best))
-        best = _cut_back(evidence, with_better_ends(evidence, best), scans, board)
+        best = _cut_back(evidence, with_better_ends(evidence, best))
         best = with_free_ends_moved(evidence, best)
     evidence.progress.begin(_REBUILT_DONE)
-    best = rebuilt(evidence, best, scans, board)
+    best = rebuilt(evidence, best)
     evidence.progress.begin(1.0)
-    end, deviations = _finished(evidence, best, scans, board)
+    end, deviations = _finished(evidence, best)
     if not end.walls:
         raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    touches, of_threshold = touches_of(scans, end, board, evidence.air), threshold_deviation(evidence, end)
+    touches, of_threshold = touches_of(evidence, end), threshold_deviation(evidence, end)
     return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
 
 
-def rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+def rebuilt(evidence: Evidence, best: Scored) -> Scored:
     """Return the draft with oblique walls replaced by what grows without them, where that is worth more.
 
     One oblique wall can explain a part of what two walls at right angles explain. Once it stands, neither of these is
@@ -147,33 +144,25 @@ def rebuilt(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board
         if key in best.draft.walls and key not in evidence.first.walls:
             course = evidence.course.refusing(best.draft.alone(key))
             trial = replace(evidence, course=course.unseen)
-            other = _regrown(trial, scored(trial, best.draft.without_wall(key)), scans, board)
+            other = _regrown(trial, scored(trial, best.draft.without_wall(key)))
             if worth(other) > worth(best):
                 best = other
                 evidence.course.accept(best.draft)
     return best
 
 
-def _regrown(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+def _regrown(evidence: Evidence, best: Scored) -> Scored:
     """Return the draft after more growth."""
-    longer = grown(evidence, _arcs(scans, best.draft, board), best)
+    longer = grown(evidence, best)
     return squared(evidence, scored(evidence, refined(evidence, longer.draft, ROUGH, _STEPS).draft))
 
 
-def _arcs(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board) -> tuple[Arc, ...]:
-    """Return the arcs of scans at the places of a draft."""
-    placed = [replace(scan, place=place) for scan, place in zip(scans, draft.places, strict=True)]
-    return arcs_of_scans(placed, as_found(board, draft))
-
-
-def _finished(
-    evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board
-) -> tuple[RoomDraft, dict[Move, float]]:
+def _finished(evidence: Evidence, best: Scored) -> tuple[RoomDraft, dict[Move, float]]:
     """Return the best draft, refined without haste, and its deviations."""
     kept = pruned(evidence, best).draft
     draft = squared_together(evidence, refined(evidence, kept, ROUGH, _STEPS)).draft
     draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
-    return _clear(evidence, *determined(evidence, draft, scans, board))
+    return _clear(evidence, *determined(evidence, draft))
 
 
 def _clear(evidence: Evidence, draft: RoomDraft, deviations: dict[Move, float]) -> tuple[RoomDraft, dict[Move, float]]:
@@ -182,7 +171,7 @@ def _clear(evidence: Evidence, draft: RoomDraft, deviations: dict[Move, float]) 
     The readings of a sensor of a population have errors in common, so a wall that does not exist can explain some of
     them. Until the room is complete, a wall that exists can add as little.
     """
-    if not evidence.problems[0].board.states_spread:
+    if not evidence.board.states_spread:
         return draft, deviations
     kept = pruned(evidence, scored(evidence, draft), _CLEAR_PRICE).draft
     if kept == draft:
@@ -191,9 +180,7 @@ def _clear(evidence: Evidence, draft: RoomDraft, deviations: dict[Move, float]) 
     return kept, deviations_of(evidence, kept)
 
 
-def determined(
-    evidence: Evidence, draft: RoomDraft, scans: Sequence[PlacedScan], board: Board
-) -> tuple[RoomDraft, dict[Move, float]]:
+def determined(evidence: Evidence, draft: RoomDraft) -> tuple[RoomDraft, dict[Move, float]]:
     """Return a refined draft without walls that no range determines, and its deviations; walls of the first draft stay.
 
     Such a wall is added because it changes the sound at the end of another one. If it is a part of another one, that
@@ -212,7 +199,7 @@ def determined(
                 course = evidence.course.refusing(draft.alone(key))
                 evidence, draft = replace(evidence, course=course), without
         if again < _REGROWN:
-            draft = _regrown(evidence, scored(evidence, draft), scans, board).draft
+            draft = _regrown(evidence, scored(evidence, draft)).draft
         draft = refined(evidence, draft, FINE, _LAST_STEPS, with_headings=True).draft
         deviations = deviations_of(evidence, draft)
     return draft, deviations
@@ -227,9 +214,9 @@ def _undetermined(deviations: dict[Move, float]) -> set[int]:
     }
 
 
-def _cut_back(evidence: Evidence, best: Scored, scans: Sequence[PlacedScan], board: Board) -> Scored:
+def _cut_back(evidence: Evidence, best: Scored) -> Scored:
     """Return the draft without the parts of walls that sound has not touched, unless they matter to the scans."""
-    touches = touches_of(scans, best.draft, board, evidence.air)
+    touches = touches_of(evidence, best.draft)
     least = best.score - PRICE
     cut = scored(evidence, trimmed(best.draft, touches, evidence.first))
     if cut.score <= least:

@@ -1,17 +1,13 @@
 """Where the paths that explain the readings touch the walls and posts of a draft."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import Board
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_compare.room_finding.draft import DraftEnd, RoomDraft
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, as_found
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Evidence, as_found
 
 _BEFORE = 0.99  # share of the way to a corner, before which a wall hides it
 
@@ -26,12 +22,12 @@ class Touches:
     unexplained: tuple[int, ...]  # by scan: number of echoes without a path
 
 
-def touches_of(scans: Sequence[PlacedScan], draft: RoomDraft, board: Board, air: Air) -> Touches:
+def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
     """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
-    room, board = draft.room(REFLECTANCE, air), as_found(board, draft)
+    room, board = draft.room(REFLECTANCE, evidence.air), as_found(evidence.board, draft)
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, echoes, unexplained = [0] * len(draft.posts), [], []
-    for scan, place in zip(scans, draft.places, strict=True):
+    for scan, place in zip(evidence.scans, draft.places, strict=True):
         comparison = compare_readings(scan.readings, room, board.faced(place), board, FOLLOWED)
         paths = comparison.prediction.paths
         echoes.append(sum(row.measured is not None for row in comparison.rows))

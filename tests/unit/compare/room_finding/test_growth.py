@@ -42,11 +42,12 @@ def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> 
         monkeypatch.setattr(growth, name, function)
     for name in ("with_better_ends", "pruned"):
         monkeypatch.setattr(growth, name, lambda _evidence, one: one)
-    monkeypatch.setattr(growth, "unexplained_readings", lambda *_: [])
+    for name in ("unexplained_readings", "_arcs"):
+        monkeypatch.setattr(growth, name, lambda *_: [])
     evidence = SimpleNamespace(
         by_reading=lambda *_: [np.zeros(1)], course=Course(accepted=accepted), threshold_spread=0.0, price=10.0
     )
-    grown(cast(Evidence, evidence), (), Scored(RoomDraft(()), 0.0))
+    grown(cast(Evidence, evidence), Scored(RoomDraft(()), 0.0))
     return added
 
 

@@ -156,7 +156,7 @@ def test_two_walls_at_right_angles_replace_an_oblique_one() -> None:
     draft, oblique = draft.with_new_wall(DraftWall(middle, angle, (DraftEnd(-half), DraftEnd(half))))
     assert right_angles.oblique(draft) == [oblique]
     evidence, seen, shares = followed(evidence)
-    found = rebuilt(evidence, scored(evidence, draft), scans_of(room_of(notched), *places), BOARD).draft
+    found = rebuilt(evidence, scored(evidence, draft)).draft
     assert seen == [found]
     assert np.diff(shares).min() >= 0.0
     assert len(set(shares)) > 20  # it moves during growth
@@ -167,7 +167,7 @@ def test_two_walls_at_right_angles_replace_an_oblique_one() -> None:
 
 
 def test_drafts_without_a_true_oblique_wall_are_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    def grown(evidence: Evidence, _arcs: object, best: Scored) -> Scored:
+    def grown(evidence: Evidence, best: Scored) -> Scored:
         evidence.course.accept(best.draft)
         return best
 
@@ -177,7 +177,7 @@ def test_drafts_without_a_true_oblique_wall_are_not_shown(monkeypatch: pytest.Mo
     assert right_angles.oblique(true) == [1]
     evidence, seen, _ = followed(evidence)
     best = scored(evidence, true)
-    assert rebuilt(evidence, best, scans_of(room_of(cut), *places), BOARD) == best
+    assert rebuilt(evidence, best) == best
     assert seen == []
 
 
@@ -203,7 +203,7 @@ def test_walls_grow_in_place_of_one_that_no_range_determines(monkeypatch: pytest
         }
 
     monkeypatch.setattr(room_search, "deviations_of", unsure)
-    found, _ = determined(evidence, draft, scans_of(room_of(rectangle), *places), BOARD)
+    found, _ = determined(evidence, draft)
     assert any(abs(x - 2.0) < 0.02 and abs(x2 - 2.0) < 0.02 for x, _, x2, _ in found.segments.tolist())
 
 
