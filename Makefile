@@ -33,7 +33,7 @@ tools: $(VENV)/tools $(VENV)/compiled
 
 $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/base.txt requirements/gui.txt setup/debian_packages.sh
 	setup/debian_packages.sh demo
-	@echo "Installing Python packages (0.9 GB) into $(VENV): about a minute; longer if they must be downloaded"
+	@echo "Installing Python packages (0.9 GB) into $(VENV): one to five minutes"
 	$(PYTHON) -m venv $(VENV)
 	$(call locked,build)
 	$(call locked,base gui)
@@ -42,12 +42,12 @@ $(VENV)/installed: pyproject.toml setup.py requirements/build.txt requirements/b
 
 # apart, so that `make test` compiles while it installs the tools
 $(VENV)/compiled: $(VENV)/installed
-	@echo "Compiling the prediction, once per installation: one to three minutes"
+	@echo "Compiling the prediction, once per installation: one to five minutes"
 	$(BIN)/python setup/compile_kernels.py
 	touch $@
 
 $(VENV)/tools: $(VENV)/installed requirements/foxglove.txt requirements/ros.txt requirements/study.txt requirements/video.txt requirements/dev.txt
-	@echo "Installing development tools into $(VENV): one to three minutes"
+	@echo "Installing development tools into $(VENV): one to five minutes"
 	$(call locked,base foxglove gui ros study video dev)
 	$(BIN)/python -m pip check
 	touch $@

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sonarhw_sim.room.model import Place
 
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
+_CONTRADICTION = 4.0  # standard deviations between the heading of --heading and the one found
 _RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
 
@@ -84,8 +85,20 @@ def locate(
         _print(figures)
     echoes = sum(reading.range is not None for reading in located.readings)
     few = few_explained(str(log_file), located.explained, echoes, located=True)
-    for doubt in (*few, *(f"{log_file}: {doubt}" for doubt in located.doubts)):
+    turned = () if expected is None else _heading_doubts(located.poses[0], expected.heading, spread.heading)
+    for doubt in (*few, *(f"{log_file}: {doubt}" for doubt in (*located.doubts, *turned))):
         warn(doubt)
+
+
+def _heading_doubts(pose: "Pose", stated: float, deviation: float) -> tuple[str, ...]:
+    """Return a warning if a pose contradicts the stated heading, rad, with this standard deviation, rad."""
+    away = abs(math.remainder(pose.heading - stated, math.tau))
+    if away <= _CONTRADICTION * math.hypot(deviation, pose.deviations[2]):
+        return ()
+    return (
+        f"step 0 of the first pose is {math.degrees(away):.0f}° from --heading, which is unlikely with this "
+        "--heading-sd; check both",
+    )
 
 
 def _figures(located: "Located", near: float) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_cli.comparison.locate_command import _figures_of
+from sonarhw_cli.comparison.locate_command import _figures_of, _heading_doubts
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
@@ -175,6 +175,13 @@ def test_a_scan_of_another_room_gives_a_warning(tmp_path: Path, capsys: pytest.C
     assert warned == ""
     assert "; p3\n" in printed
     assert printed.splitlines()[-1].startswith("assuming one of the room's places: p3 ")
+
+
+def test_a_heading_that_contradicts_the_stated_one_gives_a_warning() -> None:
+    pose = Pose((1.0, 1.0), math.radians(-178), 0.0, 1.0, (0.01, 0.01, math.radians(1)))
+    assert _heading_doubts(pose, math.radians(175), math.radians(5)) == ()
+    (doubt,) = _heading_doubts(pose, math.radians(142), math.radians(5))
+    assert doubt.startswith("step 0 of the first pose is 40° from --heading")
 
 
 def test_an_undetermined_heading_has_no_deviation() -> None:
