@@ -115,9 +115,11 @@ def map_logs(
     if as_json:
         print_json(_figures(mapped) | ({} if found is None else {"found": found.figures}))
         return
-    _print(mapped, room is not None)
     for line in found.lines if found else ():
         print_line(line)
+    if found:
+        print_line("baseline, from regions of constant depth:")
+    _print(mapped, "the found room" if found else "this room" if room else "a room of the walls found")
 
 
 def _doubts(mapped: "RoomMap", is_given: bool, found: RoomOfScans | None) -> Iterator[str]:
@@ -312,7 +314,7 @@ def _figures(mapped: "RoomMap") -> dict[str, Any]:
     }
 
 
-def _print(mapped: "RoomMap", given: bool) -> None:
+def _print(mapped: "RoomMap", where: str) -> None:
     layers = [("all readings", mapped.plain)]
     if mapped.followed_room is not None:
         layers.append(("direct readings", mapped.direct))
@@ -331,12 +333,12 @@ def _print(mapped: "RoomMap", given: bool) -> None:
             f"{title}: {counted(len(features.arcs), 'region')} of constant depth, {', '.join(counts)}; "
             f"{counted(len(features.alone), 'region')} unexplained"
         )
-    for line in _multipath_lines(mapped, given):
+    for line in _multipath_lines(mapped, where):
         print_line(line)
 
 
-def _multipath_lines(mapped: "RoomMap", given: bool) -> Iterator[str]:
-    """Yield what is known about readings by several reflections, and what is not."""
+def _multipath_lines(mapped: "RoomMap", where: str) -> Iterator[str]:
+    """Yield what is known about readings by several reflections, and what is not; `where`: the followed room."""
     from sonarhw_compare.map.features import CONFIRMING
 
     if mapped.followed_room is None:
@@ -345,7 +347,6 @@ def _multipath_lines(mapped: "RoomMap", given: bool) -> Iterator[str]:
             f"no confirmed walls to follow sound in; give the room with --room, or scans from {CONFIRMING} places"
         )
         return
-    where = "this room" if given else "a room of the walls found"
     yield f"{counted(mapped.rejected, 'reading')} removed: in {where}, they came by several reflections"
     if mapped.undetermined:
         yield f"{counted(mapped.undetermined, 'reading')} kept but not determined: no path in {where} explains the echo"
