@@ -30,7 +30,7 @@ from sonarhw.harmless_text import counted
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_problem
-from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, local_maxima, maxima, score_positions
 from sonarhw_compare.fit.search.refine import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
@@ -93,6 +93,11 @@ class Located:
         """Rough log-posterior of each position of the lattice, (p,); the best is 0, positions without paths -inf."""
         summed = logsumexp(self.scores.scores / self.redundancy, axis=1)
         return np.asarray(summed - summed.max())
+
+    @property
+    def peaks(self) -> list[tuple[float, float, float]]:
+        """Poses (x, y, heading rad) of local maxima of the lattice, best first, also if they are very improbable."""
+        return at_marks(self.board, local_maxima(self.scores, _MAXIMA, _HOPELESS))
 
     def place_near(self, pose: Pose, near: float = NEAR) -> str | None:
         """Return the name of the place nearest to a pose; None without one within `near` (m)."""

@@ -8,7 +8,7 @@ walls that it then needs contradict the other scans at the wrong ones.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from sonarhw_compare.search_progress import SearchProgress
 
 # m, rad: of what is unknown of the pose of a located scan; wide, because the scan itself gives it
 _LOCATED = PoseSpread(0.05, 0.06)
+_WIDTHS = (_LOCATED.xy, _LOCATED.xy, _LOCATED.heading)
 _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which a scan is placed at once
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
 _TRIED = 3  # poses of a scan, each of which needs a room
@@ -92,7 +93,10 @@ def find_room_and_poses(
             located = search.located(stage)
             longer = search.extended(stage, located)
             if longer is None:
-                break
+                longer = search.extended_elsewhere(stage, located)
+                if longer is None:
+                    break
+                located = search.located(longer, longer.placed.keys() - stage.placed.keys())
             poses |= {k: located[k].poses for k in longer.placed.keys() - stage.placed.keys()}
             stage = longer
         if poses:  # once more, because the last scans began at located places, which are not refined
@@ -155,8 +159,8 @@ class _Search:
             ),
         )
 
-    def located(self, stage: _Stage) -> dict[int, Located]:
-        """Return the possible poses of all other scans in a room."""
+    def located(self, stage: _Stage, numbers: Iterable[int] | None = None) -> dict[int, Located]:
+        """Return the possible poses in a room of these scans, by default of all that are not placed."""
         room = stage.found.draft.room(REFLECTANCE, self.air)
         return {
             k: locate_scan(
@@ -169,7 +173,7 @@ class _Search:
                 tick=self.progress.inner(_LOCATING),
             )
             for k, scan in enumerate(self.scans)
-            if k not in stage.placed
+            if (k not in stage.placed if numbers is None else k in numbers)
         }
 
     def extended(self, stage: _Stage, located: Mapping[int, Located]) -> _Stage | None:
@@ -180,8 +184,24 @@ class _Search:
         ]
         if sure:
             return self.room_with(stage, {k: located[k].poses[0] for k in sure}, 1.0, self.course)
-        for k in sorted(located, key=lambda k: -located[k].explained):
-            longer = self._with_best(stage, k, located[k].poses)
+        return self._with_first(stage, {k: _probable(located[k].poses) for k in _best_explained(located)})
+
+    def extended_elsewhere(self, stage: _Stage, located: Mapping[int, Located]) -> _Stage | None:
+        """Return the room of one more scan at a pose that is improbable in the room without it; None if there is none.
+
+        A room that lacks the walls of the scan can explain more of it at a wrong pose than at the right one.
+        """
+        peaks = {
+            k: [Pose((x, y), heading, 0.0, 0.0, _WIDTHS) for x, y, heading in located[k].peaks]
+            for k in _best_explained(located)
+        }
+        return self._with_first(stage, peaks)
+
+    def _with_first(self, stage: _Stage, poses: Mapping[int, Sequence[Pose]]) -> _Stage | None:
+        """Return the best room with the first scan that shares walls with the others at one of its poses, or None."""
+        for k, tried in poses.items():
+            rooms = [self.room_with(stage, {k: pose}, _TRYING, self.course.unseen) for pose in tried]
+            longer = max(rooms, key=lambda one: one.found.worth)
             if longer.found.worth >= stage.found.worth + self._alone(k):  # else they share no walls at this pose
                 self.course.accept(longer.found.draft)
                 return longer
@@ -193,12 +213,6 @@ class _Search:
             self.alone[k] = worth_alone(self.scans[k], self.board, self.air, self.progress.inner(_TRYING))
         return self.alone[k]
 
-    def _with_best(self, stage: _Stage, k: int, poses: Sequence[Pose]) -> _Stage:
-        """Return the best room with scan `k` at one of its poses."""
-        tried = [pose for pose in poses[:_TRIED] if pose.probability >= _UNLIKELY * poses[0].probability]
-        rooms = [self.room_with(stage, {k: pose}, _TRYING, self.course.unseen) for pose in tried]
-        return max(rooms, key=lambda one: one.found.worth)
-
     def room_with(self, stage: _Stage, poses: Mapping[int, Pose], part: float, course: Course) -> _Stage:
         """Return the room with more scans at their poses; scans of known poses begin where they are given."""
         before = stage.refined | self.known
@@ -207,3 +221,13 @@ class _Search:
             for k, pose in poses.items()
         }
         return self.room_of(dict(sorted((before | more).items())), part, course)
+
+
+def _best_explained(located: Mapping[int, Located]) -> list[int]:
+    """Return the numbers of scans, first those of which the room explains most."""
+    return sorted(located, key=lambda k: -located[k].explained)
+
+
+def _probable(poses: Sequence[Pose]) -> list[Pose]:
+    """Return the poses of a scan that are tried first."""
+    return [pose for pose in poses[:_TRIED] if pose.probability >= _UNLIKELY * poses[0].probability]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam, beam_table
 from sonarhw_sim.compiled import compiled
@@ -33,6 +34,7 @@ _HARDLY = 0.02  # smallest detection probability of a candidate
 _STRAY = 0.05  # likelihood of a reading without a matching candidate; an exact match has 1
 _LOST = 0.05  # likelihood of no echo where one is certain
 _APART = math.radians(15)  # between maxima
+_FAR_APART = math.radians(45)  # between local maxima
 
 
 @dataclass(frozen=True)
@@ -171,3 +173,21 @@ def maxima(scores: Scores, most: int) -> list[tuple[float, float, float]]:
         if not any(near):
             chosen.append((x, y, heading))
     return chosen
+
+
+def local_maxima(scores: Scores, most: int, hopeless: float) -> list[tuple[float, float, float]]:
+    """Return up to `most` poses (x, y, heading rad), best first, with no better one within 2.5 spacings and 45°.
+
+    None is worse than the best by `hopeless` or more.
+    """
+    width = 2 * round(_FAR_APART / (math.tau / scores.scores.shape[1])) + 1
+    nearby = maximum_filter1d(scores.scores, width, axis=1, mode="wrap")
+    least, found = float(scores.scores.max()) - hopeless, []
+    for row, position in enumerate(scores.positions):
+        near = np.hypot(*(scores.positions - position).T) < 2.5 * scores.spacing
+        is_best = (scores.scores[row] == nearby[near].max(axis=0)) & (scores.scores[row] > least)
+        found += [(float(scores.scores[row, column]), row, int(column)) for column in np.flatnonzero(is_best)]
+    return [
+        (*scores.positions[row].tolist(), float(scores.headings[column]))
+        for _, row, column in sorted(found, reverse=True)[:most]
+    ]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood.echo_likelihood import ScanArrays
-from sonarhw_compare.fit.search.pose_search import HEADINGS, Scores, lattice, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import HEADINGS, Scores, lattice, local_maxima, maxima, score_positions
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.readings import FloatArray
@@ -83,3 +83,21 @@ def test_maxima_are_the_best_poses_that_differ_in_position_or_heading() -> None:
     found = maxima(Scores(positions, headings, table, 0.1), 5)
     assert found == [(0.0, 0.0, 0.0), (0.0, 0.0, headings[2]), (0.3, 0.0, 0.0)]
     assert maxima(Scores(positions, headings, table, 0.1), 2) == found[:2]
+
+
+def test_local_maxima_are_not_beside_better_poses_and_not_hopeless() -> None:
+    positions = np.array([[0.0, 0.0], [0.2, 0.0], [0.4, 0.0], [1.0, 0.0]])
+    headings = np.radians(np.arange(0.0, 360.0, 10.0))
+    table = np.full((4, 36), -90.0)
+    table[0, 35] = 0.0
+    table[0, 3] = -1.0  # 40° from the best
+    table[0, 4] = -3.0  # 50° from the best, but 10° from a better one
+    table[0, 20] = -2.0
+    table[1, 1] = -4.0  # 2 spacings and 20° from the best
+    table[2, 2] = -7.0  # 4 spacings from the best, 2 from a better one
+    table[3, 0], table[3, 10] = -5.0, -61.0
+    scores = Scores(positions, headings, table, 0.1)
+    found = local_maxima(scores, 5, 60.0)
+    assert found == [(0.0, 0.0, headings[35]), (0.0, 0.0, headings[20]), (1.0, 0.0, 0.0)]
+    assert local_maxima(scores, 2, 60.0) == found[:2]
+    assert len(local_maxima(scores, 5, 62.0)) == 4

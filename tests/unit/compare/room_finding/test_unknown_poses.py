@@ -43,12 +43,14 @@ def with_answers(
     poses: dict[int, tuple[Pose, ...]] | None = None,
     worth: Callable[[float], float] = lambda _x: 0.0,
     foreign: str = "",
+    peaks: dict[int, list[tuple[float, float, float]]] | None = None,
 ) -> list[list[str]]:
     """Let the room explain these shares of each waiting scan, one after the other; return the scans of each room.
 
     The room explains 0.8 of each scan that it is made of, or the last of its shares. A scan has one pose, at its
-    number, if `poses` has no others. `worth` is that of a room, by x of its last scan, plus 20 for each scan. A
-    scan alone is worth 16, but of the foreign ones, each adds only 15 to a room.
+    number, if `poses` has no others, and one improbable pose, there too, if `peaks` has no others. `worth` is that of a
+    room, by x of its last scan, plus 20 for each scan. A scan alone is worth 16, but of the foreign ones, each adds
+    only 15 to a room.
     """
     rooms: list[list[str]] = []
 
@@ -69,7 +71,8 @@ def with_answers(
         tick(1.0)
         k = readings[0].number
         share = shares[k].pop(0) if len(shares[k]) > 1 else shares[k][0]
-        return SimpleNamespace(explained=share, poses=(poses or {}).get(k, (pose(float(k)),)))
+        probable = (poses or {}).get(k, (pose(float(k)),))
+        return SimpleNamespace(explained=share, poses=probable, peaks=(peaks or {}).get(k, [(float(k), 0.0, 0.1)]))
 
     monkeypatch.setattr(unknown_poses, "find_room", find_room)
     monkeypatch.setattr(unknown_poses, "locate_scan", locate_scan)
@@ -118,6 +121,20 @@ def test_rooms_of_tried_poses_are_reported_only_if_they_are_taken(monkeypatch: p
     course = Course(accepted=lambda draft: seen.append([place.position[0] for place in draft.places]))
     find_room_and_poses(scans(3), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 2], course=course)
     assert seen == [[0.0], [0.0, 5.0]]  # of the better of two equal poses; not with scan 2, nor at 7 m
+
+
+def test_a_scan_that_no_probable_pose_places_is_placed_at_an_improbable_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    # at its probable pose, scan 2 adds less to the room than it is worth alone; scan 3 does so everywhere
+    def worth(x: float) -> float:
+        return {9.0: 0.0, 1.0: 0.0, 0.0: 0.0}.get(x, -10.0)
+
+    peaks = {2: [(8.0, 0.0, 0.2), (9.0, 0.0, 0.3)], 3: [(7.0, 0.0, 0.0)]}
+    rooms = with_answers(monkeypatch, {1: [0.8], 2: [0.4], 3: [0.5]}, None, worth, peaks=peaks)
+    result = find_room_and_poses(scans(4), BOARD, Air(), [PoseSpread(), *[UNKNOWN] * 3])
+    assert [scan.place for scan in result.scans][2] == Place("", (9.0, 0.0), 0.3)
+    assert result.left_out == ("3",)
+    assert list(result.poses) == ["1", "2"]
+    assert rooms[2:7] == [["0", "1", "3"], ["0", "1", "2"], ["0", "1", "3"], ["0", "1", "2"], ["0", "1", "2"]]
 
 
 def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatch: pytest.MonkeyPatch) -> None:
