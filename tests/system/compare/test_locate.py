@@ -12,6 +12,7 @@ from sonarhw_cli.comparison.locate_command import _figures_of, _heading_doubts
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
+from sonarhw_compare.room_finding.evidence import FOLLOWED
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -65,6 +66,19 @@ def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
     assert math.dist(best.position, (0.47, 1.13)) < 0.01
     assert abs(math.remainder(best.heading - math.radians(217), math.tau)) < math.radians(1.5)
     assert located.scores.positions[located.lattice.argmax()] == pytest.approx((0.47, 1.13), abs=0.08)
+
+
+def test_a_room_without_the_walls_of_a_place_keeps_its_pose_as_an_improbable_peak(arena: Room) -> None:
+    # p4 is in an arm of which these walls lack both sides, so another arm explains more of its scan
+    corners = [(0.0, 1.0), (0.0, 0.0), (2.1, 0.0), (2.1, 0.84), (1.68, 0.84)]
+    north = '[[walls]]\nname = "north"\npoints = [[1.3, 2.1], [1.68, 2.1]]\nmaterial = "hard"'
+    part = polygon_room(corners, closed=False, extra=north)
+    scan = scan_from(arena, arena.places["p4"].position, 0.0)
+    heading = PoseSpread(math.inf, math.radians(5))
+    located = locate_scan(scan, part, BOARD, prediction=FOLLOWED, expected=Place("", (0.0, 0.0)), spread=heading)
+    true = arena.places["p4"].position
+    assert min(math.dist(pose.position, true) for pose in located.poses) > 1.0
+    assert min(math.dist(peak[:2], true) for peak in located.peaks) < 0.12
 
 
 @pytest.fixture(scope="module")
