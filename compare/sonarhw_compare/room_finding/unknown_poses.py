@@ -4,7 +4,8 @@ The scans with known poses give a first room, in which the others are located. T
 once. If there are none, the one that it explains best is placed at each of its possible poses in turn: each gives
 another room, and the one that explains all scans best is kept, if it is worth more than the room without this scan and
 a room of this scan alone. One scan in a part of a room often has several poses that are almost as probable, but the
-walls that it then needs contradict the other scans at the wrong ones.
+walls that it then needs contradict the other scans at the wrong ones. If no scan can be placed so, improbable poses are
+tried, too: while the walls about a scan are missing, its right pose can be one of them.
 """
 
 import math
