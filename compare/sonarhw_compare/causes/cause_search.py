@@ -7,32 +7,37 @@ log-likelihood of all readings most is accepted, if it is worth its price.
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize_scalar
 from sonarhw_sim.board.mount import of_own_body
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.causes.room_changes import OBJECT, MovedWall, NewPost, NewWall, OtherReflectance, RoomChange
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.objective import make_problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
-from sonarhw_compare.room_finding.draft import RoomDraft
-from sonarhw_compare.room_finding.evidence import FINE, FOLLOWED, PRICE, Scored, evidence_of, scored
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.room_finding.evidence import FINE, PRICE, Scored, all_scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import unexplained_readings, with_post, with_wall
 from sonarhw_compare.room_finding.refining.refinement import refined
-from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
+from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans, post_candidates
 
 _MOST = 6  # causes
+# all reflections: an echo that the given room explains by many of them would else speak for objects that do not exist
+_FOLLOWED = PredictionOptions(rays=720)
 _PRICE_OF_ONE = 7.0  # as `PRICE`, for changes of one number
+_EDGES = 4  # points at which a wall may end that are tried
+_DIRECTIONS = tuple(np.radians(np.arange(0.0, 360.0, 11.25)).tolist())  # rad, of a wall from an edge
+_LENGTHS = (0.15, 0.4)  # m, likewise
 _STEPS = 6  # of the refinement of a new post or wall
 _SHIFTS = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02, 0.04, 0.08)  # m, of a wall, tried first
 _LEAST_SHIFT = 0.01  # m; room files and overlapping echoes are not more accurate
@@ -113,10 +118,9 @@ class _Search:
     def __init__(self, readings: tuple[Reading, ...], room: Room, place: Place, board: Board) -> None:
         self._readings, self._room, self._place, self._board = readings, room, place, board
         scan = PlacedScan(readings, place)
-        self._evidence = evidence_of([scan], [PoseSpread()], board, room.air)
+        self._evidence = evidence_of([scan], [PoseSpread()], board, room.air, prediction=_FOLLOWED)
         # an object before a wall changes the first echo, while later ones are still explained
-        first_echoes = make_problem([scan], room, board, [], FOLLOWED, all_echoes=False)
-        self._first_echoes = replace(self._evidence, problems=(first_echoes,))
+        self._first_echoes = self._evidence.of_first_echoes() or self._evidence
         self._arcs = arcs_of_scans([scan], board)
         # `Problem` leaves out readings of the own body
         self._rows = np.flatnonzero(~np.asarray(of_own_body(board.own_body, readings)))
@@ -179,8 +183,12 @@ class _Search:
     def _objects(self, now: Scored) -> Iterator[_Proposal]:
         """Yield the post and the wall that explain most, refined."""
         unexplained = unexplained_readings(self._first_echoes, now.draft, self._noise)
-        for with_best in (with_post, with_wall):
-            longer = with_best(self._evidence, now, self._arcs, unexplained, self._noise)
+        longest = (
+            with_post(self._evidence, now, self._arcs, unexplained, self._noise),
+            with_wall(self._evidence, now, self._arcs, unexplained, self._noise),
+            self._with_wall_from_edge(now, unexplained),
+        )
+        for longer in longest:
             if longer.draft is now.draft:
                 continue
             found = refined(self._evidence, longer.draft, self._noise, _STEPS)
@@ -190,6 +198,18 @@ class _Search:
             else:
                 x0, y0, x1, y1 = found.draft.segments[0].tolist()
                 yield _Proposal(NewWall((x0, y0), (x1, y1)), found.score)
+
+    def _with_wall_from_edge(self, now: Scored, unexplained: list[FloatArray]) -> Scored:
+        """Return the draft with the wall that explains most, of those with one end where an arc shows an edge.
+
+        A wall that does not face the place returns no echo of its own but at its edges, so no arc shows its direction.
+        """
+        drafts = [
+            now.draft.with_new_wall(_wall_from(post.center, turn, length))[0]
+            for post in post_candidates(self._arcs, unexplained, _EDGES, (0.0,))
+            for turn, length in product(_DIRECTIONS, _LENGTHS)
+        ]
+        return max(all_scored(self._evidence, drafts, self._noise), key=lambda one: one.score, default=now)
 
     def _moved_walls(self, room: Room) -> Iterator[_Proposal]:
         """Yield the best shift of each wall that a predicted echo touches."""
@@ -262,6 +282,13 @@ class _Search:
 
     def _scored(self, room: Room, noise: ReadingNoise | None = None) -> Scored:
         return scored(self._evidence, self._draft(room), noise or self._noise)
+
+
+def _wall_from(start: tuple[float, float], angle: float, length: float) -> DraftWall:
+    """Return the wall of this length (m) from a point in a direction (rad)."""
+    x, y = start
+    middle = x + length / 2 * math.cos(angle), y + length / 2 * math.sin(angle)
+    return DraftWall(middle, angle, (DraftEnd(-length / 2), DraftEnd(length / 2)))
 
 
 def _moved_wall(room: Room, wall: int, left: float, place: Place) -> MovedWall:

@@ -131,6 +131,16 @@ class Evidence:
         )
         return [result for part in parts for result in part]
 
+    def of_first_echoes(self) -> "Evidence | None":
+        """Return the evidence of the first echo of each reading; None if no reading has another one."""
+        if all(len(reading.echo_times) < 2 for scan in self.scans for reading in scan.readings):
+            return None
+        problems = tuple(
+            make_problem([scan], one.room, one.board, one.parameters, one.prediction, all_echoes=False)
+            for scan, one in zip(self.scans, self.problems, strict=True)
+        )
+        return replace(self, problems=problems, known={})
+
     def _to_send(self) -> "Evidence":
         """Return what other processes need of it."""
         problems = tuple(replace(problem, memory=PathMemory()) for problem in self.problems)
@@ -321,11 +331,12 @@ def evidence_of(
     course: Course | None = None,
     processes: LateProcesses | None = None,
     progress: SearchProgress | None = None,
+    prediction: PredictionOptions = FOLLOWED,
 ) -> Evidence:
-    """Return scans from places with these spreads as evidence."""
+    """Return scans from places with these spreads as evidence; likelihoods are those of this prediction."""
     first = RoomDraft(tuple(scan.place for scan in scans))
     nowhere = first.room(REFLECTANCE, air)
-    problems = tuple(make_problem([scan], nowhere, board, [], FOLLOWED, all_echoes=True) for scan in scans)
+    problems = tuple(make_problem([scan], nowhere, board, [], prediction, all_echoes=True) for scan in scans)
     course, progress = course or Course(), progress or SearchProgress()
     first = first if course.start is None else replace(course.start, places=first.places)
     return Evidence(tuple(scans), problems, tuple(spreads), first, air, course, processes=processes, progress=progress)

@@ -36,8 +36,8 @@ from sonarhw_compare.room_finding.touches import Touches, touches_of, trimmed
 from sonarhw_compare.room_finding.wall_ends import with_better_ends, with_free_ends_moved, with_gaps
 from sonarhw_compare.search_progress import SearchProgress
 
-# shares of a search that are done after each round of growth and refinement, and once oblique walls are replaced
-_ROUNDS_DONE, _REBUILT_DONE = (0.65, 0.75, 0.8), 0.9
+# shares of growth that are done after each of its rounds, the rest is for oblique walls; share of a search after growth
+_ROUNDS_DONE, _SEARCHED_DONE = (0.72, 0.83, 0.89), 0.9
 _REGROWN = 2  # times that walls grow in place of those that no range determines
 LARGE = 500  # searches of the paths of a scan, some seconds, after which a search is so large that processes pay
 _STEPS, _LAST_STEPS = 4, 8  # of a refinement
@@ -107,12 +107,42 @@ def worth_alone(scan: PlacedScan, board: Board, air: Air, tick: Callable[[float]
     `tick` receives the completed share, 0..1.
     """
     evidence = evidence_of([scan], [PoseSpread()], board, air, progress=SearchProgress(tick))
-    evidence.progress.begin(1.0)
-    return worth(grown(evidence, scored(evidence, evidence.first)))
+    return worth(_best(evidence, lambda way: grown(way, scored(way, way.first)).draft, 1.0))
 
 
 def _found(evidence: Evidence) -> FoundRoom:
     """Return the room of `find_room`. Raises InputError if no wall is found."""
+    best = _best(evidence, _searched, _SEARCHED_DONE)
+    evidence.progress.begin(1.0)
+    end, deviations = _finished(evidence, best)
+    if not end.walls:
+        raise InputError("no wall found: expected scans from at least two places that face the same walls")
+    touches, of_threshold = touches_of(evidence, end), threshold_deviation(evidence, end)
+    return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
+
+
+def _best(evidence: Evidence, search: Callable[[Evidence], RoomDraft], done: float) -> Scored:
+    """Return the better result of searches with all echoes and with the first ones; `done` is the share afterwards.
+
+    Later echoes have passed most of the room, so they show more of it than the first ones. But while walls are missing,
+    most of them have no path, and one wrong wall can explain more of them than each of the missing ones. The results
+    are compared by all echoes. Without later echoes, there is one search.
+    """
+    first = evidence.of_first_echoes()
+    ways = [evidence] if first is None else [evidence, replace(first, course=first.course.unseen)]
+    found = []
+    for number, way in enumerate(ways):
+        evidence.progress.begin(done * (number + 1) / len(ways))
+        draft = search(replace(way, progress=SearchProgress(evidence.progress.inner(1.0))))
+        found.append(scored(evidence, draft))
+    best = max(found, key=worth)
+    if best is not found[0]:
+        evidence.course.accept(best.draft)
+    return best
+
+
+def _searched(evidence: Evidence) -> RoomDraft:
+    """Return the draft after all rounds of growth and refinement."""
     best = scored(evidence, evidence.first)
     for done in _ROUNDS_DONE:
         evidence.progress.begin(done)
@@ -124,14 +154,8 @@ def _found(evidence: Evidence) -> FoundRoom:
         best = with_parts_joined(evidence, pruned(evidence, best))
         best = _cut_back(evidence, with_better_ends(evidence, best))
         best = with_free_ends_moved(evidence, best)
-    evidence.progress.begin(_REBUILT_DONE)
-    best = rebuilt(evidence, best)
     evidence.progress.begin(1.0)
-    end, deviations = _finished(evidence, best)
-    if not end.walls:
-        raise InputError("no wall found: expected scans from at least two places that face the same walls")
-    touches, of_threshold = touches_of(evidence, end), threshold_deviation(evidence, end)
-    return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
+    return rebuilt(evidence, best).draft
 
 
 def rebuilt(evidence: Evidence, best: Scored) -> Scored:

@@ -24,10 +24,12 @@ def test_the_changed_room_contains_the_plate(log: str, tmp_path: Path, capsys: p
     )
     figures = json.loads(capsys.readouterr().out)
     found = load_room(out)
-    assert found.names[4:] == ("wall 1",)
-    assert found.walls[4, [0, 2]] == pytest.approx([0.8, 0.8], abs=0.02)
+    # the point straight ahead is on the first wall; one place shows little of the length, so another one can follow
+    assert found.names[4] == "wall 1"
+    assert found.walls[4:, [0, 2]] == pytest.approx(0.8, abs=0.02)
     low, high = sorted(found.walls[4, [1, 3]])
-    assert low < 1.1 < high  # the point straight ahead; one place shows little of the length
+    assert low < 1.1 < high
+    assert 0.75 < found.walls[4:, [1, 3]].min() < found.walls[4:, [1, 3]].max() < 1.45
     assert figures["causes"][0]["kind"] == "NewWall"
     assert "<!-- found wall or post -->" in plot.read_text()
     assert figures["after"]["within_5cm"] > figures["within_5cm"]

@@ -10,7 +10,7 @@ from sonarhw_compare.causes.cause_texts import cause_text
 from sonarhw_compare.causes.room_changes import MovedWall, NewPost, NewWall, OtherReflectance
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 
 from sonarhw.readings import Reading
 
@@ -45,6 +45,15 @@ def scan_of(room: Room, noise: float = 0.01) -> tuple[Reading, ...]:
     return tuple(Reading(k, 0, 0, float(angles[k]), 0.1 * k, times[k], SPEED) for k in range(len(angles)))
 
 
+def whole_scan_of(room: Room, place: Place) -> tuple[Reading, ...]:
+    """Return a scan with all echoes of each ping, up to 29, each with an error of range."""
+    angles, random = np.radians(np.arange(0.0, 360.0, 3.0)), np.random.default_rng(1)
+    predicted = predict_scan(room, place, BOARD, angles)
+    pings = [np.array(predicted.ping(k).echo_times()) for k in range(len(angles))]
+    times = [np.sort(ping + random.normal(0, 2 * 0.01 / SPEED, len(ping))).tolist() for ping in pings]
+    return tuple(Reading(k, 0, 0, float(angles[k]), 0.1 * k, tuple(times[k]), SPEED) for k in range(len(angles)))
+
+
 def found_in(true: Room) -> FoundCauses:
     return find_causes(scan_of(true), GIVEN, HERE, BOARD)
 
@@ -53,6 +62,22 @@ def test_nothing_is_proposed_where_nothing_differs() -> None:
     found = found_in(GIVEN)
     assert found.causes == ()
     assert found.room is GIVEN
+
+
+def test_nothing_is_proposed_for_echoes_by_many_reflections() -> None:
+    arena = load_room("arena")
+    place = arena.places["p1"]
+    assert find_causes(whole_scan_of(arena, place), arena, place, BOARD).causes == ()
+
+
+def test_a_wall_that_faces_no_place_is_found_by_its_edge() -> None:
+    room = load_room("kuc_siegel")
+    ends = (0.182, 0.306), (0.238, 0.134)
+    place = room.places["figure6"]
+    cause = find_causes(whole_scan_of(NewWall(*ends).applied(room), place), room, place, BOARD).causes[0]
+    assert isinstance(cause.change, NewWall)
+    for found, true in zip(sorted([cause.change.start, cause.change.end]), ends, strict=True):
+        assert math.dist(found, true) < 0.06
 
 
 def test_the_leg_of_a_chair_is_a_post_at_its_place() -> None:
