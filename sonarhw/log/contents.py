@@ -128,7 +128,7 @@ class Log:
     def doubts(self) -> tuple[str, ...]:
         """Clauses for warnings: what is missing in the file and what to do, and which angles may be wrong."""
         count = len(self.readings)
-        remedy = "; to repair: sonarhw log recover LOG --out FILE.mcap" if count else ""
+        remedy = "; to repair it: `sonarhw log recover LOG --out FILE.mcap`" if count else ""
         missing = (f"{self.condition}; {counted(count, 'whole reading')} read; {self.torn}{remedy}",) * bool(self.torn)
         several = len(self.scans) > 1
         doubted = ((number, scan.angle_warning) for number, scan in enumerate(self.scans, 1))

@@ -88,7 +88,7 @@ class GivenScan:
         """A warning if there is a log that names no board, so that `board` returns the default."""
         if self.log is None or self.log.metadata.board_text or self.log.metadata.board:
             return ()
-        return (f"{self.where}: names no board, {DEFAULT_BOARD} is assumed; give the right one (--board)",)
+        return (f"{self.where}: names no board, {DEFAULT_BOARD} is assumed; give the right board",)
 
     def board(self, given: BoardInput | None = None) -> Board:
         """Return the given board, else that of the log, else the default board."""

@@ -188,7 +188,7 @@ class WindowSession(QObject):
         self.showing.open_notes()
         if log.torn:
             now = time.monotonic()
-            remedy = "; to repair: sonarhw log recover" if log.readings else ""
+            remedy = "; to repair it: `sonarhw log recover`" if log.readings else ""
             self._followed.follow(
                 path, f"{name}: {log.torn}; {len(log.readings)} whole readings are shown{remedy}", now
             )

@@ -77,7 +77,7 @@ def test_a_log_without_a_board_gives_a_warning(
     log: str, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     name, *options = command
-    warning = f"sonarhw: warning: {log}: names no board, polaroid-6500 is assumed; give the right one (--board)\n"
+    warning = f"sonarhw: warning: {log}: names no board, polaroid-6500 is assumed; give the right board\n"
     capsys.readouterr()
     assert run([name, log, "--room", ROOM, *options]) == 0
     assert capsys.readouterr().err.startswith(warning)

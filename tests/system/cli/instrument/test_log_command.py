@@ -66,7 +66,7 @@ def test_export_of_a_torn_log_gives_a_warning_and_all_whole_readings(
     size = torn.stat().st_size
     warning = f"sonarhw: warning: {torn}: torn; 3 whole readings read; the file ends too early at byte {size}"
     assert err.startswith(warning)
-    assert err.endswith("; to repair: sonarhw log recover LOG --out FILE.mcap\n")
+    assert err.endswith("; to repair it: `sonarhw log recover LOG --out FILE.mcap`\n")
 
 
 def test_export_writes_arrays(log: Path, tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_a_truncated_log_shows_a_banner_and_its_readings(
     kept = len(window.session.shown.readings)
     assert 0 < kept < ORDER.readings
     until(qtbot, lambda: window.banner.message.startswith("⚠ torn.mcap: "))  # once it does not grow any more
-    assert f"{kept} whole readings are shown; to repair: sonarhw log recover" in window.banner.message
+    assert f"{kept} whole readings are shown; to repair it: `sonarhw log recover`" in window.banner.message
 
 
 def test_a_log_of_a_scan_with_lost_steps_shows_a_banner(qtbot: QtBot, window: MainWindow, log: Log) -> None:
