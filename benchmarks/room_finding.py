@@ -20,7 +20,7 @@ each row states which share of the last scan the found and the true room predict
 import os
 import time
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,26 +58,29 @@ def main() -> None:
     kinds.add_argument("--leave-out", action="store_true", help="find each room without its last scan, and predict it")
     for option, known in KNOWN.items():
         kinds.add_argument(option, dest="poses", action="store_const", const=option, help=known)
+    parser.add_argument(
+        "--all-echoes", action="store_true", help="scans with up to five echoes a reading, in place of the first one"
+    )
     options = parser.parse_args()
-    seeds, board = range(options.first, options.last), load_board("polaroid-6500")
+    board = load_board("polaroid-6500")
+    cases = (random_room(seed, board, all_echoes=options.all_echoes) for seed in range(options.first, options.last))
     if options.leave_out:
-        leave_out(seeds, board)
+        leave_out(cases, board)
     else:
-        find_rooms(seeds, board, options.poses)
+        find_rooms(cases, board, options.poses)
 
 
-def leave_out(seeds: range, board: Board) -> None:
+def leave_out(cases: Iterable[RandomRoom], board: Board) -> None:
     """Print how well rooms found without their last scan predict it, and how well the true rooms do."""
     print("room  echoes  within 5 cm of the prediction of the found room, of the true room")
     totals = np.zeros(3)
-    for seed in seeds:
-        case = random_room(seed, board)
+    for case in cases:
         found, last = find_room(case.scans[:-1], board, case.room.air), case.scans[-1]
         rooms = found.draft.room(REFLECTANCE, case.room.air), case.room
         figures = [compare_readings(last.readings, room, last.place, board).summary() for room in rooms]
         counts = [figures[0].n_echo, *(figure.matched for figure in figures)]
         totals += counts
-        print(f"{seed:4} {counts[0]:7} {counts[1] / counts[0]:6.1%} {counts[2] / counts[0]:6.1%}", flush=True)
+        print(f"{case.seed:4} {counts[0]:7} {counts[1] / counts[0]:6.1%} {counts[2] / counts[0]:6.1%}", flush=True)
     print(f"all  {totals[0]:7.0f} {totals[1] / totals[0]:6.1%} {totals[2] / totals[0]:6.1%}")
 
 
@@ -93,23 +96,22 @@ class Search:
     processor_time: float  # s, on all cores
 
 
-def find_rooms(seeds: range, board: Board, option: str | None) -> None:
+def find_rooms(cases: Iterable[RandomRoom], board: Board, option: str | None) -> None:
     """Print what is found of each room; `option` is one of POSES, without which all poses are exact."""
     print(HEADER)
     searches = []
-    for seed in seeds:
-        searches.append(searched(seed, board, option))
+    for case in cases:
+        searches.append(searched(case, board, option))
         poses = f"; {pose_text(searches[-1].case, searches[-1].placed)}" if option else ""
-        print(f"{seed:4} {_row(searches[-1])}{poses}", flush=True)
+        print(f"{case.seed:4} {_row(searches[-1])}{poses}", flush=True)
     totals = [sum(of_rooms, Lengths(0, 0, 0, 0)) for of_rooms in zip(*(one.lengths for one in searches), strict=True)]
     held = [wall for one in searches for wall in one.held]
     print(f"all {' ' * 38} {_agreement(totals, held)}")
 
 
-def searched(seed: int, board: Board, option: str | None) -> Search:
+def searched(case: RandomRoom, board: Board, option: str | None) -> Search:
     """Return the room found from the scans of a random room."""
-    case = random_room(seed, board)
-    scans, spreads = (POSES[option] if option else exact_poses)(case, seed)
+    scans, spreads = (POSES[option] if option else exact_poses)(case, case.seed)
     began, used = time.perf_counter(), _processor_time()
     placed = find_room_and_poses(scans, board, case.room.air, spreads)
     took, used = time.perf_counter() - began, _processor_time() - used

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
+from sonarhw_sim.predict.room_echoes import MAX_ECHOES, Disturbance, RoomEchoes
 from sonarhw_sim.room.model import Place, Room, parse_room
 
 from sonarhw.echo_source import Ping
@@ -26,12 +26,13 @@ Point = tuple[float, float]
 class RandomRoom:
     """A room and the scans of it."""
 
+    seed: int
     room: Room
     scans: tuple[PlacedScan, ...]
 
 
-def random_room(seed: int, board: Board, scans: int | None = None) -> RandomRoom:
-    """Return a random room of 4 to 12 walls, and 4 to 8 scans of it."""
+def random_room(seed: int, board: Board, scans: int | None = None, all_echoes: bool = False) -> RandomRoom:
+    """Return a random room of 4 to 12 walls, and 4 to 8 scans of it, by default with the first echo of each reading."""
     random = np.random.default_rng((seed, 17))
     while True:
         outline = _outline(random)
@@ -39,10 +40,10 @@ def random_room(seed: int, board: Board, scans: int | None = None) -> RandomRoom
         places = _places(room, outline, random, scans or int(random.integers(4, 9)))
         if len(room.walls) <= 12 and places:
             made = [
-                PlacedScan(noisy_scan(room, place, board, 100 * seed + k), place, f"scan{k}", f"scan{k}")
+                PlacedScan(noisy_scan(room, place, board, 100 * seed + k, all_echoes), place, f"scan{k}", f"scan{k}")
                 for k, place in enumerate(places)
             ]
-            return RandomRoom(room, tuple(made))
+            return RandomRoom(seed, room, tuple(made))
 
 
 def _outline(random: Generator) -> list[Point]:
@@ -136,8 +137,11 @@ def _clearance(room: Room, point: Point) -> float:
     return float(min([*walls, *posts]))
 
 
-def noisy_scan(room: Room, place: Place, board: Board, seed: int) -> list[Reading]:
-    """Return the scan of a place with errors of range and level, and some false echoes."""
+def noisy_scan(room: Room, place: Place, board: Board, seed: int, all_echoes: bool = False) -> list[Reading]:
+    """Return the scan of a place with errors of range and level, and some false echoes.
+
+    A false echo replaces the first echo of a reading, or is added to `all_echoes` that a scanner reports.
+    """
     random = np.random.default_rng((seed, 5))
     speed = room.air.speed_of_sound
     listen = 2 * board.max_range / speed
@@ -145,8 +149,9 @@ def noisy_scan(room: Room, place: Place, board: Board, seed: int) -> list[Readin
     source = RoomEchoes(room, place, replace(board), seed, errors)
     made = []
     for number, angle in enumerate((np.arange(READINGS) * math.tau / READINGS).tolist()):
-        times = source.receive(Ping(angle, 0, 0, listen, trace=False)).echo_times[:1]
+        times = source.receive(Ping(angle, 0, 0, listen, trace=False)).echo_times[: MAX_ECHOES if all_echoes else 1]
         if random.random() < ANYWHERE:
-            times = (float(random.uniform(board.blanking_end, listen)),)
+            false = float(random.uniform(board.blanking_end, listen))
+            times = tuple(sorted((*times, false))[:MAX_ECHOES]) if all_echoes else (false,)
         made.append(Reading(number, 0, 0, angle, 0.1 * number, times, speed))
     return made
