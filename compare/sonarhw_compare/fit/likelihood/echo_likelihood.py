@@ -99,13 +99,11 @@ def log_likelihoods(
     `lateness` (l,) m is the error in range of late detection at 0, 0.5, 1, ... dB over the threshold; empty for none.
     """
     angles, echoes, counts, ended = scan.angles, scan.ranges, scan.counts, scan.ends
-    out, back, rise, turn = paths.out, paths.back, paths.rise, paths.turn
-    kinds, levels = paths.kind, paths.level_db
     reported, nearest, leaving, arriving = _on_axis(paths, by, board)
     aside = board.sender != (0.0, 0.0) or board.listener != (0.0, 0.0)
     reach = _reach(board) * board.stretch
     # amplitudes are relative to the threshold
-    strengths = np.exp((levels - board.threshold_db) * _PER_DB)
+    strengths = np.exp((paths.level_db - board.threshold_db) * _PER_DB)
     needed = _needed(strengths, paths.until, noise)
     likelihoods, densities = np.empty(angles.shape[0]), np.empty(echoes.shape[1])
     for i in range(angles.shape[0]):
@@ -124,17 +122,13 @@ def log_likelihoods(
                 if nearest[k] > farthest:
                     break
                 continue
-            # find range and directions at this heading
-            ahead, home = leaving[k, 0] * hx + leaving[k, 1] * hy, arriving[k, 0] * hx + arriving[k, 1] * hy
+            # the direction decides first, because it excludes most paths
+            ahead, home = _cosine(leaving, k, hx, hy), _cosine(arriving, k, hx, hy)
             if ahead < _ASIDE or home < _ASIDE:
                 continue
             found = reported[k]
             if aside:
-                one = displaced(out[k], back[k], turn[k], kinds[k], sender, listener)
-                there, on, back_x, back_y = _legs(one, rise[k], turn[k], kinds[k])
-                ahead, home = (one[0] * hx + one[1] * hy) / there, back_x * hx + back_y * hy
-                found = (there + on) / 2 * board.stretch + board.offset
-            # weigh by the beam, departing and arriving
+                found, ahead, home = _beside_axis(paths, k, sender, listener, hx, hy, board)
             amplitude = beam(ahead, board.ka, table)
             if amplitude < needed[k]:
                 continue
@@ -142,12 +136,10 @@ def log_likelihoods(
             if amplitude < needed[k]:
                 continue
             amplitude *= strengths[k]
-            # add the later paths that the receiver does not separate
             power = 0.0
             for j in range(k + 1, paths.until[k]):
-                there = leaving[j, 0] * hx + leaving[j, 1] * hy
-                on = arriving[j, 0] * hx + arriving[j, 1] * hy
-                power += (strengths[j] * beam(there, board.ka, table) * beam(on, board.ka, table)) ** 2
+                there, on = _cosine(leaving, j, hx, hy), _cosine(arriving, j, hx, hy)
+                power += _power(strengths[j], there, on, board.ka, table)
             chance, late = _detection(amplitude, power, noise, lateness)
             if chance == 0.0:
                 continue
@@ -160,6 +152,30 @@ def log_likelihoods(
             _add_densities(densities, ranges, count, found, chance / silence, noise.range)
         likelihoods[i] = _of_reading(undetected, densities, count, max(0.0, last - board.opens), noise)
     return likelihoods
+
+
+@inlined
+def _cosine(directions: FloatArray, row: int, x: float, y: float) -> float:
+    """Return the cosine of the angle between a row of directions (k, 2) and the direction x, y."""
+    cosine: float = directions[row, 0] * x + directions[row, 1] * y
+    return cosine
+
+
+@inlined
+def _power(strength: float, ahead: float, home: float, ka: float, table: FloatArray) -> float:
+    """Return the square of an amplitude after the beam, departing and arriving."""
+    return (strength * beam(ahead, ka, table) * beam(home, ka, table)) ** 2
+
+
+@inlined
+def _beside_axis(
+    paths: PathArrays, k: int, sender: Point, listener: Point, hx: float, hy: float, board: BoardValues
+) -> tuple[float, float, float]:
+    """Return the reported range of a path (m) and its cosines from the axis of the beam, departing and arriving."""
+    one = displaced(paths.out[k], paths.back[k], paths.turn[k], paths.kind[k], sender, listener)
+    there, on, back_x, back_y = _legs(one, paths.rise[k], paths.turn[k], paths.kind[k])
+    ahead, home = (one[0] * hx + one[1] * hy) / there, back_x * hx + back_y * hy
+    return (there + on) / 2 * board.stretch + board.offset, ahead, home
 
 
 @inlined
