@@ -234,7 +234,7 @@ def _with_poses(
 ) -> "tuple[list[PlacedScan], list[PoseSpread]]":
     """Return the scans at their places, and how uncertain these are."""
     from sonarhw_compare.fit import PlacedScan
-    from sonarhw_compare.room_finding.pose_file import read_poses
+    from sonarhw_compare.locate.pose_file import read_poses
 
     if poses_file is None:
         return _placed(given, room, places, poses), []

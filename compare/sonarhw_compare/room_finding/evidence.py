@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
@@ -22,14 +21,13 @@ from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding import right_angles
-from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft, post_name, wall_name
+from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.search_progress import SearchProgress
 
 REFLECTANCE = 0.9  # of found walls, assumed
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
 PRICE = 10.0  # log-likelihood that a wall or post must add
 _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
-_CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks for or against a wall
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
 _AT_ONCE = 8  # drafts between two checks whether the search is cancelled
@@ -191,32 +189,6 @@ class Evidence:
         turned = math.remainder(now.heading - then.heading, math.tau)
         x, y = (at - first for at, first in zip(now.position, then.position, strict=True))
         return (x, spread.xy), (y, spread.xy), (turned, spread.heading)
-
-
-@dataclass(frozen=True, eq=False)
-class Support:
-    """The readings that speak for and against one wall or post."""
-
-    name: str  # in the room of the draft
-    gains: tuple[FloatArray, ...]  # log-likelihood of each reading with it minus without it, (n,) for each scan
-
-    def speaking(self, sign: int) -> tuple[NDArray[np.bool_], ...]:
-        """Return which readings clearly speak for it (1) or against it (-1), (n,) for each scan."""
-        return tuple(sign * gains > _CLEARLY for gains in self.gains)
-
-
-def support_of(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> tuple[Support, ...]:
-    """Return the support of each wall and post of a draft, in the order of its room."""
-    without = [(wall_name(number), draft.without_only(key)) for number, key in enumerate(draft.walls)]
-    for number in range(len(draft.posts)):
-        kept = draft.posts[:number] + draft.posts[number + 1 :]
-        without.append((post_name(number), replace(draft, posts=kept)))
-    whole = evidence.by_reading(draft, noise)
-    supports = []
-    for name, rest in without:
-        less = evidence.by_reading(rest, noise)
-        supports.append(Support(name, tuple(one - other for one, other in zip(whole, less, strict=True))))
-    return tuple(supports)
 
 
 @dataclass(frozen=True)

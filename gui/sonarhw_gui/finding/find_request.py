@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit.values.fit_result import PlacedScan
     from sonarhw_compare.locate.pose_spread import PoseSpread
     from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
-    from sonarhw_compare.room_finding.evidence import Support
     from sonarhw_compare.room_finding.next_place import NextPlace
     from sonarhw_compare.room_finding.room_search import FoundRoom
+    from sonarhw_compare.room_finding.support import Support
 
 _MOST_NEXT = 3  # places
 
@@ -150,7 +150,8 @@ class FindRequest:
 
     def _supported(self, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
         from sonarhw_compare.locate.pose_spread import PoseSpread
-        from sonarhw_compare.room_finding.evidence import evidence_of, support_of
+        from sonarhw_compare.room_finding.evidence import evidence_of
+        from sonarhw_compare.room_finding.support import support_of
 
         by_name = {scan.name: scan for scan in self.scans}
         scans = tuple(by_name[place.name] for place in draft.places)
