@@ -30,7 +30,7 @@ from sonarhw.harmless_text import counted
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_problem
-from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, local_maxima, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
 from sonarhw_compare.fit.search.refine import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
@@ -191,9 +191,9 @@ def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
 
 
 def _starts(scores: Scores, room: Room, board: Board) -> list[tuple[float, float, float]]:
-    """Return the starts (x, y, heading): maxima of the lattice, and the places of the room with their best headings."""
+    """Return the starts (x, y, heading): the best of the lattice, and the room's places with their best headings."""
     best = float(scores.scores.max())
-    tops = maxima(scores, _MAXIMA)
+    tops = best_apart(scores, _MAXIMA)
     tops = [pose for pose in tops if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS]
     starts = at_marks(board, tops)
     for place in room.places.values():

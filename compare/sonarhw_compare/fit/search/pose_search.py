@@ -1,4 +1,4 @@
-"""Rough log-likelihood of a scan at every position of a lattice and every heading, and its best maxima.
+"""Rough log-likelihood of a scan at every position of a lattice and every heading, and its best poses.
 
 At each position, a few hundred rays find the paths with few reflections. These paths give the candidates for the first
 echo at each of 180 headings. The scan is compared with this table in all 180 rotations.
@@ -33,7 +33,7 @@ _SOFT = 4.0  # dB, width of the detection threshold
 _HARDLY = 0.02  # smallest detection probability of a candidate
 _STRAY = 0.05  # likelihood of a reading without a matching candidate; an exact match has 1
 _LOST = 0.05  # likelihood of no echo where one is certain
-_APART = math.radians(15)  # between maxima
+_APART = math.radians(15)  # between chosen poses
 _FAR_APART = math.radians(45)  # between local maxima
 
 
@@ -158,8 +158,12 @@ def at_marks(board: Board, poses: list[tuple[float, float, float]]) -> list[tupl
     return marks
 
 
-def maxima(scores: Scores, most: int) -> list[tuple[float, float, float]]:
-    """Return up to `most` maxima (x, y, heading rad), best first, none within 2.5 spacings and 15° of a better one."""
+def best_apart(scores: Scores, most: int) -> list[tuple[float, float, float]]:
+    """Return up to `most` poses (x, y, heading rad), best first, none within 2.5 spacings and 15° of a chosen one.
+
+    They are starts for a search. Unlike `local_maxima`, they include poses on the slope of a better one, from which
+    the search may climb elsewhere.
+    """
     order = np.argsort(scores.scores, axis=None)[::-1]
     chosen: list[tuple[float, float, float]] = []
     for row, column in zip(*np.unravel_index(order[: 400 * most], scores.scores.shape), strict=True):
@@ -178,7 +182,7 @@ def maxima(scores: Scores, most: int) -> list[tuple[float, float, float]]:
 def local_maxima(scores: Scores, most: int, hopeless: float) -> list[tuple[float, float, float]]:
     """Return up to `most` poses (x, y, heading rad), best first, with no better one within 2.5 spacings and 45°.
 
-    None is worse than the best by `hopeless` or more.
+    None is worse than the best by `hopeless` or more. They show in which other poses the scan fits, too.
     """
     width = 2 * round(_FAR_APART / (math.tau / scores.scores.shape[1])) + 1
     nearby = maximum_filter1d(scores.scores, width, axis=1, mode="wrap")

@@ -11,12 +11,12 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.objective import COARSE, Problem
-from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, lattice, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import QUICK, Scores, at_marks, best_apart, lattice, score_positions
 from sonarhw_compare.fit.search.refine import refined
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, Quantity, X, Y
 
-_ROUGH = 16  # maxima of the lattice that are scored again
+_ROUGH = 16  # poses of the lattice that are scored again
 _CLIMBED = 6  # of these, that are refined
 _SURE = 4.0  # standard deviations of the prior that are searched
 _SAME = 0.02  # m between positions that count as the same
@@ -78,7 +78,7 @@ def _in_whole(problem: Problem, rows: list[int], values: FloatArray) -> FloatArr
 
 
 def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
-    """Return values of the parameters at the maxima of the lattice."""
+    """Return values of the parameters at the best poses of the lattice."""
     place, free = problem.places[0], {parameter.quantity: parameter for parameter in problem.parameters}
     spans = [
         _span(free[quantity]) if quantity in free else (at, at)
@@ -96,7 +96,7 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
         lambda: tick(next(done) / len(positions)),
     )
     scores = _within(scores, free.get(HEADING), place.heading)
-    chosen = at_marks(problem.board, maxima(scores, _ROUGH)) or [(*place.position, place.heading)]
+    chosen = at_marks(problem.board, best_apart(scores, _ROUGH)) or [(*place.position, place.heading)]
     starts = []
     for pose in chosen:
         values = problem.start()

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood.echo_likelihood import ScanArrays
-from sonarhw_compare.fit.search.pose_search import HEADINGS, Scores, lattice, local_maxima, maxima, score_positions
+from sonarhw_compare.fit.search.pose_search import HEADINGS, Scores, best_apart, lattice, local_maxima, score_positions
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.readings import FloatArray
@@ -73,16 +73,16 @@ def test_a_position_without_any_path_is_impossible() -> None:
     assert len(ticks) == 2
 
 
-def test_maxima_are_the_best_poses_that_differ_in_position_or_heading() -> None:
+def test_chosen_poses_are_the_best_poses_that_differ_in_position_or_heading() -> None:
     positions = np.array([[0.0, 0.0], [0.2, 0.0], [0.3, 0.0]])
     headings = np.radians([0.0, 14.0, 16.0, 350.0])
     table = np.full((3, 4), -math.inf)
     table[0] = [0.0, -1.0, -2.0, -3.0]  # 14° and -10° are too near to the best
     table[1, 0] = -4.0  # 2 spacings away
     table[2, 0] = -5.0  # 3 spacings away
-    found = maxima(Scores(positions, headings, table, 0.1), 5)
+    found = best_apart(Scores(positions, headings, table, 0.1), 5)
     assert found == [(0.0, 0.0, 0.0), (0.0, 0.0, headings[2]), (0.3, 0.0, 0.0)]
-    assert maxima(Scores(positions, headings, table, 0.1), 2) == found[:2]
+    assert best_apart(Scores(positions, headings, table, 0.1), 2) == found[:2]
 
 
 def test_local_maxima_are_not_beside_better_poses_and_not_hopeless() -> None:
