@@ -184,10 +184,10 @@ def _header(file: Path, fields: list[str], separator: str = ",") -> list[str]:
     header = [name.strip() for name in fields]
     if not any(header):
         raise InputError(f"{file}: the file is empty; expected a header line and one reading per line")
-    other = next((mark for mark in _OTHER_SEPARATORS if len(header) == 1 and mark in header[0]), None)
+    other = other_separator(header)
     if other is not None and separator == ",":
         raise InputError(
-            f"{file}, line 1: only one column, with {_OTHER_SEPARATORS[other]} in it; expected commas between columns, "
+            f"{file}, line 1: only one column, with {other} in it; expected commas between columns, "
             "and points in numbers; for semicolons or tabs, and decimal commas, use "
             "`sonarhw import --decimal-comma`"
         )
@@ -205,6 +205,11 @@ def _hint(header: Sequence[str]) -> str:
     except ValueError:
         return ""
     return "; if the first line is a reading, add a line with names above it, such as heading,range"
+
+
+def other_separator(header: Sequence[str]) -> str | None:
+    """Return what seems to separate the columns instead of commas, such as "semicolons"; None if there are several."""
+    return next((words for mark, words in _OTHER_SEPARATORS.items() if len(header) == 1 and mark in header[0]), None)
 
 
 def _column_indices(file: Path, header: list[str], columns: CsvColumns) -> dict[str, int]:

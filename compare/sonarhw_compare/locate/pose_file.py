@@ -8,7 +8,7 @@ from pathlib import Path
 from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
-from sonarhw_compare.imports.foreign_csv import opened, short_lines
+from sonarhw_compare.imports.foreign_csv import opened, other_separator, short_lines
 from sonarhw_compare.locate.pose_spread import PoseSpread
 
 HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
@@ -41,7 +41,7 @@ def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSprea
     if header is None:
         raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
     if header.strip() != HEADER:
-        raise InputError(f"{path}: line 1: expected the header {HEADER}, got {header.rstrip()!r}")
+        raise InputError(f"{path}: line 1: {_other_header(header.strip())}")
     poses: dict[str, tuple[Place, PoseSpread]] = {}
     for number, row in enumerate(csv.reader(lines), start=2):
         if row:
@@ -52,9 +52,18 @@ def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSprea
     return poses
 
 
+def _other_header(header: str) -> str:
+    """Return what is wrong with a header."""
+    other = other_separator(header.split(","))
+    if other is None:
+        return f"expected the header {HEADER}, got {header!r}"
+    return f"the columns are separated by {other}; expected commas, points in numbers, and the header {HEADER}"
+
+
 def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread]]:
     if len(row) != len(HEADER.split(",")):
-        raise InputError(f"{where}: expected {len(HEADER.split(','))} columns ({HEADER}), got {len(row)}")
+        extra = "; write numbers with a point, not a comma" if len(row) > len(HEADER.split(",")) else ""
+        raise InputError(f"{where}: expected {len(HEADER.split(','))} columns ({HEADER}), got {len(row)}{extra}")
     name, *cells = (cell.strip() for cell in row)
     x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
     if min(xy, turn) < 0:
@@ -72,7 +81,7 @@ def _number(text: str, where: str) -> float:
     try:
         value = float(text or 0)
     except ValueError as error:
-        raise InputError(f"{where}: expected a number, got {text!r}") from error
+        raise InputError(f"{where}: expected a number, such as 1.5, got {text!r}") from error
     if not math.isfinite(value):
         raise InputError(f"{where}: expected a finite number, got {text}")
     return value

@@ -59,7 +59,12 @@ def test_what_a_row_lacks_is_unknown_but_not_for_the_first_log(
         ([HEADER, "a.mcap,,,90,0.03,2"], "line 2: expected x and y, or neither and no sd_xy_m"),
         ([HEADER, "a.mcap,1,2,,0.03,2"], "line 2: expected a heading, or no sd_heading_deg"),
         ([HEADER, "a.mcap,1,2,0"], "line 2: expected 6 columns"),
-        ([HEADER, "a.mcap,1,two,0,,"], "line 2: expected a number, got 'two'"),
+        (
+            [HEADER.replace(",", ";"), "a.mcap;1,5;2;0;;"],
+            "line 1: the columns are separated by semicolons; expected commas",
+        ),
+        ([HEADER, "a.mcap,1,5,2,0,,"], "line 2: expected 6 columns .*, got 7; write numbers with a point"),
+        ([HEADER, 'a.mcap,"1,5",2,0,,'], "line 2: expected a number, such as 1.5, got '1,5'"),
         ([HEADER, "a.mcap,1,inf,0,,"], "line 2: expected a finite number"),
         ([HEADER, "a.mcap,1,2,0,-1,"], "line 2: expected standard deviations of 0 or more"),
         ([HEADER, "a.mcap," + 200_000 * "1"], "line 2: has more than 65536 characters; expected a table of poses"),
