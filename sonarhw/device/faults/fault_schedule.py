@@ -100,7 +100,7 @@ def read_faults(spec: str) -> Faults:
             size = _size(_KINDS[name], value, entry) if equals else _KINDS[name].size
             events.append(Event(_KINDS[name], size, _moment(moment, entry) if at else At(0.0)))
         elif name not in _LASTING:
-            raise InputError(f"fault {entry!r}: unknown fault {name}; expected one of {', '.join(KNOWN)}")
+            raise InputError(f"unknown fault {name!r}; expected one of {', '.join(KNOWN)}")
         elif at or name in lasting:
             raise InputError(f"fault {entry!r}: {name} is permanent; specify it once, without a time")
         else:

@@ -85,6 +85,11 @@ def test_an_invalid_schedule_is_refused_with_an_error_of_one_line(spec: str) -> 
     assert "\n" not in str(refused.value)
 
 
+def test_an_unknown_fault_is_named_once() -> None:
+    with pytest.raises(InputError, match=r"^unknown fault 'foo'; expected one of drop, flip, insert, drift, "):
+        read_faults("drop=0,foo=1@3")
+
+
 def test_the_limits_themselves_are_valid() -> None:
     assert read_faults("drop=0,flip=1,drift=-100000") == Faults(drop=0.0, flip=1.0, drift=-100_000.0)
     assert read_faults("stall=0@0").events == (Event(FaultKind.STALL, 0.0, At(0.0)),)
