@@ -32,12 +32,12 @@ def library_message(error: SonarError, arguments: Sequence[str]) -> str:
     message = str(error)
     for words, option in _OPTIONS:
         message = re.sub(words, option, message)
-    return _with_position_hint(message, arguments)
+    return _with_argument_hint(message, arguments)
 
 
 def parser_message(error: typer.TyperException, arguments: Sequence[str]) -> str:
     """Return an error of the option parser. Without a command, it is the help, which begins with `Usage:`."""
-    return _with_position_hint(_with_help(_reworded(error), error), arguments)
+    return _with_argument_hint(_with_help(_reworded(error), error), arguments)
 
 
 def _reworded(error: typer.TyperException) -> str:
@@ -79,8 +79,13 @@ def _group_with_command(message: str, root: object) -> str:
     return next(found, "")
 
 
-def _with_position_hint(message: str, arguments: Sequence[str]) -> str:
-    """Return the message with how to write X,Y if an argument ends with a comma."""
-    extra = message.startswith(("Got unexpected extra argument", "--place: expected one for each"))
-    split = extra and any(one.endswith(",") for one in arguments)
-    return f"{message}; write X,Y without a space" if split else message
+def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
+    """Return the message with how to write X,Y or a second log if there is an argument too many."""
+    is_extra = message.startswith("Got unexpected extra argument")
+    if (is_extra or message.startswith("--place: expected one for each")) and any(
+        one.endswith(",") for one in arguments
+    ):
+        return f"{message}; write X,Y without a space"
+    if is_extra and "compare" in arguments:
+        return f"{message}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
+    return message

@@ -73,6 +73,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
             "Got unexpected extra argument(s) (0.5); see `sonarhw simulate --help`; write X,Y without a space",
         ),
         (
+            "compare scan.mcap other.mcap",
+            "Got unexpected extra argument(s) (other.mcap); see `sonarhw compare --help`; to compare two logs, use "
+            "`sonarhw compare A.mcap --with B.mcap`",
+        ),
+        (
             "fit scan.mcap --room flat.toml --place 0.5, 0.5",
             "--place: expected one for each of 2 logs, got 1; write X,Y without a space",
         ),
