@@ -11,6 +11,7 @@ from sonarhw_sim.choices import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 from sonarhw.errors import InputError
 from sonarhw.wire.units import MOST_DEGREES
 from sonarhw_cli.console.completions import complete_board, complete_place, complete_room
+from sonarhw_cli.console.lines import warn
 
 if TYPE_CHECKING:
     from sonarhw.readings import ScanOrder
@@ -162,6 +163,8 @@ PICTURE_FILE = "FILE.png|pdf|svg"
 STDOUT = "-"
 LOG = ".mcap"
 MOST_HEADINGS = 65535  # largest number that fits into the scan command
+_MOST_RADIANS = 10.0  # between --from and --to, if they may be in radians: a turn and a half
+_ALIKE = 0.005  # between a multiple of π/2 and a number that stands for it
 
 
 def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> "ScanOrder":
@@ -193,6 +196,22 @@ def _no_heading(start: float, stop: float, step: float) -> str:
     found = f"--from {start:g}, --to {stop:g}: with a {sign} --step ({step:g}), --to must be {expected} than --from"
     other = "" if stop == start else f", or --step {-step:g}"
     return f"{found}; give a {expected} --to, such as {same_heading:g}{other}"
+
+
+def warn_of_radians(start: float, stop: float) -> None:
+    """Warn if --from and --to, degrees, are probably in radians: a short sector with a multiple of π/2 at its end."""
+    first, last = _from_radians(start), _from_radians(stop)
+    if abs(stop - start) < _MOST_RADIANS and any(angle and angle % 90 == 0 for angle in (first, last)):
+        warn(
+            f"--from {start:g}, --to {stop:g}: taken as degrees; "
+            f"if they are radians, give --from {first:g}, --to {last:g}"
+        )
+
+
+def _from_radians(angle: float) -> float:
+    """Return an angle in degrees, as a multiple of 90 where it stands for one."""
+    quarters = round(angle / (math.pi / 2))
+    return 90 * quarters if abs(angle - quarters * math.pi / 2) < _ALIKE else math.degrees(angle)
 
 
 def check_degrees(option: str, degrees: float, most: float = MOST_DEGREES) -> None:

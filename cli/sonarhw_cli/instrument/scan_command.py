@@ -28,6 +28,7 @@ from sonarhw_cli.console.options import (
     ToAngle,
     ZeroHere,
     order_in_degrees,
+    warn_of_radians,
 )
 from sonarhw_cli.console.output import checked_out
 from sonarhw_cli.console.progress import progress
@@ -82,6 +83,7 @@ def scan(
     if not takes_orders(url):
         refuse_orders(context)
     order = order_in_degrees(start, stop, step, sweeps, pings)
+    warn_of_radians(start, stop)
     request = ScanRequest(order, board, max_range, temperature, traces, show, zero_here, not takes_orders(url))
     checked_out(out, (LOG,), force, url, room, board)
     check_request(request)

@@ -27,6 +27,7 @@ from sonarhw_cli.console.options import (
     ToAngle,
     ZeroHere,
     order_in_degrees,
+    warn_of_radians,
 )
 from sonarhw_cli.console.output import checked_out
 from sonarhw_cli.instrument.scan_request import (
@@ -102,6 +103,7 @@ def serve(
     if not takes_orders(url):
         refuse_orders(context)
     order = order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)
+    warn_of_radians(start, stop)
     request = ScanRequest(order, board, max_range, temperature, traces, False, zero_here, not takes_orders(url))
     check_request(request)
     where = room_and_place(room, place, out)

@@ -29,6 +29,7 @@ from sonarhw_cli.console.options import (
     StepDegrees,
     ToDegrees,
     order_in_degrees,
+    warn_of_radians,
 )
 from sonarhw_cli.console.output import checked_out, text_output
 from sonarhw_cli.console.room_input import chosen_place, open_room
@@ -148,6 +149,7 @@ def simulate(
     _check_probability(probability, model, of_readings, (traces, noise), own_body)
     settings = trace_settings(traces, rate, kind)
     order = order_in_degrees(start, stop, step)
+    warn_of_radians(start, stop)
     room, profile = open_room(room_name), load_board(board)
     here = profile.faced(chosen_place(room, place))
     options = PredictionOptions(

@@ -335,6 +335,20 @@ def test_a_sector_without_a_heading_is_refused_with_the_reason(
     assert error.endswith(f"{advice}\n")
 
 
+@pytest.mark.parametrize(
+    ("start", "stop", "advice"),
+    [
+        ("0", "6.28", "--from 0, --to 6.28: taken as degrees; if they are radians, give --from 0, --to 360"),
+        ("-1.57", "1", "--from -1.57, --to 1: taken as degrees; if they are radians, give --from -90, --to 57.2958"),
+        ("0", "3", None),
+        ("3.14", "14", None),
+    ],
+)
+def test_radians_give_a_warning(start: str, stop: str, advice: str | None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", *FIGURE_9, "--from", start, "--to", stop]) == 0
+    assert capsys.readouterr().err == ("" if advice is None else f"sonarhw: warning: {advice}\n")
+
+
 def test_a_place_outside_the_room_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     room, log = FIGURE_9[0], str(tmp_path / "scan.mcap")
     warning = "sonarhw: warning: place '5,5' at 5, 5 m is outside room 'Simple room'\n"
