@@ -183,15 +183,15 @@ class _Search:
     def _objects(self, now: Scored) -> Iterator[_Proposal]:
         """Yield the post and the wall that explain most, refined."""
         unexplained = unexplained_readings(self._first_echoes, now.draft, self._noise)
-        longest = (
+        extended = (
             with_post(self._evidence, now, self._arcs, unexplained, self._noise),
             with_wall(self._evidence, now, self._arcs, unexplained, self._noise),
             self._with_wall_from_edge(now, unexplained),
         )
-        for longer in longest:
-            if longer.draft is now.draft:
+        for one in extended:
+            if one.draft is now.draft:
                 continue
-            found = refined(self._evidence, longer.draft, self._noise, _STEPS)
+            found = refined(self._evidence, one.draft, self._noise, _STEPS)
             if found.draft.posts:
                 (post,) = found.draft.posts
                 yield _Proposal(NewPost(post.center, post.radius), found.score)

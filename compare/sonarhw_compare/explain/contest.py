@@ -116,9 +116,8 @@ def wall_changes(prediction: PredictedScan, index: int) -> tuple[WallChange, ...
     """Return the smallest shift of one wall after which each later echo overtakes the winner at heading `index`.
 
     The result is correct to first order in the shift. Levels are assumed not to change, and sums of arrivals are
-    ignored, so it may be wrong by half a wavelength. Diffracted echoes, those
-    with the same length as the winner, and those that no shift within range helps are left out. Empty without a winner,
-    or if the winner is diffracted.
+    ignored, so it may be wrong by half a wavelength. Diffracted echoes, those with the same length as the winner, and
+    those that no shift within range helps are left out. Empty without a winner, or if the winner is diffracted.
     """
     winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths
     if winner < 0 or paths.edges[winner] >= 0:
