@@ -29,6 +29,14 @@ def test_python_names_of_a_page_resolve(page: Path) -> None:
     assert [name for name in NAME.findall(page.read_text(encoding="utf-8")) if not resolves(name)] == []
 
 
+@pytest.mark.parametrize("package", ["sim", "compare", "gui", "cli"])
+def test_the_page_of_a_package_lists_its_folders(package: str) -> None:
+    page = (CHECKOUT / package / "README.md").read_text(encoding="utf-8")
+    folders = sorted(start.parent.name for start in (CHECKOUT / package).glob("sonarhw_*/*/__init__.py"))
+    assert folders
+    assert [folder for folder in folders if f"`{folder}/`" not in page] == []
+
+
 def resolves(name: str) -> bool:
     """Whether a dotted name is a module, or something defined in one (perhaps in a class)."""
     parts = name.split(".")
