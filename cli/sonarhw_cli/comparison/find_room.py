@@ -43,11 +43,11 @@ class RoomOfScans:
     @property
     def lines(self) -> list[str]:
         """What was found, as lines to print."""
-        from sonarhw_compare.room_finding.found_room_file import assumptions, open_ends
+        from sonarhw_compare.room_finding.found_room_file import assumptions, open_ends, pose_text
 
         found = self.found
         return [
-            *(f"{title}: {'; '.join(map(_pose_text, poses))}" for title, poses in self.placed.poses.items()),
+            *(f"{title}: {'; '.join(map(pose_text, poses))}" for title, poses in self.placed.poses.items()),
             f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
             f"{counted(len(open_ends(found)), 'open end')}; "
             f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts",
@@ -85,7 +85,7 @@ def room_of_scans(
     recorded = given[0].recorded_room
     air = Air() if recorded is None else recorded.air
     placed = find_room_and_poses(scans, board, air, spreads, lambda share: show(share, "finding the room"))
-    room, board_as_found = found_room(placed.found, placed.scans, board), as_found(board, placed.found.draft)
+    room, board_as_found = found_room(placed, board), as_found(board, placed.found.draft)
     nexts = None
     if plan_next:
         nexts = next_places(
@@ -111,11 +111,6 @@ def _next_figures(one: "NextPlace") -> dict[str, object]:
         "gain_nats": round(one.gain, 3),
         "headings_deg": [[in_degrees(end, 3) for end in ends] for ends in one.sectors],
     }
-
-
-def _pose_text(pose: "Pose") -> str:
-    x, y = pose.position
-    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
 
 
 def _pose_figures(pose: "Pose") -> dict[str, float]:

@@ -133,14 +133,21 @@ def _doubts(mapped: "RoomMap", is_given: bool, found: RoomOfScans | None) -> Ite
         )
     if mapped.followed_room is not None and mapped.undetermined > mapped.echoes / 2:
         count = f"{mapped.undetermined} of {mapped.echoes} echoes have no path in"
-        yield (
-            f"{count} this room; check the room, the board and the places of the scans"
-            if is_given
-            else f"{count} the room in which sound is followed: walls may be false or missing; give the room with "
-            "--room, or more scans"
-        )
+        check = "check the board and the places of the scans"
+        if is_given:
+            yield f"{count} this room; {check}, and the room"
+        elif found:
+            yield f"{count} the found room: walls may be false or missing; {check}, or give more scans"
+        else:
+            yield (
+                f"{count} the room in which sound is followed: walls may be false or missing; give the room with "
+                "--room, or more scans"
+            )
     for title in found.placed.left_out if found else ():
-        yield f"{title}: its pose was not found, so the room is found without it"
+        yield (
+            f"{title}: its pose was not found, so the room is found without it; give more of it in --poses, or "
+            "add a scan between it and the others"
+        )
 
 
 def _own_body_doubts(scans: "Sequence[PlacedScan]", board: "Board") -> Iterator[str]:

@@ -13,21 +13,23 @@ from sonarhw_compare.locate.pose_spread import PoseSpread
 
 HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
 _WHAT = "a table of poses (CSV)"
+_MOST_XY, _MOST_DEG = 100.0, 180.0  # standard deviations, m and °; what is known no better is unknown
+_SHOWN = 4  # names of rows, in an error
+
+_Poses = dict[str, tuple[Place, PoseSpread]]  # by the name of the log in its row
 
 
 def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread]]:
-    """Return place and spread for each of `logs`, by name; an empty standard deviation is exact.
+    """Return place and spread for each of `logs`; an empty standard deviation is exact.
 
-    Without x and y, the position is unknown; without a heading, the heading is.
+    A row names a log by its path as in `logs`, or by its file name if no other log has this name. Without x and y, the
+    position is unknown; without a heading, the heading is.
 
     Raises InputError with file and line if the file is unreadable or not of this form, or lacks a log.
     """
     with opened(path, _WHAT) as text:
         poses = _poses(path, short_lines(path, text, _WHAT))
-    missing = [log for log in logs if log.name not in poses]
-    if missing:
-        raise InputError(f"{path}: no row for {missing[0].name}; the first column names each log")
-    chosen = [poses[log.name] for log in logs]
+    chosen = [_pose_of(log, logs, poses, path) for log in logs]
     if chosen and not chosen[0][1].is_whole:
         raise InputError(
             f"{path}: {logs[0].name}: expected position and heading of the first log; others may be unknown"
@@ -35,14 +37,32 @@ def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread
     return chosen
 
 
-def _poses(path: Path, lines: Iterator[str]) -> dict[str, tuple[Place, PoseSpread]]:
-    """Return place and spread of each line below the header, by the name of its log."""
+def _pose_of(log: Path, logs: Sequence[Path], poses: _Poses, path: Path) -> tuple[Place, PoseSpread]:
+    """Return place and spread of a log. Raises InputError if no row names it, or not it alone."""
+    if (pose := poses.get(str(log))) is not None:
+        return pose
+    rows = [name for name in poses if Path(name).name == log.name]
+    alike = [str(other) for other in logs if other.name == log.name]
+    if rows and (len(rows) > 1 or len(alike) > 1):
+        named = " and ".join(alike if len(alike) > 1 else rows)
+        raise InputError(f"{path}: {named} have the same file name; expected rows with their paths, such as {log}")
+    if not rows:
+        some = ", ".join([*list(poses)[:_SHOWN], *(["…"] if len(poses) > _SHOWN else [])]) or "no log"
+        raise InputError(
+            f"{path}: no row for {log.name}; expected one for each log, with its name in the first column; "
+            f"the rows are for {some}"
+        )
+    return poses[rows[0]]
+
+
+def _poses(path: Path, lines: Iterator[str]) -> _Poses:
+    """Return place and spread of each line below the header."""
     header = next(lines, None)
     if header is None:
         raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
     if header.strip() != HEADER:
         raise InputError(f"{path}: line 1: {_other_header(header.strip())}")
-    poses: dict[str, tuple[Place, PoseSpread]] = {}
+    poses: _Poses = {}
     for number, row in enumerate(csv.reader(lines), start=2):
         if row:
             name, pose = _pose(row, f"{path}: line {number}")
@@ -68,13 +88,18 @@ def _pose(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread]
     x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
     if min(xy, turn) < 0:
         raise InputError(f"{where}: expected standard deviations of 0 or more, got {min(xy, turn):g}")
+    if xy > _MOST_XY or turn > _MOST_DEG:
+        raise InputError(
+            f"{where}: expected standard deviations of at most {_MOST_XY:g} m and {_MOST_DEG:g}°, got {xy:g} m and "
+            f"{turn:g}°; leave position or heading, and its standard deviation, empty if it is unknown"
+        )
     has_position, has_heading = bool(cells[0] and cells[1]), bool(cells[2])
     if not has_position and (cells[0] or cells[1] or cells[3]):
         raise InputError(f"{where}: expected x and y, or neither and no sd_xy_m: the position is unknown")
     if not has_heading and cells[4]:
         raise InputError(f"{where}: expected a heading, or no sd_heading_deg: the heading is unknown")
     spread = PoseSpread(xy if has_position else math.inf, math.radians(turn) if has_heading else math.inf)
-    return Path(name).name, (Place(Path(name).stem, (x, y), math.radians(heading)), spread)
+    return str(Path(name)), (Place(Path(name).stem, (x, y), math.radians(heading)), spread)
 
 
 def _number(text: str, where: str) -> float:

@@ -9,21 +9,23 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Room, parse_room
 from tomlkit.items import AoT, Table
 
-from sonarhw.harmless_text import harmless
+from sonarhw.harmless_text import counted, harmless
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.room_finding.draft import MATERIAL, post_name, wall_name
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
 from sonarhw_compare.room_finding.right_angles import SHARE, SPREAD, at_right_angles
 from sonarhw_compare.room_finding.room_search import FoundRoom
+from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
 
 _DIGITS = 5  # of metres
 
 
-def found_room_text(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> str:
+def found_room_text(placed: PlacedRoom, board: Board) -> str:
     """Return the text of a room file with the found walls, posts and places."""
-    file = tomlkit.document()
-    for line in _header(found, scans, board):
+    found, file = placed.found, tomlkit.document()
+    for line in _header(placed, board):
         file.add(tomlkit.comment(line))
     file["name"] = "Found room"
     material = tomlkit.table()
@@ -34,18 +36,15 @@ def found_room_text(found: FoundRoom, scans: Sequence[PlacedScan], board: Board)
     if found.draft.posts:
         file["posts"] = _array([_post(found, row) for row in range(len(found.draft.posts))])
     places = tomlkit.table(is_super_table=True)
-    for scan, place in zip(scans, found.draft.places, strict=True):
-        at = tomlkit.table()
-        at["position"] = _point(place.position)
-        at["heading_deg"] = round(math.degrees(place.heading), 4) + 0.0
-        places[scan.name or place.name] = at
+    for number, name in enumerate(_place_names(placed)):
+        places[name] = _place(found, number)
     file["places"] = places
     return tomlkit.dumps(file)
 
 
-def found_room(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> Room:
+def found_room(placed: PlacedRoom, board: Board) -> Room:
     """Return the room of `found_room_text`."""
-    return parse_room(found_room_text(found, scans, board), "the found room")
+    return parse_room(found_room_text(placed, board), "the found room")
 
 
 def found_room_figures(found: FoundRoom) -> dict[str, Any]:
@@ -69,11 +68,23 @@ def found_room_figures(found: FoundRoom) -> dict[str, Any]:
             for x, y, x2, y2 in [_rounded(found.draft.segment(key))]
         ],
         "posts": [
-            {"center_m": _rounded(post.center), "radius_m": round(post.radius, _DIGITS), "touches": touches}
-            for post, touches in zip(found.draft.posts, found.touches.posts, strict=True)
+            {
+                "center_m": _rounded(post.center),
+                "radius_m": round(post.radius, _DIGITS),
+                "center_sd_m": [_deviation(found, "post", row, part) for part in (0, 1)],
+                "radius_sd_m": _deviation(found, "post", row, 2),
+                "touches": found.touches.posts[row],
+            }
+            for row, post in enumerate(found.draft.posts)
         ],
         "open_ends_m": [_rounded(end) for end in open_ends(found)],
     }
+
+
+def pose_text(pose: Pose) -> str:
+    """Return one possible pose of a located scan with its probability."""
+    x, y = pose.position
+    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
 
 
 def assumptions(found: FoundRoom, board: Board) -> list[str]:
@@ -105,9 +116,10 @@ def open_ends(found: FoundRoom) -> list[tuple[float, float]]:
     return ends
 
 
-def _header(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> list[str]:
+def _header(placed: PlacedRoom, board: Board) -> list[str]:
+    found, scans = placed.found, placed.scans
     lines = [
-        f"Found by `sonarhw map` in {len(scans)} scans with board {board.name!r}: "
+        f"Found by `sonarhw map` in {counted(len(scans), 'scan')} with board {board.name!r}: "
         + ", ".join(harmless(scan.title) for scan in scans),
         f"{found.explained} of {found.echoes} echoes are within 5 cm of one that this room predicts.",
         "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
@@ -116,7 +128,34 @@ def _header(found: FoundRoom, scans: Sequence[PlacedScan], board: Board) -> list
     ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(found))
     if ends:
         lines.append(f"The walls may continue beyond these points (m): {ends}")
+    for title, poses in placed.poses.items():
+        lines.append(f"Possible poses of {harmless(title)}: {'; '.join(map(pose_text, poses))}")
+    lines += [f"Left out, because its pose was not found: {harmless(title)}" for title in placed.left_out]
     return lines
+
+
+def _place_names(placed: PlacedRoom) -> list[str]:
+    """Return a name for the place of each scan, with a number behind a name that another one has already."""
+    names: list[str] = []
+    for scan, place in zip(placed.scans, placed.found.draft.places, strict=True):
+        name, number = scan.name or place.name, 2
+        while name in names:
+            name, number = f"{scan.name or place.name}-{number}", number + 1
+        names.append(name)
+    return names
+
+
+def _place(found: FoundRoom, number: int) -> Table:
+    table, place = tomlkit.table(), found.draft.places[number]
+    table["position"] = _point(place.position)
+    table["heading_deg"] = round(math.degrees(place.heading), 4) + 0.0
+    deviations = {move.part: by for move, by in found.deviations.items() if move.is_of("place", number)}
+    if 0 in deviations:  # else it is exact
+        x, y = (deviations[part] * 1000 for part in (0, 1))
+        table["position"].comment(f"± {x:.1f} mm in x, ± {y:.1f} mm in y")
+    if 2 in deviations:
+        table["heading_deg"].comment(f"± {math.degrees(deviations[2]):.2f}°")
+    return table
 
 
 def _wall(found: FoundRoom, number: int, key: int) -> Table:

@@ -33,6 +33,7 @@ _AS_GOOD = 0.9  # of the share that the room explains of its own scans, at which
 _PROBABLE = 0.8  # least probability of a pose at which its scan is placed at once
 _TRIED = 3  # poses of a scan, each of which needs a room
 _LOCATING, _TRYING = 0.02, 0.25  # of what is left of a part of the progress, for a scan and for a room or a scan alone
+_NARROW = PoseSpread(0.1, math.radians(6))  # up to this spread, a scan is placed where it is given, else it is located
 _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, below which it is not tried
 
 
@@ -75,10 +76,11 @@ def find_room_and_poses(
     tick: Callable[[float], None] = lambda _share: None,
     course: Course | None = None,
 ) -> PlacedRoom:
-    """Return the room and the poses that explain scans. Scans with a whole pose give the first room.
+    """Return the room and the poses that explain scans.
 
     `spreads` are the standard deviations of the places of the scans, by default exact; positions, headings or both may
-    be unknown. `tick` receives the completed share, 0..1; `course` continues a search. Raises InputError as `find_room`
+    be unknown. Scans known within 10 cm and 6° give the first room; if there are none, the first one with a whole pose
+    gives it. `tick` receives the completed share, 0..1; `course` continues a search. Raises InputError as `find_room`
     does, and if no whole pose is known.
     """
     spreads = spreads or [PoseSpread()] * len(scans)
@@ -128,8 +130,12 @@ class _Search:
 
     @cached_property
     def known(self) -> dict[int, PlacedScan]:
-        """The scans of which the whole pose is known, by number."""
-        return {k: scan for k, scan in enumerate(self.scans) if self.spreads[k].is_whole}
+        """The scans of which the pose is known well, by number; if there are none, the first with a whole pose."""
+        whole = {k: scan for k, scan in enumerate(self.scans) if self.spreads[k].is_whole}
+        return {k: scan for k, scan in whole.items() if self._is_narrow(k)} or dict(list(whole.items())[:1])
+
+    def _is_narrow(self, k: int) -> bool:
+        return self.spreads[k].xy <= _NARROW.xy and self.spreads[k].heading <= _NARROW.heading
 
     @property
     def parts(self) -> int:
@@ -146,7 +152,7 @@ class _Search:
 
     def _spread(self, k: int, begins: Place) -> PoseSpread:
         """Return the spread of the pose of a scan: what is known of it, and for the rest that of a located scan."""
-        if (spread := self.spreads[k]).is_whole:
+        if (spread := self.spreads[k]).is_whole and k in self.known:
             return spread
         given, spread = self.scans[k].place, spread.with_width
         has_position, has_heading = math.isfinite(spread.xy), math.isfinite(spread.heading)

@@ -137,7 +137,7 @@ class FindRequest:
             self,
             self._supported(found.draft, FINE),
             found,
-            found_room(found, placed.scans, board),
+            found_room(placed, board),
             {(move.what, move.which, move.part): deviation for move, deviation in found.deviations.items()},
             placed.left_out,
         )

@@ -17,7 +17,7 @@ from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import ROUGH, Evidence, as_found
 
 _STEP = math.radians(0.25)  # between the headings that are tried
-_LEAST_TURN = math.radians(6)  # to each side, at least
+_LEAST_TURN, _MOST_TURN = math.radians(6), math.radians(12)  # to each side
 _TURN = 2.0  # to each side, standard deviations of the heading; more is reached in several steps of a refinement
 _LEAST = math.radians(0.2)  # least standard deviation
 
@@ -42,5 +42,5 @@ def heading_error(evidence: Evidence, draft: RoomDraft, room: Room, scan: int) -
 
 def _turns(spread: float) -> FloatArray:
     """Return the angles (rad) by which a heading with this standard deviation (rad) is turned, (n,)."""
-    steps = round(max(_LEAST_TURN, _TURN * spread) / _STEP)
+    steps = round(min(max(_LEAST_TURN, _TURN * spread), _MOST_TURN) / _STEP)
     return np.asarray(np.arange(-steps, steps + 1) * _STEP)

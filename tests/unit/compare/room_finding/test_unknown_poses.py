@@ -155,6 +155,17 @@ def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatc
     assert (second.xy, third.heading) == (0.05, 0.06)
 
 
+def test_poses_that_are_known_worse_than_10_cm_or_6_degrees_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
+    rooms = with_answers(monkeypatch, {1: [0.8], 2: [0.8], 3: [0.8]})
+    wide = [PoseSpread(0.5, 0.05), PoseSpread(0.05, 0.5), PoseSpread(0.05, 0.05)]
+    result = find_room_and_poses(scans(4), BOARD, Air(), [PoseSpread(), *wide])
+    assert rooms[0] == ["0", "3"]
+    assert list(result.poses) == ["1", "2"]
+    # one has to be placed where it is given
+    find_room_and_poses(scans(2), BOARD, Air(), [wide[0], wide[1]])
+    assert rooms[-3:] == [["0"], ["0", "1"], ["0", "1"]]
+
+
 def test_known_poses_need_one_room(monkeypatch: pytest.MonkeyPatch) -> None:
     rooms = with_answers(monkeypatch, {})
     ticks: list[float] = []
