@@ -22,7 +22,7 @@ from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.causes.room_changes import OBJECT, MovedWall, NewPost, NewWall, OtherReflectance, RoomChange
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_compare.fit.values.free_walls import can_shift, left_normals, with_shifted_walls
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
@@ -40,6 +40,7 @@ _DIRECTIONS = tuple(np.radians(np.arange(0.0, 360.0, 11.25)).tolist())  # rad, o
 _LENGTHS = (0.15, 0.4)  # m, likewise
 _STEPS = 6  # of the refinement of a new post or wall
 _SHIFTS = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02, 0.04, 0.08)  # m, of a wall, tried first
+_IMPOSSIBLE = 1e9  # negative log-likelihood of a shift by which a neighbouring wall loses its length
 _LEAST_SHIFT = 0.01  # m; room files and overlapping echoes are not more accurate
 _REFLECTANCES = (0.1, 0.3, 0.5, 0.7, 0.95)
 _LEAST_CHANGE = 0.1  # of a reflectance
@@ -225,7 +226,8 @@ class _Search:
         """Return the best shift of a wall to its left (m) as `x`, and its negative log-likelihood as `fun`."""
 
         def unlikely(left: float) -> float:
-            return -self._scored(with_shifted_walls(room, {room.names[wall]: left})).score
+            shifts = {room.names[wall]: left}
+            return -self._scored(with_shifted_walls(room, shifts)).score if can_shift(room, shifts) else _IMPOSSIBLE
 
         left = min(_SHIFTS, key=unlikely)
         bounds = left - abs(left) / 2, left + abs(left) / 2

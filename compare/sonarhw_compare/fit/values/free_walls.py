@@ -30,6 +30,18 @@ def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
 
     A corner moves to where its walls now meet. A wall that ends on another one still ends on it.
     """
+    walls = _shifted(room, shifts)
+    return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)]))
+
+
+def can_shift(room: Room, shifts: Mapping[str, float]) -> bool:
+    """Return whether all walls keep a length and their directions if some are moved to their left (m, by name)."""
+    before, after = (walls[:, 2:] - walls[:, :2] for walls in (room.walls, _shifted(room, shifts)))
+    return bool(((before * after).sum(axis=1) > MEETING * np.hypot(*before.T)).all())
+
+
+def _shifted(room: Room, shifts: Mapping[str, float]) -> FloatArray:
+    """Return the walls of `with_shifted_walls`, (n, 4) m."""
     by = np.array([shifts.get(name, 0.0) for name in room.names[: len(room.walls)]])
     normals = left_normals(room.walls)
     ends = room.walls.reshape(-1, 2, 2) + (by[:, None] * normals)[:, None, :]
@@ -37,8 +49,7 @@ def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
         for wall, end in np.argwhere((room.walls.reshape(-1, 2, 2) == point).all(axis=2)):
             meeting = _meeting(room.walls, normals, point, wall)
             ends[wall, end] = _corner(point, normals[meeting], by[meeting])
-    walls = np.ascontiguousarray(ends.reshape(-1, 4))
-    return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)]))
+    return np.ascontiguousarray(ends.reshape(-1, 4))
 
 
 def with_written_walls(room: Room, shifts: Mapping[str, float], digits: int) -> Room:

@@ -102,6 +102,17 @@ def test_a_wall_that_is_2_cm_farther_is_named_with_its_distance() -> None:
     assert "m farther" in cause_text(cause)
 
 
+def test_a_wall_is_not_moved_so_far_that_a_short_neighbour_loses_its_length() -> None:
+    plank = """[[walls]]
+name = "plank"
+points = [[0.5, -1.0], [0.5, -0.98], [1.5, -0.98], [1.5, -1.0]]
+material = "board"
+edges = ["plank-left", "plank", "plank-right"]
+[places.here]"""
+    with_plank = parse_room(YARD.replace("[places.here]", plank), "the yard with a plank")
+    assert find_causes(scan_of(with_plank), with_plank, HERE, BOARD).causes == ()
+
+
 def test_an_edge_that_is_weaker_is_named() -> None:
     (cause,) = found_in(OtherReflectance("plate", 0.9, 0.1).applied(GIVEN)).causes
     assert isinstance(cause.change, OtherReflectance)
