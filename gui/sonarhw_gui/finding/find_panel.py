@@ -23,9 +23,10 @@ from sonarhw_compare.room_edit import remove_surface
 from sonarhw_sim.room.model import Room
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import counted
 from sonarhw_gui.finding.find_control import FindState
 from sonarhw_gui.finding.find_request import ACCURACIES, Accuracy, LoadedScan
-from sonarhw_gui.finding.found_marks import drawing_of, next_text, row_texts
+from sonarhw_gui.finding.found_marks import drawing_of, next_text, poses_text, row_texts
 from sonarhw_gui.finding.loaded_scans import loaded_scans, share_readings
 from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
@@ -78,7 +79,7 @@ class FindPanel(QWidget):
         self.reject.setToolTip("Remove the selected wall or post; Go on does not find it again")
         self.plan = QPushButton("Next place to scan")
         self.plan.setToolTip("Find where another scan makes the walls most certain")
-        self.next, self.note = PlainLabel(wordWrap=True), PlainLabel(wordWrap=True)
+        self.poses, self.next, self.note = (PlainLabel(wordWrap=True) for _ in range(3))
         self._space = QWidget()  # below all, while there is no list
         self._arrange()
         self._connect()
@@ -136,6 +137,7 @@ class FindPanel(QWidget):
         column.addLayout(work)
         column.addWidget(self.step)
         column.addWidget(self.list, stretch=1)
+        column.addWidget(self.poses)
         column.addLayout(decide)
         column.addWidget(self.plan)
         column.addWidget(self.next)
@@ -240,6 +242,8 @@ class FindPanel(QWidget):
         self._space.setVisible(not some)
         for result in (self.list, self.accept, self.reject, self.plan):
             result.setVisible(some)
+        self.poses.setText(poses_text(state, shown.look.unit) if shown is not None else "")
+        self.poses.setVisible(bool(self.poses.text()))
         self.next.setText(next_text(state, shown.look.unit.text) if shown is not None else "")
         self.next.setVisible(bool(self.next.text()))
         elsewhere = shown is not None and self._is_elsewhere(shown)
@@ -265,4 +269,4 @@ def _step_text(state: FindState) -> str:
         return "trying places for the next scan"
     found = state.hypotheses
     walls, posts = (len(found.draft.walls), len(found.draft.posts)) if found is not None else (0, 0)
-    return f"{walls} walls and {posts} posts so far"
+    return f"{counted(walls, 'wall')} and {counted(posts, 'post')} so far"

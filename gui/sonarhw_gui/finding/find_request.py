@@ -1,9 +1,9 @@
 """The search for the room, and for the next place to scan, as requests to a thread."""
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
     from sonarhw_compare.fit.values.fit_result import PlacedScan
     from sonarhw_compare.locate.pose_spread import PoseSpread
+    from sonarhw_compare.locate.poses import Pose
     from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
     from sonarhw_compare.room_finding.next_place import NextPlace
     from sonarhw_compare.room_finding.room_search import FoundRoom
@@ -26,17 +27,18 @@ _MOST_NEXT = 3  # places
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How well the places of scans are known; None: not at all, but for the first."""
+    """How well the places of scans are known: standard deviations, infinite for what is unknown but of the first."""
 
     text: str
-    xy: float | None  # m, standard deviation
-    heading: float = 0.0  # rad
+    xy: float  # m
+    heading: float  # rad
 
 
 ACCURACIES = (
-    Accuracy("exact", 0.0),
-    Accuracy("within 3 cm and 2°", 0.03, np.radians(2.0)),
-    Accuracy("unknown but for the first", None),
+    Accuracy("exact", 0.0, 0.0),
+    Accuracy("within 3 cm and 2°", 0.03, math.radians(2.0)),
+    Accuracy("only headings, within 5°", math.inf, math.radians(5.0)),
+    Accuracy("unknown but for the first", math.inf, math.inf),
 )
 
 
@@ -105,6 +107,7 @@ class RoomAnswer:
     found: "FoundRoom"
     room: Room  # with the places of the scans
     deviations: dict[tuple[str, int, int], float]  # m or rad, by `what`, `which`, `part` of a `Move`
+    poses: "dict[str, tuple[Pose, ...]]"  # possible ones of the scans that were located, by their names
     left_out: tuple[str, ...]  # scans that could not be located
 
 
@@ -139,6 +142,7 @@ class FindRequest:
             found,
             found_room(placed, board),
             {(move.what, move.which, move.part): deviation for move, deviation in found.deviations.items()},
+            placed.poses,
             placed.left_out,
         )
 
@@ -168,11 +172,9 @@ class FindRequest:
     def _spreads(self) -> "list[PoseSpread]":
         from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 
-        accuracy = self.accuracy
-        if accuracy.xy is None:
-            return [PoseSpread(), *[UNKNOWN] * (len(self.scans) - 1)]
-        spread = PoseSpread(accuracy.xy, accuracy.heading)
-        return [spread if scan.known or scan is self.scans[0] else UNKNOWN for scan in self.scans]
+        spread = PoseSpread(self.accuracy.xy, self.accuracy.heading)
+        first = spread if spread.is_whole else PoseSpread()
+        return [first, *(spread if scan.known else UNKNOWN for scan in self.scans[1:])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from sonarhw_compare.headings import in_degrees
@@ -14,6 +15,9 @@ from sonarhw_gui.finding.find_request import Hypotheses
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.shown.found_drawing import NO_POINTS, FoundDrawing, NextScan
+
+if TYPE_CHECKING:
+    from sonarhw_compare.locate.poses import Pose
 
 
 def row_texts(state: FindState, unit: LengthUnit) -> list[str]:
@@ -59,6 +63,20 @@ def next_text(state: FindState, unit: Callable[[float], str]) -> str:
     sectors = ", ".join(f"{in_degrees(begin, 0):.0f}° to {in_degrees(end, 0):.0f}°" for begin, end in best.sectors)
     so_far = "Best so far, while other places are tried: s" if state.running else "S"
     return f"{so_far}can next at x {x}, y {y}: gain {best.gain:.1f} nats, most from headings {sectors}."
+
+
+def poses_text(state: FindState, unit: LengthUnit) -> str:
+    """Return the possible poses of each scan that was located, and the scans that were not; empty if there are none."""
+    if (answer := state.answer) is None:
+        return ""
+    lines = [f"{name}: {'; '.join(_pose(one, unit) for one in poses)}" for name, poses in answer.poses.items()]
+    lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.left_out]
+    return "\n".join(lines)
+
+
+def _pose(pose: "Pose", unit: LengthUnit) -> str:
+    x, y = (unit.text(at) for at in pose.position)
+    return f"{pose.probability:.0%} at x {x}, y {y}, {in_degrees(pose.heading, 1):.1f}°"
 
 
 def _size(found: Hypotheses, row: int, unit: LengthUnit) -> str:

@@ -1,6 +1,7 @@
 """The dock "Find the room" with mouse and keys: walls appear, are explained, rejected, accepted, undone and edited."""
 
 import itertools
+import math
 import os
 import select
 import threading
@@ -12,6 +13,8 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
+from sonarhw_compare.locate.pose_spread import PoseSpread
+from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.processes import late_processes
 from sonarhw_compare.processes.compute_processes import ComputeProcesses
 from sonarhw_compare.room_finding import next_place, unknown_poses
@@ -22,6 +25,7 @@ from sonarhw_gui.scene.scene_edit import with_board
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
 
+from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import keep_pictures, predicted, until
@@ -373,6 +377,41 @@ def test_an_unknown_place_is_not_used(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.mouseClick(window.finding.cancel, LEFT)
     assert [scan.name for scan in found.scans] == ["a"]
     assert [place.position for place in found.draft.places] == [(0.8, 0.7)]
+
+
+def test_headings_alone_can_be_known(qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[object] = []
+
+    def search(_scans: object, _board: object, _air: object, spreads: object, *_: object) -> None:
+        given.append(spreads)
+        raise InputError("enough is known")
+
+    monkeypatch.setattr(unknown_poses, "find_room_and_poses", search)
+    window.finding.places.setCurrentText("only headings, within 5°")
+    qtbot.mouseClick(window.finding.begin, LEFT)
+    until(qtbot, lambda: "enough is known" in window.banner.message)
+    assert given == [[PoseSpread(), PoseSpread(math.inf, math.radians(5))]]
+
+
+@pytest.mark.usefixtures("first_search_once")
+def test_possible_poses_and_scans_left_out_are_stated(
+    qtbot: QtBot, window: MainWindow, known: list[RoomAnswer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find(qtbot, window)
+    assert not window.finding.poses.isVisible()  # both places are known
+    several = tuple(
+        Pose(at, math.radians(turn), 0.0, share, (0.01,) * 3)
+        for at, turn, share in (((1.3, 0.5), 0.0, 0.64), ((0.7, 1.1), 180.0, 0.36))
+    )
+    found = replace(known[0], poses={"b": several}, left_out=("c",))
+    monkeypatch.setattr(FindRequest, "answer", lambda request: replace(found, request=request))
+    find(qtbot, window)
+    assert window.finding.poses.isVisible()
+    assert window.finding.poses.text() == (
+        "b: 64% at x 1.300 m, y 0.500 m, 0.0°; 36% at x 0.700 m, y 1.100 m, 180.0°\n"
+        "⚠ c is left out: its pose was not found."
+    )
+    keep_pictures(qtbot, window, "found_poses")
 
 
 def between(states: list[FindState]) -> np.ndarray:
