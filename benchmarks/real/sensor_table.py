@@ -1,7 +1,7 @@
 """Sensors calibrated on their other places, and on other sensors, tested on real scans.
 
 For each place of a sensor, the profile is calibrated with the sensor's scans of all other places, as by
-`sonarhw calibrate --room --out-room`, and the scans of this place are compared, in the room with the reflectances that
+`sonarhw calibrate --room --room-out`, and the scans of this place are compared, in the room with the reflectances that
 the other places gave. Nothing of the compared scan is used but its heading, range offset, and, if `free`, its position
 within 3 cm, which are fitted for every profile in the same way.
 """

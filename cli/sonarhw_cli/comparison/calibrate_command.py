@@ -90,7 +90,7 @@ PosesOfLogs = Annotated[
 FoundRoom = Annotated[
     Path | None,
     typer.Option(
-        "--out-room",
+        "--room-out",
         help="With --room: also find the reflectances of its materials, and write the room with them. "
         "Use it with the profile.",
         metavar="ROOM.toml",
@@ -113,7 +113,7 @@ def calibrate(
     room_name: KnownRoom = None,
     places: PlacesOfLogs = None,
     poses: PosesOfLogs = None,
-    out_room: FoundRoom = None,
+    room_out: FoundRoom = None,
     plot: CalibrationPicture = None,
     board: StartingBoard = None,
     width: SectorWidth = 60.0,
@@ -130,7 +130,7 @@ def calibrate(
     interval.
     """
     checked_out(out, (PROFILE,), force, *sources, board, room_name)
-    of_room = {"--place": places, "--pose": poses, "--out-room": out_room, "--plot": plot}
+    of_room = {"--place": places, "--pose": poses, "--room-out": room_out, "--plot": plot}
     _check_method(room_name, distances, directions, of_room)
     logs = [Path(source) for source in sources if Path(source).suffix == LOG]
     if len(logs) < len(sources):
@@ -145,13 +145,13 @@ def calibrate(
     if room_name is None:
         calibrate_with_plate(logs, distances or [], directions or [], board, out, force)
         return
-    if out_room is not None:
-        checked_out(out_room, (ROOM,), force, *sources, board, room_name, option="--out-room")
-        if out_room.resolve() == out.resolve():
-            raise InputError(f"--out-room {out_room}: is also --out; choose another name")
+    if room_out is not None:
+        checked_out(room_out, (ROOM,), force, *sources, board, room_name, option="--room-out")
+        if room_out.resolve() == out.resolve():
+            raise InputError(f"--room-out {room_out}: is also --out; choose another name")
     if plot is not None:
         checked_out(plot, PICTURES, force, *sources, board, option="--plot")
-    calibrate_with_room(logs, room_name, places or [], poses or [], board, out, out_room, plot, force)
+    calibrate_with_room(logs, room_name, places or [], poses or [], board, out, room_out, plot, force)
 
 
 def _check_scanner(sources: list[str], room_name: str | None) -> None:

@@ -199,7 +199,7 @@ def _room_doubts(found: "RoomCalibration", room_name: str) -> list[str]:
         return []
     return [
         f"--room {room_name}: the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}; "
-        "add --out-room FILE.toml to calibrate it too, and to write the room with it"
+        "add --room-out FILE.toml to calibrate it too, and to write the room with it"
         for one in found.reflectances
         if is_contradicted(one)
     ]

@@ -61,7 +61,7 @@ def test_the_board_of_simulated_scans_is_found(
     logs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, room, picture = tmp_path / "mine.toml", tmp_path / "walls.toml", tmp_path / "both.png"
-    options = ["--board", "lego-nxt", "--out", str(out), "--out-room", str(room), "--plot", str(picture)]
+    options = ["--board", "lego-nxt", "--out", str(out), "--room-out", str(room), "--plot", str(picture)]
     options += ["--room", "arena"]
     assert run(["calibrate", *map(str, logs), *options]) == 0
     printed = capsys.readouterr().out
@@ -107,9 +107,9 @@ def test_one_place_proposes_the_own_body_and_does_not_apply_it(
         (["--room", "arena", "--place", "p0", "--pose", "1,2,3"], "--place and --pose: expected one of them"),
         (["--place", "p0"], "expected --distance of a plate, or --room"),
         (["--distance", "1", "--plot", "a.png"], "--plot: needs --room"),
-        (["--distance", "1", "--out-room", "a.toml"], "--out-room: needs --room"),
-        (["--room", "arena", "--out-room", "{out}"], "is also --out; choose another name"),
-        (["--room", "arena", "--out-room", "a.csv"], "--out-room a.csv: expected a name ending in .toml"),
+        (["--distance", "1", "--room-out", "a.toml"], "--room-out: needs --room"),
+        (["--room", "arena", "--room-out", "{out}"], "is also --out; choose another name"),
+        (["--room", "arena", "--room-out", "a.csv"], "--room-out a.csv: expected a name ending in .toml"),
         (["--room", "arena", "--traces"], "No such option"),
     ],
 )
