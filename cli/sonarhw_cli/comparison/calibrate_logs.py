@@ -16,13 +16,12 @@ from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_of_pose, print_place
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit import PlacedScan
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.known_room.room_calibration import RoomCalibration
     from sonarhw_compare.plate.plate_calibration import PlateCalibration
     from sonarhw_compare.plate.plate_readings import PlateReadings
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Room
+    from sonarhw_sim.room.model import Place, Room
 
 
 def calibrate_with_plate(
@@ -76,6 +75,7 @@ def calibrate_with_room(
     The calibration begins with the board of the logs if `board_name` is None.
     With `room_out`, the reflectances of the room are calibrated too, and the room is written there.
     """
+    from sonarhw_compare.fit.fit_setting import placed_scans
     from sonarhw_compare.imports.given_scan import common_board
     from sonarhw_compare.known_room.found_reflectances import with_provenance
     from sonarhw_compare.known_room.room_calibration import (
@@ -86,7 +86,7 @@ def calibrate_with_room(
 
     room, given = open_room(room_name), [open_scan(log, board_name) for log in logs]
     board = common_board(given, board_name)
-    scans = _placed(logs, given, room, places, poses)
+    scans = placed_scans(given, _places(given, room, places, poses))
     with progress_of_share() as show:
         calibrate = calibrate_in_room if room_out is None else calibrate_board_and_room
         found = calibrate(board, scans, room, show)
@@ -148,23 +148,19 @@ def _blanked_until(scan: "GivenScan") -> float:
     return seconds_of(settings.blanking_us) if settings else 0.0
 
 
-def _placed(
-    logs: Sequence[Path], given: "Sequence[GivenScan]", room: "Room", places: Sequence[str], poses: Sequence[str]
-) -> "list[PlacedScan]":
-    """Return the scans at the given places or poses, or at those of the logs."""
-    from sonarhw_compare.fit import PlacedScan
-
-    check_one_of_each(places, poses, len(logs))
-    scans = []
-    for k, (log, scan) in enumerate(zip(logs, given, strict=True)):
+def _places(given: "Sequence[GivenScan]", room: "Room", places: Sequence[str], poses: Sequence[str]) -> "list[Place]":
+    """Return the place of each scan: of --pose, --place or the log."""
+    check_one_of_each(places, poses, len(given))
+    found = []
+    for k, scan in enumerate(given):
         if poses:
             pose = place_of_pose(poses[k])
             here = replace(room.place(pose.position), heading=pose.heading)
         else:
             here = scan.place(room, places[k] if places else None)
         print_place(room, here)
-        scans.append(PlacedScan(scan.readings, here, log.stem, str(log)))
-    return scans
+        found.append(here)
+    return found
 
 
 def _value_lines(found: "PlateCalibration | RoomCalibration") -> list[str]:

@@ -28,7 +28,7 @@ class RoomOfScans:
     room: "Room"  # of its file
     board: "Board"  # with range offset and threshold as found
     given_board: "Board"
-    next_places: "tuple[NextPlace, ...] | None"  # best first; None: they were not asked for
+    next_places: "tuple[NextPlace, ...] | None"  # best first; None: not wanted
 
     @property
     def found(self) -> "FoundRoom":
@@ -36,9 +36,9 @@ class RoomOfScans:
         return self.placed.found
 
     @property
-    def scans(self) -> "list[PlacedScan]":
+    def scans(self) -> "tuple[PlacedScan, ...]":
         """The scans at their refined places, without those that could not be located."""
-        return list(self.placed.scans)
+        return self.placed.scans
 
     @property
     def lines(self) -> list[str]:
@@ -68,7 +68,7 @@ class RoomOfScans:
 
 
 def room_of_scans(
-    scans: "list[PlacedScan]",
+    scans: "Sequence[PlacedScan]",
     board: "Board",
     given: "Sequence[GivenScan]",
     spreads: "Sequence[PoseSpread]",

@@ -214,7 +214,7 @@ def _write(
         from sonarhw_compare.report.map_report import MapReport, map_report_html
 
         report = MapReport(
-            found.found, found.room, tuple(found.scans), found.board, mapped, known, tuple(found.lines), tuple(doubts)
+            found.found, found.room, found.scans, found.board, mapped, known, tuple(found.lines), tuple(doubts)
         )
         write_text(files.report, map_report_html(report), force)
     if files.picture:
@@ -238,36 +238,31 @@ def _with_poses(
     places: Sequence[str],
     poses: Sequence[str],
     poses_file: Path | None,
-) -> "tuple[list[PlacedScan], list[PoseSpread]]":
+) -> "tuple[Sequence[PlacedScan], list[PoseSpread]]":
     """Return the scans at their places, and how uncertain these are."""
-    from sonarhw_compare.fit import PlacedScan
+    from sonarhw_compare.fit.fit_setting import placed_scans
     from sonarhw_compare.locate.pose_file import read_poses
 
     if poses_file is None:
-        return _placed(given, room, places, poses), []
+        return placed_scans(given, _places(given, room, places, poses)), []
     if places or poses:
         raise InputError(f"--poses {poses_file}: contains the poses of all logs; leave out --place and --pose")
     read = read_poses(poses_file, [Path(scan.where) for scan in given])
-    scans = [
-        PlacedScan(scan.readings, place, Path(scan.where).stem, scan.where)
-        for scan, (place, _) in zip(given, read, strict=True)
-    ]
-    return scans, [spread for _, spread in read]
+    return placed_scans(given, [place for place, _ in read]), [spread for _, spread in read]
 
 
-def _placed(
+def _places(
     given: "Sequence[GivenScan]", room: "Room | None", places: Sequence[str], poses: Sequence[str]
-) -> "list[PlacedScan]":
-    from sonarhw_compare.fit import PlacedScan
-
+) -> "list[Place]":
+    """Return the place of each scan: of --pose, --place or the log."""
     check_one_of_each(places, poses, len(given))
-    scans = []
+    found = []
     for k, scan in enumerate(given):
         place = place_of_pose(poses[k]) if poses else _place(scan, room, places[k] if places else None)
         if room is not None or not poses:
             print_place(scan.room(room), place)
-        scans.append(PlacedScan(scan.readings, place, Path(scan.where).stem, scan.where))
-    return scans
+        found.append(place)
+    return found
 
 
 def _place(scan: "GivenScan", room: "Room | None", wanted: str | None) -> "Place":

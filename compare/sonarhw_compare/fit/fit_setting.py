@@ -48,15 +48,19 @@ def fit_setting(
     names = _names(scans)
     parameters = free_parameters(words, names, room, board)
     fixed = [name for name in ("x", "y") if all(parameter.quantity.name != name for parameter in parameters)]
-    placed = tuple(
-        PlacedScan(
-            scan.readings, room.place(places[k]) if places else _recorded(scan, room, fixed), names[k], scan.where
-        )
-        for k, scan in enumerate(scans)
-    )
+    at = [room.place(place) for place in places] or [_recorded(scan, room, fixed) for scan in scans]
+    placed = placed_scans(scans, at)
     if places:
         parameters = tuple(_near(parameter, placed) for parameter in parameters)
     return FitSetting(room, board, placed, with_priors(parameters, priors))
+
+
+def placed_scans(scans: Sequence[GivenScan], places: Sequence[Place]) -> tuple[PlacedScan, ...]:
+    """Return scans at these places, each with a name of its own: that of its log, numbered if several have it."""
+    return tuple(
+        PlacedScan(scan.readings, place, name, scan.where)
+        for scan, place, name in zip(scans, places, _names(scans), strict=True)
+    )
 
 
 def check_count(places: Sequence[PlaceInput], scans: int) -> None:

@@ -1,12 +1,14 @@
 """The setting of a fit: rooms and places that logs lack, and the arrays of their readings."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.fit_setting import fit_setting
+from sonarhw_compare.fit.fit_setting import fit_setting, placed_scans
 from sonarhw_compare.fit.likelihood.objective import scan_arrays
 from sonarhw_compare.imports.given_scan import GivenScan
+from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
@@ -34,6 +36,15 @@ def test_an_unknown_place_is_searched_from_the_middle_of_the_room_if_the_positio
 def test_an_unknown_place_is_refused_if_a_coordinate_is_fixed(free: list[str], fixed: str) -> None:
     with pytest.raises(InputError, match=f"mine: its place is unknown, and {fixed}; give a place"):
         fit_setting([scan((0.01,))], "rooms/arena.toml", [], "lego-nxt", free, [])
+
+
+def test_scans_of_logs_with_the_same_name_have_different_names() -> None:
+    scans = [replace(scan((0.01,)), where=where) for where in ("a/scan.mcap", "b/scan.mcap", "b/other.mcap")]
+    here = Place("here", (0.0, 0.0))
+    placed = placed_scans(scans, [here] * 3)
+    assert len({one.name for one in placed}) == 3
+    assert [one.file for one in placed] == ["a/scan.mcap", "b/scan.mcap", "b/other.mcap"]
+    assert [one.name for one in placed_scans(scans[1:], [here] * 2)] == ["scan", "other"]
 
 
 def test_readings_have_columns_for_later_echoes_only_if_any_has_a_second_one() -> None:
