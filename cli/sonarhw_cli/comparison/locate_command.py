@@ -1,6 +1,7 @@
 """`sonarhw locate`: find the pose of a scan in a known room."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -78,11 +79,11 @@ def locate(
         from sonarhw_compare.locate.locate_picture import draw_located
 
         write_figure(out, draw_located(located), force)
-    figures = _figures(located, near)
     if as_json:
-        print_json(figures)
+        print_json(_figures(located, near))
     else:
-        _print(figures)
+        for line in _lines(located, near):
+            print_line(line)
     echoes = sum(reading.range is not None for reading in located.readings)
     few = few_explained(str(log_file), located.explained, echoes, located=True)
     turned = () if expected is None else _heading_doubts(located.poses[0], expected.heading, spread.heading)
@@ -103,12 +104,9 @@ def _heading_doubts(pose: "Pose", stated: float, deviation: float) -> tuple[str,
 
 def _figures(located: "Located", near: float) -> dict[str, Any]:
     places = located.places(near)
-    best = max(places, key=places.__getitem__, default=None)
     return {
-        "poses": [
-            _figures_of(pose, located.room.places.get(located.place_near(pose, near) or "")) for pose in located.poses
-        ],
-        "place": best if best is not None and places[best] > 0 else None,
+        "poses": [_figures_of(pose, _place_near(located, pose, near)) for pose in located.poses],
+        "place": _likely_place(places),
         "places": {name: round(share, 6) for name, share in places.items()},
         "readings_alike": round(located.redundancy, 3),
         "explained": round(located.explained, 6),
@@ -116,13 +114,27 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
     }
 
 
+def _place_near(located: "Located", pose: "Pose", near: float) -> "Place | None":
+    return located.room.places.get(located.place_near(pose, near) or "")
+
+
+def _likely_place(places: dict[str, float]) -> str | None:
+    """Return the most probable of the room's places; None if none is possible."""
+    best = max(places, key=places.__getitem__, default=None)
+    return best if best is not None and places[best] > 0 else None
+
+
+def _heading_degrees(pose: "Pose", place: "Place | None") -> float:
+    """Return the heading of a pose, degrees, on the same turn as that of its place."""
+    return estimate_degrees(pose.heading, 0.0 if place is None else place.heading, 6)
+
+
 def _figures_of(pose: "Pose", place: "Place | None") -> dict[str, float | str | None]:
     dx, dy, turn = pose.deviations
-    around = 0.0 if place is None else place.heading
     return {
         "x_m": round(pose.position[0], 6) + 0.0,
         "y_m": round(pose.position[1], 6) + 0.0,
-        "heading_deg": estimate_degrees(pose.heading, around, 6),
+        "heading_deg": _heading_degrees(pose, place),
         "offset_m": round(pose.offset, 6) + 0.0,
         "probability": round(pose.probability, 6),
         "place": None if place is None else place.name,
@@ -132,34 +144,35 @@ def _figures_of(pose: "Pose", place: "Place | None") -> dict[str, float | str | 
     }
 
 
-def _signed(millimetres: int) -> str:
-    return f"{millimetres:+d}" if millimetres else "0"
+def _lines(located: "Located", near: float) -> Iterator[str]:
+    """Yield the lines to print: each pose, and whether the scan distinguishes them."""
+    for pose in located.poses:
+        yield _pose_line(pose, _place_near(located, pose, near))
+    yield f"{located.explained:.0%} of the echoes are within 5 cm of an echo predicted for the first pose"
+    first, *others = (pose.probability for pose in located.poses)
+    if others and others[0] > _RIVAL * first:
+        yield "the scan cannot distinguish these poses: the room looks nearly the same from them"
+    places = located.places(near)
+    if _likely_place(places) is not None:
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in places.items() if share >= 0.001)
+        yield f"assuming one of the room's places: {shares}"
 
 
-def _heading(heading: float, deviation: float | None) -> str:
-    if deviation is None:
+def _pose_line(pose: "Pose", place: "Place | None") -> str:
+    dx, dy, _ = pose.deviations
+    x, y = (estimate_text(at, spread) for at, spread in zip(pose.position, (dx, dy), strict=True))
+    along_x, along_y = (deviation_text(spread * 1000, "") for spread in (dx, dy))
+    offset = round(pose.offset * 1000)
+    return (
+        f"{pose.probability:6.1%}  at {x}, {y} m (± {along_x}, {along_y} mm), turntable step 0 at "
+        f"{_heading_text(pose, place)}, range offset {f'{offset:+d}' if offset else '0'} mm"
+        f"{'' if place is None else f'; {place.name}'}"
+    )
+
+
+def _heading_text(pose: "Pose", place: "Place | None") -> str:
+    deviation = pose.deviations[2]
+    if deviation > _ANY_HEADING:
         return "an unknown heading"
-    return f"{estimate_text(heading, deviation)}° (± {deviation_text(deviation, '°')})"
-
-
-def _named(place: str | None) -> str:
-    return "" if place is None else f"; {place}"
-
-
-def _print(figures: dict[str, Any]) -> None:
-    for pose in figures["poses"]:
-        spreads = [pose[key] for key in ("x_deviation_m", "y_deviation_m")]
-        x, y = (estimate_text(pose[key], spread) for key, spread in zip(("x_m", "y_m"), spreads, strict=True))
-        along_x, along_y = (deviation_text(spread * 1000, "") for spread in spreads)
-        print_line(
-            f"{pose['probability']:6.1%}  at {x}, {y} m (± {along_x}, {along_y} mm), turntable step 0 at "
-            f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
-            f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
-        )
-    print_line(f"{figures['explained']:.0%} of the echoes are within 5 cm of an echo predicted for the first pose")
-    probabilities = [pose["probability"] for pose in figures["poses"]]
-    if len(probabilities) > 1 and probabilities[1] > _RIVAL * probabilities[0]:
-        print_line("the scan cannot distinguish these poses: the room looks nearly the same from them")
-    if figures["place"] is not None:
-        shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)
-        print_line(f"assuming one of the room's places: {shares}")
+    degrees = math.degrees(deviation)
+    return f"{estimate_text(_heading_degrees(pose, place), degrees)}° (± {deviation_text(degrees, '°')})"
