@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sonarhw_gui.live.scanner_jobs import ScannerOpener
     from sonarhw_gui.scene.scene import Scene
     from sonarhw_gui.session.scanner_choice import ScannerTarget
+    from sonarhw_gui.shell.application import WindowStart
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
@@ -149,13 +150,10 @@ def _replay(path: Path, request: _Request) -> int:
     check_display(
         f"`sonarhw report {named} --out FILE.html` and `sonarhw compare {named} --plot FILE.png` work without a window"
     )
-    from sonarhw_gui.session.memory import memory_file
-    from sonarhw_gui.shell.application import WindowStart, run_window
+    from sonarhw_gui.shell.application import WindowStart
 
-    with ExitStack() as exit_stack:
-        scanners = _Scanners(exit_stack)
-        start = WindowStart(scene, log, source_name=path.name, source_file=path, used=(*_used(request.room), path))
-        return run_window(replace(start, find_scanner=scanners.find, memory=memory_file()))
+    used = (*_used(request.room), path)
+    return _run(WindowStart(scene, log, source_name=path.name, source_file=path, used=used))
 
 
 def _show_csv(path: Path, request: _Request) -> int:
@@ -177,13 +175,9 @@ def _show(scene: "Scene", room: str | None, file: Path | None, instead: str) -> 
     from sonarhw_gui.shell.display import check_display
 
     check_display(instead)
-    from sonarhw_gui.session.memory import memory_file
-    from sonarhw_gui.shell.application import WindowStart, run_window
+    from sonarhw_gui.shell.application import WindowStart
 
-    with ExitStack() as exit_stack:
-        find_scanner = _Scanners(exit_stack).find
-        start = WindowStart(scene, source_file=file, used=_used(room), find_scanner=find_scanner, memory=memory_file())
-        return run_window(start)
+    return _run(WindowStart(scene, source_file=file, used=_used(room)))
 
 
 def _used(room: str | None) -> tuple[Path, ...]:
@@ -202,16 +196,23 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
     request = replace(request, board=request.board or _board_of(url))
     scene = _fake_scene(url, request) if fake else _scene(request)
     check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
+    from sonarhw_gui.shell.application import WindowStart
+
+    # a fake scanner may start at once; a real turntable must not move without a request
+    start = WindowStart(scene, url=url, autostart=fake, takes_board=takes_board, resume=resume)
+    return _run(replace(start, used=_used(request.room)))
+
+
+def _run(start: "WindowStart") -> int:
+    """Show the window, with the scanner at its URL if there is one, and let it find others."""
     from sonarhw_gui.session.memory import memory_file
-    from sonarhw_gui.shell.application import WindowStart, run_window
+    from sonarhw_gui.shell.application import run_window
 
     with ExitStack() as exit_stack:
         scanners = _Scanners(exit_stack)
-        # a fake scanner may start at once; a real turntable must not move without a request
-        start = WindowStart(
-            scene, scanners.opener(url), autostart=fake, url=url, find_scanner=scanners.find, memory=memory_file()
-        )
-        return run_window(replace(start, takes_board=takes_board, resume=resume, used=_used(request.room)))
+        if start.url:
+            start = replace(start, source=scanners.opener(start.url))
+        return run_window(replace(start, find_scanner=scanners.find, memory=memory_file()))
 
 
 def _board_of(url: str) -> str | None:
