@@ -1,6 +1,5 @@
 """The page of figures: a picture of every exhibit, and the text of `figures.md`, in the order of the paper."""
 
-from io import BytesIO
 from textwrap import fill
 
 from sonarhw_compare.paper import beam_figures as beam
@@ -12,7 +11,7 @@ from sonarhw_compare.paper import ray_figures as rays
 from sonarhw_compare.paper import simple_room_figures as simple_room
 from sonarhw_compare.paper import single_reflection_figures as single_reflections
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.pictures.picture_file import write_picture
+from sonarhw_compare.pictures.picture_file import picture_bytes
 
 PAGE = "figures.md"
 EXHIBITS: tuple[Exhibit, ...] = (
@@ -44,9 +43,7 @@ def picture_name(exhibit: Exhibit, suffix: str) -> str:
 
 def picture(exhibit: Exhibit, suffix: str = ".png") -> bytes:
     """Return the picture of an exhibit in the format of `suffix`."""
-    out = BytesIO()
-    write_picture(exhibit.draw(), out, suffix, tight=True)
-    return out.getvalue()
+    return picture_bytes(exhibit.draw(), suffix, tight=True)
 
 
 def claims(exhibit: Exhibit) -> tuple[Claim, ...]:

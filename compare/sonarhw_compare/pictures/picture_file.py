@@ -1,5 +1,6 @@
 """Pictures as PNG, PDF or SVG files. Equal figures give equal files: they contain no date, version or random name."""
 
+from io import BytesIO
 from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
@@ -17,3 +18,10 @@ def write_picture(figure: "Figure", file: BinaryIO, suffix: str, *, tight: bool 
     with rc_context({"svg.hashsalt": "sonarhw"}):
         box = "tight" if tight else None
         figure.savefig(file, format=suffix.removeprefix("."), metadata=_METADATA[suffix], bbox_inches=box)
+
+
+def picture_bytes(figure: "Figure", suffix: str, *, tight: bool = False) -> bytes:
+    """Return what `write_picture` writes."""
+    out = BytesIO()
+    write_picture(figure, out, suffix, tight=tight)
+    return out.getvalue()

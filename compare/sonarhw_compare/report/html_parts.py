@@ -8,6 +8,7 @@ from sonarhw.harmless_text import harmless
 
 Facts = Sequence[tuple[str, str]]
 
+_MEDIA = {".svg": "svg+xml", ".png": "png"}
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 68em; margin: 2em auto; padding: 0 1em; }
 h1 { margin-bottom: 0; } h2 { margin-top: 1.8em; border-bottom: 1px solid #ccc; }
@@ -56,6 +57,7 @@ def facts_table(facts: Iterable[tuple[str, str]]) -> str:
     return f'<table class="facts">{rows}</table>'
 
 
-def picture(kind: str, content: bytes, meaning: str) -> str:
-    """Return a picture of a kind such as `png`; `meaning` is its text for readers that show none."""
-    return f'<img alt="{escape(meaning)}" src="data:image/{kind};base64,{b64encode(content).decode("ascii")}">'
+def picture(suffix: str, content: bytes, meaning: str) -> str:
+    """Return a picture from a file with this suffix; `meaning` is its text for readers that show none."""
+    data = f"data:image/{_MEDIA[suffix]};base64,{b64encode(content).decode('ascii')}"
+    return f'<img alt="{escape(meaning)}" src="{data}">'

@@ -104,17 +104,13 @@ def _body(report: Report) -> Iterator[str]:
         yield f"<p><strong>Warning:</strong> {escaped(doubt)}.</p>"
     yield "<h2>The scan in the room</h2>"
     both = f"{comparison.origin} and predicted"
-    yield picture("svg+xml", plan_svg(comparison), f"Plan of the room with {both} points")
+    yield picture(".svg", plan_svg(comparison), f"Plan of the room with {both} points")
     yield "<h2>Range against heading</h2>"
-    yield picture(
-        "svg+xml",
-        ranges_svg(comparison),
-        f"Ranges, {both}, and their residuals over heading",
-    )
+    yield picture(".svg", ranges_svg(comparison), f"Ranges, {both}, and their residuals over heading")
     bscan = bscan_png(comparison)
     if bscan is not None:
         yield "<h2>B-scan</h2>"
-        yield picture("png", bscan, f"Traces side by side, {both}, heading by range")
+        yield picture(".png", bscan, f"Traces side by side, {both}, heading by range")
     yield from _notes(report)
     yield "<h2>Figures</h2>"
     yield facts_table(_figures(summary))
@@ -165,7 +161,7 @@ def _probabilities(report: Report) -> Iterator[str]:
         )
     )
     if board.threshold_sd_db:
-        yield picture("svg+xml", calibration_svg(score.calibration), "Observed shares over stated probabilities")
+        yield picture(".svg", calibration_svg(score.calibration), "Observed shares over stated probabilities")
 
 
 def _settings(report: Report) -> Iterator[str]:

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.map.map_picture import draw_map
 from sonarhw_compare.map.room_map import Layer, RoomMap
-from sonarhw_compare.pictures.picture_file import write_picture
+from sonarhw_compare.pictures.picture_file import picture_bytes
 from sonarhw_compare.report.found_room_picture import draw_found_room
 from sonarhw_compare.report.html_parts import escaped, facts_table, html_page, picture, table_head, table_row
 from sonarhw_compare.room_finding.found_room_file import found_room_figures, open_ends
@@ -55,14 +54,14 @@ def _body(report: MapReport) -> Iterator[str]:
     ends = open_ends(found)
     drawn = draw_found_room(report.scans, report.room, report.board, ends, report.known)
     yield "<h2>The found room</h2>"
-    yield _drawn("svg", drawn, "Echoes, found room, and the room file of the logs")
+    yield _drawn(".svg", drawn, "Echoes, found room, and the room file of the logs")
     yield from _walls(figures["walls"])
     yield from _posts(figures["posts"])
     yield _open_ends(ends)
     for line in report.lines:
         yield f"<p>{escaped(line)}</p>"
     yield "<h2>Baseline: certainty grid and regions of constant depth</h2>"
-    yield _drawn("png", draw_map(report.baseline, report.known), "Certainty grid, arcs, walls, corners and edges")
+    yield _drawn(".png", draw_map(report.baseline, report.known), "Certainty grid, arcs, walls, corners and edges")
     yield from _beside(report)
     yield "<h2>Made with</h2>"
     yield facts_table((("board", report.board.name), ("sonarhw", version("sonarhw")), ("NumPy", version("numpy"))))
@@ -126,6 +125,4 @@ def _point(at: Sequence[float]) -> str:
 
 
 def _drawn(suffix: str, figure: Figure, meaning: str) -> str:
-    out = BytesIO()
-    write_picture(figure, out, f".{suffix}")
-    return picture({"svg": "svg+xml"}.get(suffix, suffix), out.getvalue(), meaning)
+    return picture(suffix, picture_bytes(figure, suffix), meaning)

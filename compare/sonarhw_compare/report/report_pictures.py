@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from io import BytesIO
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +15,7 @@ from sonarhw_compare.matching.probability_score import CalibrationBin
 from sonarhw_compare.pictures.bscan import BScan, RangeCells, bscan_of, cells_for, heading_key, predicted_row, trace_row
 from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT
 from sonarhw_compare.pictures.overlay_picture import draw_room
-from sonarhw_compare.pictures.picture_file import write_picture
+from sonarhw_compare.pictures.picture_file import picture_bytes
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.trace_levels import floor_of, in_db
 
@@ -52,7 +51,7 @@ def plan_svg(comparison: Comparison) -> bytes:
     axes.set_aspect("equal")
     _crop_to_room(axes, comparison, place)
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
-    return _saved(figure, "svg")
+    return picture_bytes(figure, ".svg")
 
 
 def ranges_svg(comparison: Comparison) -> bytes:
@@ -73,7 +72,7 @@ def ranges_svg(comparison: Comparison) -> bytes:
         xlim=(-4, 364),
         xticks=range(0, 361, 45),
     )
-    return _saved(figure, "svg")
+    return picture_bytes(figure, ".svg")
 
 
 def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
@@ -87,7 +86,7 @@ def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
     axes.errorbar(stated, observed, np.sqrt(stated * (1 - stated) / counts), fmt="o", color=MEASURED, capsize=3)
     axes.set(xlabel="stated probability of the most probable reading", ylabel="share that was measured")
     axes.set(xlim=(0, 1.03), ylim=(0, 1.03), aspect="equal")
-    return _saved(figure, "svg")
+    return picture_bytes(figure, ".svg")
 
 
 def bscan_png(comparison: Comparison) -> bytes | None:
@@ -115,7 +114,7 @@ def bscan_png(comparison: Comparison) -> bytes | None:
         axes.set(ylabel=f"{name}: range (m)", xticks=range(0, 361, 45))
     panes[-1].set(xlabel="heading in the room (°)")
     figure.colorbar(image, ax=panes, label="dB of full scale")
-    return _saved(figure, "png")
+    return picture_bytes(figure, ".png")
 
 
 def _crop_to_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
@@ -140,12 +139,6 @@ def _figure(size: tuple[float, float], rows: int) -> tuple[Figure, Sequence[Axes
     for axes in panes:
         axes.grid(alpha=0.25)
     return figure, panes
-
-
-def _saved(figure: Figure, kind: str) -> bytes:
-    out = BytesIO()
-    write_picture(figure, out, f".{kind}")
-    return out.getvalue()
 
 
 def _draw_classes(
