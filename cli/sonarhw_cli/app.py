@@ -31,9 +31,8 @@ from sonarhw_cli.error_wording import library_message, parser_message
 from sonarhw_cli.instrument import bench_commands as bench
 from sonarhw_cli.instrument import board_command as board
 from sonarhw_cli.instrument import fake_command as fake
-from sonarhw_cli.instrument import import_command as import_csv
+from sonarhw_cli.instrument import import_command, log_command
 from sonarhw_cli.instrument import info_command as info
-from sonarhw_cli.instrument import log_command
 from sonarhw_cli.instrument import ping_command as ping
 from sonarhw_cli.instrument import ports_command as ports
 from sonarhw_cli.instrument import replay_command as replay
@@ -73,7 +72,7 @@ app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)
 app.command("figures")(figures.figures)
-app.command("import")(import_csv.import_csv)
+app.command("import")(import_command.import_scan)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.add_typer(room_command.app, name="room")

@@ -85,7 +85,7 @@ SpeedOfSound = Annotated[
 ]
 
 
-def import_csv(
+def import_scan(
     file: ForeignFile,
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
     heading: HeadingColumn = None,

@@ -39,7 +39,7 @@ def ports(
     listed = []
     for one in chosen:
         wanted = bool(ask or port or one.known)
-        listed.append(_described(one) | (_guessed(one, wanted) if guess else _asked(one, wanted)))
+        listed.append(_described(one) | (_guessed(one, wanted) if guess else _probed(one, wanted)))
         if not as_json:
             answer = listed[-1]["answer"] or f"not checked; {'name the port' if guess else '--ask checks all'}"
             print_line("  ".join(filter(None, (one.device, one.known or one.description, answer))))
@@ -59,7 +59,7 @@ def _described(port: "Port") -> dict[str, Any]:
     }
 
 
-def _asked(port: "Port", wanted: bool) -> dict[str, Any]:
+def _probed(port: "Port", wanted: bool) -> dict[str, Any]:
     """Return whether a scanner answers at a port, and its answer; None if it was not checked."""
     from sonarhw.host.scanner import probe_port
 
