@@ -49,10 +49,7 @@ def main() -> None:
         PlacedScan(scan.readings, Place(scan.name, pose.position, pose.heading), scan.name)
         for scan, pose in zip(scans, poses, strict=True)
     ]
-    marked = [
-        replace(one, place=replace(one.place, position=(scan.x, scan.y)))
-        for scan, one in zip(scans, placed, strict=True)
-    ]
+    marked = [at_mark(scan, pose.heading) for scan, pose in zip(scans, poses, strict=True)]
     print_baseline(placed, [pose.offset for pose in poses])
     print_found_room("poses by locate", [(scan, MARKS) for scan in placed])
     print_found_room("written positions", [(scan, MARKS) for scan in marked])
@@ -68,6 +65,11 @@ def main() -> None:
 def nearest_pose(scan: RealScan) -> Pose:
     """Return the possible pose of a scan in the arena that is nearest to the written position."""
     return min(locate_real(scan).poses, key=lambda pose: math.dist(pose.position, (scan.x, scan.y)))
+
+
+def at_mark(scan: RealScan, heading: float) -> PlacedScan:
+    """Return a scan at its written position and a heading (rad)."""
+    return PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y), heading), scan.name)
 
 
 def print_baseline(placed: Sequence[PlacedScan], offsets: Sequence[float]) -> None:
