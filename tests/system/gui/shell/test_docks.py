@@ -7,8 +7,10 @@ from PySide6.QtWidgets import (
     QAbstractSlider,
     QAbstractSpinBox,
     QComboBox,
+    QDockWidget,
     QScrollArea,
     QScrollBar,
+    QTabBar,
     QWidget,
 )
 from pytestqt.qtbot import QtBot
@@ -78,3 +80,15 @@ def test_the_wheel_scrolls_a_panel_and_changes_only_the_focused_widget(qtbot: Qt
     humidity.setFocus()
     turn_wheel(humidity)
     assert window.session.shown.scene is not before
+
+
+def test_the_tabs_of_all_panels_fit_in_the_least_width_of_a_panel(qtbot: QtBot, window: MainWindow) -> None:
+    for action in window.docks.actions:
+        action.trigger()
+        until(qtbot, action.isChecked)
+    docks = [dock for dock in window.findChildren(QDockWidget) if window.tabifiedDockWidgets(dock)]
+    window.resizeDocks(docks[:1], [1], Qt.Orientation.Horizontal)
+    least = max(dock.minimumSizeHint().width() for dock in docks)
+    until(qtbot, lambda: window.finding.width() <= least)
+    (bar,) = (bar for bar in window.findChildren(QTabBar) if bar.isVisible() and bar.count() == len(docks) == 6)
+    assert bar.tabRect(5).right() - bar.tabRect(0).left() <= window.finding.width()
