@@ -43,7 +43,7 @@ def comparison() -> Comparison:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Comparison], bytes], Comparison], Figure]:
     """Return a function that returns the figure of a picture."""
     figures: list[Figure] = []
-    monkeypatch.setattr(report_pictures, "_saved", lambda figure, _: figures.append(figure) or b"")
+    monkeypatch.setattr(report_pictures, "picture_bytes", lambda figure, _: figures.append(figure) or b"")
 
     def draw(picture: Callable[[Comparison], bytes], comparison: Comparison) -> Figure:
         picture(comparison)
