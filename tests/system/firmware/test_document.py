@@ -3,7 +3,7 @@
 import re
 
 from tests.system.firmware.combinations.images import FIRMWARE, budgets, combinations
-from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
+from tests.system.firmware.emulated.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
 
 DOCUMENT = (FIRMWARE.parent / "docs" / "devices" / "firmware.md").read_text()
 

@@ -14,7 +14,8 @@ from tests.conftest import Count
 from tests.system.firmware.combinations.images import FREE_STACK as FREE_STACK_UNO
 from tests.system.firmware.combinations.images import MEGA, UNO
 from tests.system.firmware.conftest import Echoes, scanner_on
-from tests.system.firmware.test_emulated_board import FREE_STACK, TWO_TICKS
+from tests.system.firmware.emulated.test_emulated_board import FREE_STACK
+from tests.system.firmware.emulated.test_emulated_echoes import TWO_TICKS
 
 
 @pytest.mark.parametrize(("combination", "traces", "free"), [(MEGA, True, FREE_STACK), (UNO, False, FREE_STACK_UNO)])

@@ -1,0 +1,1 @@
+"""Tests of the flashed firmware on the emulated board."""
