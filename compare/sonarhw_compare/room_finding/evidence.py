@@ -26,6 +26,8 @@ from sonarhw_compare.search_progress import SearchProgress
 
 REFLECTANCE = 0.9  # of found walls, assumed
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
+# later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
+FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
 PRICE = 10.0  # log-likelihood that a wall or post must add
 _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
@@ -129,12 +131,15 @@ class Evidence:
         )
         return [result for part in parts for result in part]
 
-    def of_first_echoes(self) -> "Evidence | None":
-        """Return the evidence of the first echo of each reading; None if no reading has another one."""
+    def of_first_echoes(self, prediction: PredictionOptions | None = None) -> "Evidence | None":
+        """Return the evidence of the first echo of each reading; None if no reading has another one.
+
+        Its likelihoods are those of this prediction, by default the present one.
+        """
         if all(len(reading.echo_times) < 2 for scan in self.scans for reading in scan.readings):
             return None
         problems = tuple(
-            make_problem([scan], one.room, one.board, one.parameters, one.prediction, all_echoes=False)
+            make_problem([scan], one.room, one.board, one.parameters, prediction or one.prediction, all_echoes=False)
             for scan, one in zip(self.scans, self.problems, strict=True)
         )
         return replace(self, problems=problems, known={})
@@ -303,9 +308,15 @@ def evidence_of(
     course: Course | None = None,
     processes: LateProcesses | None = None,
     progress: SearchProgress | None = None,
-    prediction: PredictionOptions = FOLLOWED,
+    prediction: PredictionOptions | None = None,
 ) -> Evidence:
-    """Return scans from places with these spreads as evidence; likelihoods are those of this prediction."""
+    """Return scans from places with these spreads as evidence.
+
+    Likelihoods are those of this prediction, by default of one that follows more reflections if readings have several
+    echoes.
+    """
+    several = any(len(reading.echo_times) > 1 for scan in scans for reading in scan.readings)
+    prediction = prediction or (FOLLOWED_LATER if several else FOLLOWED)
     first = RoomDraft(tuple(scan.place for scan in scans))
     nowhere = first.room(REFLECTANCE, air)
     problems = tuple(make_problem([scan], nowhere, board, [], prediction, all_echoes=True) for scan in scans)

@@ -17,6 +17,7 @@ from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import (
     FINE,
+    FOLLOWED,
     PRICE,
     ROUGH,
     Course,
@@ -128,7 +129,7 @@ def _best(evidence: Evidence, search: Callable[[Evidence], RoomDraft], done: flo
     most of them have no path, and one wrong wall can explain more of them than each of the missing ones. The results
     are compared by all echoes. Without later echoes, there is one search.
     """
-    first = evidence.of_first_echoes()
+    first = evidence.of_first_echoes(FOLLOWED)
     ways = [evidence] if first is None else [evidence, replace(first, course=first.course.unseen)]
     found = []
     for number, way in enumerate(ways):

@@ -8,8 +8,9 @@ import pytest
 from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.room_finding.evidence import (
+    PRICE,
     REFLECTANCE,
     ROUGH,
     all_scored,
@@ -20,7 +21,8 @@ from sonarhw_compare.room_finding.evidence import (
 )
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, load_room
 
 from sonarhw.readings import Reading
 
@@ -100,3 +102,19 @@ def test_a_draft_that_some_scans_show_to_be_far_worse_needs_no_others() -> None:
     ]
     assert len(evidence.known) == 6 + 2 + 3  # of the near one, of the far one, and of the best one, for comparison
     assert all_scored(BESIDE, [far])[0].score < best.score - 100
+
+
+def test_all_echoes_of_a_room_are_more_likely_in_it_than_in_one_with_a_gap() -> None:
+    arena, board = load_room("arena"), load_board("polaroid-6500")
+    angles, speed = np.radians(np.arange(0.0, 360.0, 10.0)), arena.air.speed_of_sound
+    scans = []
+    for place in (arena.places[name] for name in ("p2", "p4")):
+        predicted = predict_scan(arena, place, board, angles)
+        times = [tuple(predicted.ping(k).echo_times().tolist()) for k in range(len(angles))]
+        readings = [Reading(k, 0, 0, angle, 0.1 * k, times[k], speed) for k, angle in enumerate(angles.tolist())]
+        scans.append(PlacedScan(tuple(readings), place))
+    evidence = evidence_of(scans, [PoseSpread()] * 2, board, arena.air)
+    true = replace(draft_of_room(arena), places=evidence.first.places)
+    key = arena.names.index("divider")
+    shorter = true.walls[key].with_end(1, DraftEnd(true.extent(key)[1] - 0.06))
+    assert scored(evidence, true).score > scored(evidence, true.with_wall(key, shorter)).score + PRICE
