@@ -208,7 +208,7 @@ def _hint(header: Sequence[str]) -> str:
 
 
 def other_separator(header: Sequence[str]) -> str | None:
-    """Return what seems to separate the columns instead of commas, such as "semicolons"; None if there are several."""
+    """Return what separates columns instead of commas, such as "semicolons"; None if commas or nothing does."""
     return next((words for mark, words in _OTHER_SEPARATORS.items() if len(header) == 1 and mark in header[0]), None)
 
 

@@ -65,7 +65,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Scans and board, against which drafts are held."""
+    """Scans and board, with which drafts are compared."""
 
     scans: tuple[PlacedScan, ...]
     problems: tuple[Problem, ...]  # one for each scan; room and place are those of the draft
