@@ -22,7 +22,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_compare.processes.late_processes import LateProcesses
-from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course
+from sonarhw_compare.room_finding.evidence import FOLLOWED, REFLECTANCE, Course, as_found
 from sonarhw_compare.room_finding.room_search import LARGE, FoundRoom, find_room, worth_alone
 from sonarhw_compare.search_progress import SearchProgress
 
@@ -60,6 +60,14 @@ class _Stage:
         """The scans at their refined places."""
         places = self.found.draft.places
         return {k: replace(scan, place=at) for (k, scan), at in zip(self.placed.items(), places, strict=True)}
+
+    def sensor(self, board: Board) -> Board:
+        """Return the board with range offset and threshold as these scans show them, and with what is left of spreads.
+
+        One sensor made all scans, so others are expected to show the same.
+        """
+        range_sd, threshold_sd = self.found.offset_deviation or 0.0, self.found.threshold_deviation or 0.0
+        return replace(as_found(board, self.found.draft), range_sd=range_sd, threshold_sd_db=threshold_sd)
 
     def explained(self, numbers: Sequence[int]) -> float:
         """Return the share of the echoes of some of the scans that the room explains."""
@@ -126,7 +134,8 @@ class _Search:
     progress: SearchProgress
     course: Course
     processes: LateProcesses
-    alone: dict[int, float] = field(default_factory=dict)  # worth of the walls that one scan needs by itself
+    # worth of the walls that one scan of a sensor needs by itself
+    alone: dict[tuple[int, Board], float] = field(default_factory=dict)
 
     @cached_property
     def known(self) -> dict[int, PlacedScan]:
@@ -168,12 +177,12 @@ class _Search:
 
     def located(self, stage: _Stage, numbers: Iterable[int] | None = None) -> dict[int, Located]:
         """Return the possible poses in a room of these scans, by default of all that are not placed."""
-        room = stage.found.draft.room(REFLECTANCE, self.air)
+        room, sensor = stage.found.draft.room(REFLECTANCE, self.air), stage.sensor(self.board)
         return {
             k: locate_scan(
                 scan.readings,
                 room,
-                self.board,
+                sensor,
                 prediction=FOLLOWED,
                 expected=scan.place,
                 spread=self.spreads[k],
@@ -209,16 +218,17 @@ class _Search:
         for k, tried in poses.items():
             rooms = [self.room_with(stage, {k: pose}, _TRYING, self.course.unseen) for pose in tried]
             longer = max(rooms, key=lambda one: one.found.worth)
-            if longer.found.worth >= stage.found.worth + self._alone(k):  # else they share no walls at this pose
+            if longer.found.worth >= stage.found.worth + self._alone(k, stage):  # else they share no walls at this pose
                 self.course.accept(longer.found.draft)
                 return longer
         return None
 
-    def _alone(self, k: int) -> float:
-        """Return the worth of the walls that explain one scan by itself."""
-        if k not in self.alone:
-            self.alone[k] = worth_alone(self.scans[k], self.board, self.air, self.progress.inner(_TRYING))
-        return self.alone[k]
+    def _alone(self, k: int, stage: _Stage) -> float:
+        """Return the worth of the walls that explain one scan by itself, made by the sensor of the other scans."""
+        sensor = stage.sensor(self.board)
+        if (k, sensor) not in self.alone:
+            self.alone[k, sensor] = worth_alone(self.scans[k], sensor, self.air, self.progress.inner(_TRYING))
+        return self.alone[k, sensor]
 
     def room_with(self, stage: _Stage, poses: Mapping[int, Pose], part: float, course: Course) -> _Stage:
         """Return the room with more scans at their poses; scans of known poses begin where they are given."""

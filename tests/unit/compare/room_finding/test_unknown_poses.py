@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.room_finding import unknown_poses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import Course
+from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.room_search import FoundRoom
 from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.model import Place
 
 from sonarhw.errors import InputError
@@ -135,6 +137,30 @@ def test_a_scan_that_no_probable_pose_places_is_placed_at_an_improbable_one(monk
     assert result.left_out == ("3",)
     assert list(result.poses) == ["1", "2"]
     assert rooms[2:7] == [["0", "1", "3"], ["0", "1", "2"], ["0", "1", "3"], ["0", "1", "2"], ["0", "1", "2"]]
+
+
+def test_one_sensor_made_all_scans(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_answers(monkeypatch, {1: [0.4]})
+    used: list[Board] = []
+    found, located = unknown_poses.find_room, unknown_poses.locate_scan
+
+    def find_room(*given: Any) -> FoundRoom:
+        one = found(*given)
+        of_offset = {Move("offset", 0, 0, 1e-3): 0.004}
+        draft = replace(one.draft, offset=-0.012, threshold_db=2.5)
+        return replace(one, draft=draft, deviations=of_offset, threshold_deviation=0.7)
+
+    monkeypatch.setattr(unknown_poses, "find_room", find_room)
+    monkeypatch.setattr(
+        unknown_poses, "locate_scan", lambda *given, **more: (used.append(given[2]), located(*given, **more))[1]
+    )
+    monkeypatch.setattr(unknown_poses, "worth_alone", lambda _, board, *__: (used.append(board), 16.0)[1])
+    board = load_board("lego-nxt")
+    find_room_and_poses(scans(2), board, Air(), [PoseSpread(), UNKNOWN])
+    sensor = replace(
+        board, range_offset=-0.012, threshold_db=board.threshold_db + 2.5, range_sd=0.004, threshold_sd_db=0.7
+    )
+    assert used == [sensor, sensor]  # the scan is located, and judged by itself
 
 
 def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatch: pytest.MonkeyPatch) -> None:
