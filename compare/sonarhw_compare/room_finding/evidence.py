@@ -47,6 +47,7 @@ class Course:
     start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
     refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
     accepted: Callable[[RoomDraft], None] | None = None  # receives each draft with which the search goes on
+    likely: RoomDraft | None = None  # where the search begins a second time, with the places of these scans
 
     def refusing(self, wall: DraftWall) -> "Course":
         """Return the course of a search that does not find this wall again."""

@@ -108,7 +108,7 @@ def worth_alone(scan: PlacedScan, board: Board, air: Air, tick: Callable[[float]
     `tick` receives the completed share, 0..1.
     """
     evidence = evidence_of([scan], [PoseSpread()], board, air, progress=SearchProgress(tick))
-    return worth(_best(evidence, lambda way: grown(way, scored(way, way.first)).draft, 1.0))
+    return worth(_best(evidence, lambda way, begin: grown(way, scored(way, begin)).draft, 1.0))
 
 
 def _found(evidence: Evidence) -> FoundRoom:
@@ -122,19 +122,25 @@ def _found(evidence: Evidence) -> FoundRoom:
     return FoundRoom(end, deviations, touches, worth(scored(evidence, end)), of_threshold)
 
 
-def _best(evidence: Evidence, search: Callable[[Evidence], RoomDraft], done: float) -> Scored:
-    """Return the better result of searches with all echoes and with the first ones; `done` is the share afterwards.
+def _best(evidence: Evidence, search: Callable[[Evidence, RoomDraft], RoomDraft], done: float) -> Scored:
+    """Return the best result of searches with all echoes and with the first ones; `done` is the share afterwards.
 
     Later echoes have passed most of the room, so they show more of it than the first ones. But while walls are missing,
     most of them have no path, and one wrong wall can explain more of them than each of the missing ones. The results
     are compared by all echoes. Without later echoes, there is one search.
+
+    If a room is likely, another search begins with it: one that begins without walls can miss a better room.
     """
-    first = evidence.of_first_echoes(FOLLOWED)
-    ways = [evidence] if first is None else [evidence, replace(first, course=first.course.unseen)]
-    found = []
-    for number, way in enumerate(ways):
+    first, likely = evidence.of_first_echoes(FOLLOWED), evidence.course.likely
+    ways = [(evidence, evidence.first)]
+    ways += [] if first is None else [(first, first.first)]
+    ways += [] if likely is None else [(evidence, likely)]
+    found: list[Scored] = []
+    for number, (way, begin) in enumerate(ways):
         evidence.progress.begin(done * (number + 1) / len(ways))
-        draft = search(replace(way, progress=SearchProgress(evidence.progress.inner(1.0))))
+        course = way.course if number == 0 else way.course.unseen
+        progress = SearchProgress(evidence.progress.inner(1.0))
+        draft = search(replace(way, course=course, progress=progress), begin)
         found.append(scored(evidence, draft))
     best = max(found, key=worth)
     if best is not found[0]:
@@ -142,9 +148,9 @@ def _best(evidence: Evidence, search: Callable[[Evidence], RoomDraft], done: flo
     return best
 
 
-def _searched(evidence: Evidence) -> RoomDraft:
-    """Return the draft after all rounds of growth and refinement."""
-    best = scored(evidence, evidence.first)
+def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
+    """Return the draft after all rounds of growth and refinement, from a first one."""
+    best = scored(evidence, begin)
     for done in _ROUNDS_DONE:
         evidence.progress.begin(done)
         longer = pruned(evidence, grown(evidence, best))

@@ -231,13 +231,19 @@ class _Search:
         return self.alone[k, sensor]
 
     def room_with(self, stage: _Stage, poses: Mapping[int, Pose], part: float, course: Course) -> _Stage:
-        """Return the room with more scans at their poses; scans of known poses begin where they are given."""
+        """Return the room with more scans at their poses; scans of known poses begin where they are given.
+
+        It is also searched from the room of the stage, because a search from nothing can miss a better one.
+        """
         before = stage.refined | self.known
         more = {
             k: replace(self.scans[k], place=replace(self.scans[k].place, position=pose.position, heading=pose.heading))
             for k, pose in poses.items()
         }
-        return self.room_of(dict(sorted((before | more).items())), part, course)
+        placed = dict(sorted((before | more).items()))
+        refined = stage.refined | more
+        likely = replace(stage.found.draft, places=tuple(refined[k].place for k in placed))
+        return self.room_of(placed, part, replace(course, likely=likely))
 
 
 def _best_explained(located: Mapping[int, Located]) -> list[int]:

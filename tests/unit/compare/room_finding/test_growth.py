@@ -1,15 +1,26 @@
-"""Growth adds walls before posts."""
+"""Growth adds walls before posts, and can begin with a likely room."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
-from sonarhw_compare.room_finding import growth
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.room_finding import growth, room_search
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.room_finding.evidence import Course, Evidence, Scored
 from sonarhw_compare.room_finding.growth import grown
+from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, load_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import Reading
+
+SPEED = 343.0  # m/s
 
 
 def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> list[str]:
@@ -58,3 +69,21 @@ def test_posts_follow_the_walls_because_a_corner_looks_like_a_post(monkeypatch: 
 def test_a_short_wall_competes_with_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
     assert grow(monkeypatch, [1.0, 0.2, 1.0], 60.0) == ["w", "p", "w", "w"]
     assert grow(monkeypatch, [1.0, 0.2, 1.0], 15.0) == ["w", "w", "w", "p"]
+
+
+def test_a_search_that_finds_nothing_keeps_a_likely_room_at_its_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room_search, "grown", lambda _evidence, best: best)
+    room, place = load_room("kuc_siegel"), Place("here", (0.8, 0.8))
+    board = replace(load_board("polaroid-6500"), receiver="first-echo")
+    headings = np.radians(np.arange(0.0, 360.0, 10.0))
+    ranges = predict_scan(room, place, board, headings).ranges
+    readings = [
+        Reading(k, 0, k, angle, angle, () if math.isnan(one) else (2 * one / SPEED,), SPEED)
+        for k, (angle, one) in enumerate(zip(headings.tolist(), ranges.tolist(), strict=True))
+    ]
+    likely = replace(draft_of_room(room), places=(place,))
+    far = likely.with_new_wall(DraftWall((0.8, 0.5), 0.0, (DraftEnd(-0.2), DraftEnd(0.2))))[0]  # in front of echoes
+    found = find_room([PlacedScan(readings, place)], board, room.air, course=Course(likely=far))
+    assert found.draft.segments == pytest.approx(likely.segments, abs=0.05)
+    with pytest.raises(InputError, match="no wall found"):
+        find_room([PlacedScan(readings, place)], board, room.air)

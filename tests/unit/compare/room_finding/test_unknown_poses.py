@@ -12,7 +12,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.room_finding import unknown_poses
-from sonarhw_compare.room_finding.draft import RoomDraft
+from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
 from sonarhw_compare.room_finding.evidence import Course
 from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.room_search import FoundRoom
@@ -27,6 +27,7 @@ from sonarhw.readings import Reading
 
 BOARD = load_board("polaroid-6500")
 NOWHERE = Place("", (0.0, 0.0))
+POST = DraftPost((0.5, 0.5), 0.1)
 Tick = Callable[[float], None]
 
 
@@ -161,6 +162,29 @@ def test_one_sensor_made_all_scans(monkeypatch: pytest.MonkeyPatch) -> None:
         board, range_offset=-0.012, threshold_db=board.threshold_db + 2.5, range_sd=0.004, threshold_sd_db=0.7
     )
     assert used == [sensor, sensor]  # the scan is located, and judged by itself
+
+
+def test_a_room_with_more_scans_is_searched_from_the_room_before_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_answers(monkeypatch, {1: [0.8]})
+    found = unknown_poses.find_room
+    likely: list[RoomDraft | None] = []
+
+    def find_room(*given: Any) -> FoundRoom:
+        likely.append(given[5].likely)
+        one = found(*given)
+        moved = tuple(replace(place, position=(place.position[0] + 0.25, 0.0)) for place in one.draft.places)
+        return replace(one, draft=replace(one.draft, posts=(POST,), offset=0.01, places=moved))
+
+    monkeypatch.setattr(unknown_poses, "find_room", find_room)
+    find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(0.1, 0.1), UNKNOWN])
+    first, second, third = likely
+    assert first is None
+    # from the places as refined, also where a search from nothing begins where they are given
+    assert second is not None
+    assert [place.position[0] for place in second.places] == [0.25, 1.0]
+    assert third is not None
+    assert [place.position[0] for place in third.places] == [0.25, 1.25]
+    assert (second.posts, second.offset) == ((POST,), 0.01)
 
 
 def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatch: pytest.MonkeyPatch) -> None:
