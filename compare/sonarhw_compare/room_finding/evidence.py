@@ -132,15 +132,12 @@ class Evidence:
         )
         return [result for part in parts for result in part]
 
-    def of_first_echoes(self, prediction: PredictionOptions | None = None) -> "Evidence | None":
-        """Return the evidence of the first echo of each reading; None if no reading has another one.
-
-        Its likelihoods are those of this prediction, by default the present one.
-        """
+    def of_first_echoes(self) -> "Evidence | None":
+        """Return the evidence of the first echo of each reading; None if no reading has another one."""
         if all(len(reading.echo_times) < 2 for scan in self.scans for reading in scan.readings):
             return None
         problems = tuple(
-            make_problem([scan], one.room, one.board, one.parameters, prediction or one.prediction, all_echoes=False)
+            make_problem([scan], one.room, one.board, one.parameters, one.prediction, all_echoes=False)
             for scan, one in zip(self.scans, self.problems, strict=True)
         )
         return replace(self, problems=problems, known={})

@@ -17,7 +17,6 @@ from sonarhw_compare.processes.late_processes import LateProcesses
 from sonarhw_compare.room_finding.draft import RoomDraft
 from sonarhw_compare.room_finding.evidence import (
     FINE,
-    FOLLOWED,
     PRICE,
     ROUGH,
     Course,
@@ -123,29 +122,37 @@ def _found(evidence: Evidence) -> FoundRoom:
 
 
 def _best(evidence: Evidence, search: Callable[[Evidence, RoomDraft], RoomDraft], done: float) -> Scored:
-    """Return the best result of searches with all echoes and with the first ones; `done` is the share afterwards.
+    """Return the better result of searches from no walls and from a likely room; `done` is the share afterwards.
 
-    Later echoes have passed most of the room, so they show more of it than the first ones. But while walls are missing,
-    most of them have no path, and one wrong wall can explain more of them than each of the missing ones. The results
-    are compared by all echoes. Without later echoes, there is one search.
-
-    If a room is likely, another search begins with it: one that begins without walls can miss a better room.
+    A search that begins without walls can miss a better room. Without a likely room, there is one search.
     """
-    first, likely = evidence.of_first_echoes(FOLLOWED), evidence.course.likely
-    ways = [(evidence, evidence.first)]
-    ways += [] if first is None else [(first, first.first)]
-    ways += [] if likely is None else [(evidence, likely)]
+    likely = evidence.course.likely
+    begins = [evidence.first, *([] if likely is None else [likely])]
     found: list[Scored] = []
-    for number, (way, begin) in enumerate(ways):
-        evidence.progress.begin(done * (number + 1) / len(ways))
-        course = way.course if number == 0 else way.course.unseen
-        progress = SearchProgress(evidence.progress.inner(1.0))
-        draft = search(replace(way, course=course, progress=progress), begin)
-        found.append(scored(evidence, draft))
+    for number, begin in enumerate(begins):
+        evidence.progress.begin(done * (number + 1) / len(begins))
+        course = evidence.course if number == 0 else evidence.course.unseen
+        way = replace(evidence, course=course, progress=SearchProgress(evidence.progress.inner(1.0)))
+        found.append(scored(evidence, _in_turn(way, search, begin)))
     best = max(found, key=worth)
     if best is not found[0]:
         evidence.course.accept(best.draft)
     return best
+
+
+def _in_turn(evidence: Evidence, search: Callable[[Evidence, RoomDraft], RoomDraft], begin: RoomDraft) -> RoomDraft:
+    """Return the result of a search by the first echoes that goes on by all.
+
+    Later echoes have passed most of the room, so they show more of it than the first ones. But while walls are missing,
+    most of them have no path, and one wrong wall can explain more of them than each of the missing ones. Without later
+    echoes, there is one search.
+    """
+    first, draft = evidence.of_first_echoes(), begin
+    ways = [evidence] if first is None else [first, evidence]
+    for number, way in enumerate(ways):
+        evidence.progress.begin((number + 1) / len(ways))
+        draft = search(replace(way, progress=SearchProgress(evidence.progress.inner(1.0))), draft)
+    return draft
 
 
 def _searched(evidence: Evidence, begin: RoomDraft) -> RoomDraft:
