@@ -1,0 +1,1 @@
+"""Causes of misfits: changes of rooms that `compare` has to find."""
