@@ -7,7 +7,7 @@ log-likelihood of all readings most is accepted, if it is worth its price.
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -25,7 +25,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.free_walls import can_shift, left_normals, with_shifted_walls
 from sonarhw_compare.locate.pose_spread import PoseSpread
 from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import FINE, PRICE, Scored, all_scored, evidence_of, scored
 from sonarhw_compare.room_finding.growth import unexplained_readings, with_post, with_wall
 from sonarhw_compare.room_finding.refining.refinement import refined
@@ -39,6 +39,8 @@ _EDGES = 4  # points at which a wall may end that are tried
 _DIRECTIONS = tuple(np.radians(np.arange(0.0, 360.0, 11.25)).tolist())  # rad, of a wall from an edge
 _LENGTHS = (0.15, 0.4)  # m, likewise
 _STEPS = 6  # of the refinement of a new post or wall
+_AWAY, _ASIDE = (-0.06, -0.05, -0.04, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02), (-0.015, 0.0, 0.015)  # m, of a new post
+_RADII = (0.01, 0.02, 0.04)  # m, likewise
 _SHIFTS = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02, 0.04, 0.08)  # m, of a wall, tried first
 _IMPOSSIBLE = 1e9  # negative log-likelihood of a shift by which a neighbouring wall loses its length
 _LEAST_SHIFT = 0.01  # m; room files and overlapping echoes are not more accurate
@@ -138,7 +140,7 @@ class _Search:
             try:
                 changed = proposal.change.applied(room)
             except InputError:
-                continue  # a post around the sensor, or a wall without a length
+                continue  # a post around the sensor or in another post, or a wall without a length
             if self._agreed_gain(room, changed) >= _price(proposal.change):
                 return proposal.change
         return None
@@ -175,10 +177,13 @@ class _Search:
         gains = self._gains(before, after)
         if (gains > _BETTER).sum() < _AGREE:
             return 0.0
-        return float(np.clip(gains, -_MOST_OF_ONE, _MOST_OF_ONE).sum())
+        return _limited(gains)
 
     def _gains(self, before: Room, after: Room) -> FloatArray:
-        one, other = (self._evidence.by_reading(self._draft(room), self._noise)[0] for room in (before, after))
+        return self._gains_of(self._draft(before), self._draft(after))
+
+    def _gains_of(self, before: RoomDraft, after: RoomDraft) -> FloatArray:
+        one, other = (self._evidence.by_reading(draft, self._noise)[0] for draft in (before, after))
         return other - one
 
     def _objects(self, now: Scored) -> Iterator[_Proposal]:
@@ -194,11 +199,24 @@ class _Search:
                 continue
             found = refined(self._evidence, one.draft, self._noise, _STEPS)
             if found.draft.posts:
+                found = self._with_post_moved(now, found)
                 (post,) = found.draft.posts
                 yield _Proposal(NewPost(post.center, post.radius), found.score)
             else:
                 x0, y0, x1, y1 = found.draft.segments[0].tolist()
                 yield _Proposal(NewWall((x0, y0), (x1, y1)), found.score)
+
+    def _with_post_moved(self, now: Scored, found: Scored) -> Scored:
+        """Return a draft with its post where the readings are most likely, within some centimetres.
+
+        Echoes that overlap give the likelihood many maxima, and a refinement ends in the nearest one. The board detects
+        a weak echo late, so the post is often nearer than its arc. `now` is the draft without the post.
+        """
+        (post,) = found.draft.posts
+        drafts = [replace(found.draft, posts=(other,)) for other in _posts_near(post, self._place)]
+        best = max(all_scored(self._evidence, drafts, self._noise), key=lambda one: one.score)
+        moved = refined(self._evidence, best.draft, self._noise, _STEPS)
+        return max(found, moved, key=lambda one: _limited(self._gains_of(now.draft, one.draft)))
 
     def _with_wall_from_edge(self, now: Scored, unexplained: list[FloatArray]) -> Scored:
         """Return the draft with the wall that explains most, of those with one end where an arc shows an edge.
@@ -284,6 +302,27 @@ class _Search:
 
     def _scored(self, room: Room, noise: ReadingNoise | None = None) -> Scored:
         return scored(self._evidence, self._draft(room), noise or self._noise)
+
+
+def _limited(gains: FloatArray) -> float:
+    """Return the sum of the gains of readings, to which none contributes much alone."""
+    return float(np.clip(gains, -_MOST_OF_ONE, _MOST_OF_ONE).sum())
+
+
+def _posts_near(post: DraftPost, place: Place) -> list[DraftPost]:
+    """Return posts of several sizes near a post, most of them nearer to the place."""
+    (x, y), (from_x, from_y) = post.center, place.position
+    angle = math.atan2(y - from_y, x - from_x)
+    return [
+        DraftPost(
+            (
+                x + away * math.cos(angle) - aside * math.sin(angle),
+                y + away * math.sin(angle) + aside * math.cos(angle),
+            ),
+            radius,
+        )
+        for away, aside, radius in product(_AWAY, _ASIDE, (post.radius, *_RADII))
+    ]
 
 
 def _wall_from(start: tuple[float, float], angle: float, length: float) -> DraftWall:

@@ -7,6 +7,7 @@ import numpy as np
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import changed_room, section
 
+from sonarhw.errors import InputError
 from sonarhw_compare.explain.sentences import LengthText
 from sonarhw_compare.fit.values.free_walls import with_written_walls
 from sonarhw_compare.room_edit import Point, add_post, add_wall, set_material
@@ -34,8 +35,10 @@ class NewPost:
     radius: float  # m
 
     def applied(self, room: Room) -> Room:
-        """Return the room with the post."""
+        """Return the room with the post. Raises InputError if it overlaps another post."""
         x, y = (round(at, _DIGITS) for at in self.center)
+        if (np.hypot(*(room.posts[:, :2] - (x, y)).T) < room.posts[:, 2] + self.radius).any():
+            raise InputError(f"a post at {_point(self.center)} overlaps another one; choose another place")
         return add_post(_with_object(room), (x, y), round(self.radius, _DIGITS), OBJECT)
 
     def text(self, length: LengthText) -> str:

@@ -12,6 +12,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 
+from sonarhw.errors import InputError
 from sonarhw.readings import Reading
 
 YARD = """name = "Yard with a plate"
@@ -45,12 +46,12 @@ def scan_of(room: Room, noise: float = 0.01) -> tuple[Reading, ...]:
     return tuple(Reading(k, 0, 0, float(angles[k]), 0.1 * k, times[k], SPEED) for k in range(len(angles)))
 
 
-def whole_scan_of(room: Room, place: Place) -> tuple[Reading, ...]:
+def whole_scan_of(room: Room, place: Place, step: float = 3.0, noise: float = 0.01) -> tuple[Reading, ...]:
     """Return a scan with all echoes of each ping, up to 29, each with an error of range."""
-    angles, random = np.radians(np.arange(0.0, 360.0, 3.0)), np.random.default_rng(1)
+    angles, random = np.radians(np.arange(0.0, 360.0, step)), np.random.default_rng(1)
     predicted = predict_scan(room, place, BOARD, angles)
     pings = [np.array(predicted.ping(k).echo_times()) for k in range(len(angles))]
-    times = [np.sort(ping + random.normal(0, 2 * 0.01 / SPEED, len(ping))).tolist() for ping in pings]
+    times = [np.sort(ping + random.normal(0, 2 * noise / SPEED, len(ping))).tolist() for ping in pings]
     return tuple(Reading(k, 0, 0, float(angles[k]), 0.1 * k, tuple(times[k]), SPEED) for k in range(len(angles)))
 
 
@@ -92,6 +93,20 @@ def test_the_leg_of_a_chair_is_a_post_at_its_place() -> None:
     assert after > before
     assert after > 0.95
     assert "something near 0.3" in cause_text(first)
+
+
+def test_a_post_is_found_between_walls_whose_echoes_overlap_its_own() -> None:
+    scan = whole_scan_of(NewPost((0.6, 1.0), 0.015).applied(GIVEN), HERE, 10.0, 0.0)
+    found = find_causes(scan, GIVEN, HERE, BOARD).causes[0]
+    assert isinstance(found.change, NewPost)
+    assert math.dist(found.change.center, (0.6, 1.0)) < 0.04  # 6 cm where its arc is
+
+
+def test_a_post_in_another_one_is_refused() -> None:
+    with_post = NewPost((0.5, 0.5), 0.03).applied(GIVEN)
+    with pytest.raises(InputError, match=r"a post at 0\.54, 0\.50.* overlaps another one"):
+        NewPost((0.54, 0.5), 0.02).applied(with_post)
+    assert len(NewPost((0.56, 0.5), 0.02).applied(with_post).posts) == 2
 
 
 def test_a_wall_that_is_2_cm_farther_is_named_with_its_distance() -> None:
