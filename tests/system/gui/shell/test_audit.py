@@ -11,6 +11,8 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.session.memory import read_memory
 from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.work import effort
+from sonarhw_gui.work.forecast import Forecast
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
@@ -136,11 +138,16 @@ def test_after_a_scan_a_turn_and_disconnect_the_status_is_not_connected(
     until(qtbot, lambda: "connected" not in window.status_bar.activity.text())
 
 
-def test_during_a_drag_the_sentence_says_that_it_is_a_draft(qtbot: QtBot, window: MainWindow) -> None:
+def test_during_a_drag_the_sentence_says_that_it_is_a_draft(
+    qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plan = window.views.plan.drawing
     sensor = window.session.shown.scene.pose.position
-    end = begin_drag(qtbot, plan, plan.plot.vb, sensor, (sensor[0] - 0.1, sensor[1] + 0.1))
-    until(qtbot, lambda: window.sentence.text().startswith("draft"))
+    monkeypatch.setattr(effort, "_SHORT", 0.0)  # s; else a draft of a fast computer can have all bounces
+    with monkeypatch.context() as moving:  # else all paths can be found before the sentence is read
+        moving.setattr(Forecast, "_search_when_due", lambda _: None)
+        end = begin_drag(qtbot, plan, plan.plot.vb, sensor, (sensor[0] - 0.1, sensor[1] + 0.1))
+        until(qtbot, lambda: window.sentence.text().startswith("draft"))
     qtbot.mouseRelease(plan.viewport(), Qt.MouseButton.LeftButton, pos=end)
     until(qtbot, lambda: predicted(window))
     until(qtbot, lambda: not window.sentence.text().startswith("draft"))
