@@ -161,9 +161,9 @@ class _Search:
 
     def _spread(self, k: int, begins: Place) -> PoseSpread:
         """Return the spread of the pose of a scan: what is known of it, and for the rest that of a located scan."""
-        if (spread := self.spreads[k]).is_whole and k in self.known:
-            return spread
-        given, spread = self.scans[k].place, spread.with_width
+        if k in self.known:
+            return self.spreads[k]
+        given, spread = self.scans[k].place, self.spreads[k].with_width
         has_position, has_heading = math.isfinite(spread.xy), math.isfinite(spread.heading)
         return PoseSpread(
             spread.xy if has_position else _LOCATED.xy,

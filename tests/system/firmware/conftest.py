@@ -1,7 +1,7 @@
 """Fixtures of the firmware tests. They build the firmware first, which is quick if nothing has changed."""
 
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -50,6 +50,22 @@ class Echoes:
         self.pings.append(ping)
         time = np.arange(0, 0.0655, 2e-6)
         return PingResult(self._times, Trace(envelope(time), 500_000.0, 0.0))
+
+
+class Mishap(Echoes):
+    """Echo source that does something to the board in the instruction that begins a ping, however late the host is."""
+
+    act: Callable[[], None]
+
+    def __init__(self, *times: float, before: int) -> None:
+        super().__init__(*times)
+        self._before = before  # pings
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the given echoes."""
+        if len(self.pings) == self._before:
+            self.act()
+        return super().receive(ping)
 
 
 def envelope(time: np.ndarray) -> np.ndarray:

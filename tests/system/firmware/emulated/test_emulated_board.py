@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -43,7 +42,7 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
 from tests.system.firmware.combinations.images import MEGA, budgets, vector
-from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, scanner_on
+from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, Mishap, scanner_on
 
 DOCUMENT = (FIRMWARE.parent / "docs" / "devices" / "firmware.md").read_text()
 TRACE_STORE = 4_800  # bytes
@@ -152,22 +151,10 @@ def test_interrupt_handlers_stay_within_their_budgets() -> None:
         assert 0 < longest[vector(MEGA, name)] <= budget, name
 
 
-class WithFault(Echoes):
-    """Echo source that resets the board, or makes it hang, in the instruction that begins the sixth ping."""
-
-    fault: Callable[[], None]
-
-    def receive(self, ping: Ping) -> PingResult:
-        """Return the given echoes."""
-        if len(self.pings) == 5:
-            self.fault()
-        return super().receive(ping)
-
-
 def test_a_scan_continues_after_a_reset_with_every_angle_once() -> None:
-    echoes = WithFault(0.020)
+    echoes = Mishap(0.020, before=5)
     with scanner_on(echoes) as (board, scanner):
-        echoes.fault = board.reset
+        echoes.act = board.reset
         readings = [*scanner.scan(sector(0, 90, 5))]
         assert scanner.info.boot == 2
         assert scanner.device_statistics().reset_cause == ResetCause.BUTTON
@@ -176,9 +163,9 @@ def test_a_scan_continues_after_a_reset_with_every_angle_once() -> None:
 
 
 def test_a_scan_continues_after_a_watchdog_reset() -> None:
-    echoes = WithFault(0.020)
+    echoes = Mishap(0.020, before=5)
     with scanner_on(echoes) as (board, scanner):
-        echoes.fault = board.hang
+        echoes.act = board.hang
         readings = [*scanner.scan(sector(0, 60, 5))]
         assert scanner.device_statistics().reset_cause == ResetCause.WATCHDOG
     assert sorted(reading.number for reading in readings) == [*range(12)]

@@ -1,6 +1,5 @@
 """The turntable of the emulated board: lost steps, jams, and Home with wrong wires."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +8,10 @@ import pytest
 
 from sonarhw import sector
 from sonarhw.device.wiring_faults import WiringFault
-from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.readings import Reading, pings_in_place
 from sonarhw.wire.codes import Input, Outcome, Wiring
-from tests.system.firmware.conftest import Echoes, scanner_on
+from tests.system.firmware.conftest import Echoes, Mishap, scanner_on
 
 
 def test_a_slipped_table_is_detected_at_the_mark() -> None:
@@ -25,21 +23,9 @@ def test_a_slipped_table_is_detected_at_the_mark() -> None:
         assert abs(scanner.device_statistics().lost_steps) == pytest.approx(64, abs=2)
 
 
-class Mishap(Echoes):
-    """Echo source that does something to the board in the fourth ping, however late the host is."""
-
-    act: Callable[[], None]
-
-    def receive(self, ping: Ping) -> PingResult:
-        """Return the given echoes."""
-        if len(self.pings) == 3:
-            self.act()
-        return super().receive(ping)
-
-
 @pytest.mark.parametrize("mishap", ["slips", "is held"])
 def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None:
-    echoes = Mishap(0.020)
+    echoes = Mishap(0.020, before=3)
     readings: list[Reading] = []
     with scanner_on(echoes) as (board, scanner):
         echoes.act = lambda: board.slip(64) if mishap == "slips" else board.wedge(60)
@@ -50,7 +36,7 @@ def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None
 
 
 def test_steps_lost_in_a_short_jam_are_reported() -> None:
-    echoes = Mishap(0.020)
+    echoes = Mishap(0.020, before=3)
     readings: list[Reading] = []
     with scanner_on(echoes) as (board, scanner):
         echoes.act = lambda: board.wedge(0.7)
