@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
+from sonarhw.device.replayed_log import Playback
 from sonarhw.log import Log, LogMetadata, LogWriter, read_log
 from sonarhw.readings import Reading, Trace
-from sonarhw.replay.playback import Playback
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Info, Message, Settings, Started
-from sonarhw.wire.reading_messages import reading_message, trace_chunks
+from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
 PERIOD = 0.1  # s from ping to ping
 HEADINGS = 360

@@ -31,18 +31,16 @@ from sonarhw_sim import (
 )
 from sonarhw_sim.predict.by_name import predict
 
-from .device.endpoint import serve
 from .device.fake_board import FakeBoard
-from .device.faults.fault_schedule import read_faults
-from .device.faults.faulty_board import FaultyDevice
-from .echo_source import EchoSource, Ping, PingResult
+from .device.faults import FaultyDevice, read_faults
+from .device.served import serve
 from .errors import SonarError
-from .host.recorder import Recorder
 from .host.scanner import Scanner
+from .host.session import Recorder
 from .log import Log, LogMetadata, LogWriter, read_log
 from .plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from .plugins.plugin_scanner import PluginScanner
-from .readings import Reading, ScanOrder, Trace, pings_in_place, sector
+from .readings import EchoSource, Ping, PingResult, Reading, ScanOrder, Trace, pings_in_place, sector
 
 __version__: str
 

@@ -1,9 +1,10 @@
 """Readings, traces and scan orders: the values that all other parts of the project exchange."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,3 +145,157 @@ def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.
     """
     headings = headings_between(start_deg, stop_deg, step_deg)
     return ScanOrder(math.radians(start_deg), math.radians(step_deg), headings, pings=pings)
+
+
+# The interface between a fake scanner and the acoustics of its surroundings.
+#
+# An echo source computes the echo times and the trace of each ping. The one in `sonarhw_sim` simulates a room.
+
+
+@dataclass(frozen=True)
+class Ping:
+    """One cycle of transmitting and listening."""
+
+    angle: float  # turntable angle, rad
+    sweep: int
+    index: int  # number of the ping at this heading, from 0
+    listen: float  # s; echoes later than this are not reported
+    trace: bool  # whether the receive signal is needed as well
+
+
+@dataclass(frozen=True)
+class PingResult:
+    """The echoes of one ping, and its trace."""
+
+    echo_times: tuple[float, ...]  # s, earliest first
+    trace: Trace | None = None
+
+
+class EchoSource(Protocol):
+    """The surroundings of a fake transducer."""
+
+    @property
+    def temperature_c(self) -> float | None:
+        """Reading of the board's thermometer, °C; None if it has none."""
+
+    def receive(self, ping: Ping) -> PingResult:
+        """Return the echoes of one ping. They depend only on the ping and a seed, not on the order of calls.
+
+        Raises InputError if the surroundings are too large to compute; a fake board then reports a failed scan.
+        """
+
+
+# The speed of sound in air, and the one that a scan assumes for its ranges.
+
+
+def speed_of_sound(
+    temperature_c: float = 20.0, relative_humidity: float = 0.5, pressure_kpa: float = 101.325, co2: float = 400e-6
+) -> float:
+    """Return the speed of sound in humid air of 0 to 30 °C, m/s (Cramer 1993, JASA 93, 2510, eq. 15, table III)."""
+    t, p = temperature_c, pressure_kpa * 1e3
+    kelvin = t + 273.15
+    saturation = math.exp(1.2811805e-5 * kelvin**2 - 1.9509874e-2 * kelvin + 34.04926034 - 6.3536311e3 / kelvin)
+    enhancement = 1.00062 + 3.14e-8 * p + 5.6e-7 * t**2
+    water = relative_humidity * enhancement * saturation / p
+    return (
+        331.5024
+        + 0.603055 * t
+        - 0.000528 * t**2
+        + (51.471935 + 0.1495874 * t - 0.000782 * t**2) * water
+        + (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t**2) * p
+        + (-85.20931 - 0.228525 * t + 5.91e-5 * t**2) * co2
+        - 2.835149 * water**2
+        - 2.15e-13 * p**2
+        + 29.179762 * co2**2
+        + 0.000486 * water * p * co2
+    )
+
+
+@dataclass(frozen=True)
+class ScanAir:
+    """The air during a scan, as far as the caller and the room file state it. The thermometer adds the rest."""
+
+    speed_at: Callable[[float], float] = speed_of_sound  # speed of sound in m/s at a temperature in °C
+    room_temperature: float = 20.0  # °C; used if neither the caller nor a thermometer provides a temperature
+    chosen_temperature: float | None = None  # °C; set by the caller, overrides all others
+
+    def speed_of_sound(self, thermometer: float | None) -> float:
+        """Return the speed of sound in m/s: at the chosen temperature, else the thermometer's (°C), else the room's."""
+        known = (self.chosen_temperature, thermometer, self.room_temperature)
+        return self.speed_at(next(temperature for temperature in known if temperature is not None))
+
+
+# Find the readings whose angles may be wrong because the turntable lost steps.
+#
+# The turntable passes its zero mark once a turn. A device checks the mark whenever it turns counter-clockwise over
+# it. It reports a misplaced or missing mark before it has turned MARK_OVERRUN past the position of the mark. After a
+# reset, or after a long silence of the host, a device homes again. Its angle error before that homing is unknown.
+
+
+MARK_APPROACH = math.radians(3)  # before the mark, plus the backlash: the table then moves when it reaches the mark
+MARK_OVERRUN = math.radians(6)
+_BACKLASH = math.radians(3)  # assumed backlash of every gear
+_TOLERANCE = 1e-6  # rad; less than a microstep
+
+
+def nearest_mark(angle: float, lowest: float, highest: float) -> float | None:
+    """Return the angle of the mark nearest to `angle`, rad. None if no mark lies between `lowest` and `highest`."""
+    first, last = math.ceil(lowest / math.tau), math.floor(highest / math.tau)
+    return None if first > last else min(max(round(angle / math.tau), first), last) * math.tau
+
+
+def first_unverified(angles: FloatArray) -> int:
+    """Return the index of the first reading that was made after the last check of the mark.
+
+    `angles`, (n,) rad, are the angles of the readings in order of time. The turntable was homed just before the first
+    reading. A device does not check marks that it passes clockwise.
+    """
+    run = unverified = 0  # `run`: index of the reading where the latest counter-clockwise movement began
+    seen = -math.inf
+    for index, angle in enumerate(angles):
+        if index and angle < angles[index - 1]:
+            run, seen = index, -math.inf
+        mark = math.floor((angle - MARK_OVERRUN) / math.tau) * math.tau
+        if mark > seen and mark >= angles[run] + MARK_APPROACH + _BACKLASH:
+            seen, unverified = mark, run + int(np.searchsorted(angles[run:index], mark - _TOLERANCE))
+    return unverified
+
+
+def split_at_homings(times: Sequence[float], angles: Sequence[float], homings: Sequence[float]) -> list[FloatArray]:
+    """Return the angles (rad) of the readings in order of their times (s), split at each homing.
+
+    `homings` are the times of the newest reading before each homing, in ascending order. The result has one (n,) array
+    more than `homings` has values.
+    """
+    order = np.argsort(times, kind="stable")
+    in_order, angles_in_order = np.array(times, dtype=np.float64)[order], np.array(angles, dtype=np.float64)[order]
+    return np.split(angles_in_order, np.searchsorted(in_order, homings, side="right"))
+
+
+def lost_steps_clause(runs: Sequence[FloatArray]) -> str | None:
+    """Return a clause that names the angles that may be wrong after steps were lost in the last of `runs`.
+
+    `runs` are the angles of `split_at_homings`. None if the last run has no reading.
+    """
+    run, total = runs[-1], sum(map(len, runs))
+    if not len(run):
+        return None
+    first = first_unverified(run)
+    doubtful = len(run) - first
+    these = f"all {total}" if doubtful == total else f"the last {doubtful} of {total}"
+    return f"{these} angles may be wrong, from {math.degrees(run[first]):.6g}° on"
+
+
+def unverified_clause(runs: Sequence[FloatArray]) -> str | None:
+    """Return a clause that names the angles before a homing that no mark verified. None if there are none.
+
+    `runs` are the angles of `split_at_homings`.
+    """
+    doubtful = [run[first_unverified(run)] for run in runs[:-1] if len(run)]
+    if not doubtful:
+        return None
+    count, total = sum(len(run) - first_unverified(run) for run in runs[:-1]), sum(map(len, runs))
+    return (
+        f"{count} of {total} angles, from {math.degrees(doubtful[0]):.6g}° on, could not be checked for lost steps: "
+        "the turntable had to home again"
+    )

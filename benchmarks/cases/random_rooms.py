@@ -10,8 +10,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import MAX_ECHOES, Disturbance, RoomEchoes
 from sonarhw_sim.room.model import Place, Room, parse_room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Ping, Reading
 
 READINGS = 120
 RANGE = 0.01  # m

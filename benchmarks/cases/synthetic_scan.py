@@ -8,8 +8,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import Reading
+from sonarhw.readings import Ping, Reading
 
 READINGS = 120
 TIMING = 6e-6  # s, 1 mm of range

@@ -30,7 +30,7 @@ from sonarhw_sim.room.model import load_room
 
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.synthetic_scan import synthetic_scan
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.host.driver import Driver
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import Log, LogMetadata, read_log

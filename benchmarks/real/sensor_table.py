@@ -30,7 +30,7 @@ from sonarhw_sim.choices import Model
 from sonarhw_sim.room.model import Place, Room
 
 from benchmarks.real.judged_scans import NEARBY, ON_THE_SPOT, ROOM, Judged, RealScan, figures_of, judge, judged_of
-from sonarhw.atomic_file import atomic_file
+from sonarhw.files import atomic_file
 from sonarhw.readings import FloatArray
 
 KEPT = Path("build/real_scans")

@@ -105,7 +105,7 @@ def _end_later() -> None:
 
 def _exit_at_once() -> None:
     """Exit without unwinding. Unfinished files are removed, if the module that writes them is loaded."""
-    remove = getattr(sys.modules.get("sonarhw.atomic_file"), "remove_unfinished", None)
+    remove = getattr(sys.modules.get("sonarhw.files"), "remove_unfinished", None)
     if remove is not None:
         remove()
     os._exit(INTERRUPTED)

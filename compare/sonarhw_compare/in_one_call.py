@@ -17,8 +17,8 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.doubts import place_doubts
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.atomic_file import atomic_file
 from sonarhw.errors import InputError
+from sonarhw.files import atomic_file
 from sonarhw.log import Log
 from sonarhw.readings import Reading
 from sonarhw_compare.fit.fit_setting import fit_setting

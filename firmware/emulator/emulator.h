@@ -93,7 +93,7 @@ void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
 const uint32_t *longest_interrupts(void); // longest duration of each handler in cycles, INTERRUPTS values
 
 /* pins.c */
-enum wiring_fault { // as in sonarhw/device/wiring_faults.py
+enum wiring_fault { // as in sonarhw/device/fake_board.py
     CAM_INVERTED = 1,
     CAM_OPEN = 2,
     MOTOR_REVERSED = 4,

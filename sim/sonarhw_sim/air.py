@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw.readings import speed_of_sound
 
 _COLDEST, _HOTTEST = -40.0, 60.0  # °C
 

@@ -19,9 +19,9 @@ from typing import Literal
 
 import numpy as np
 
-from sonarhw.device.wiring_faults import WiringFault
-from sonarhw.echo_source import EchoSource, Ping, PingResult
+from sonarhw.device.fake_board import WiringFault
 from sonarhw.errors import InputError, LinkError
+from sonarhw.readings import EchoSource, Ping, PingResult
 
 BUILT = Path(__file__).parents[2] / "firmware" / "build"
 LISTEN = 0.0655  # s; slightly above the longest listening time of the firmware

@@ -8,39 +8,339 @@ import math
 import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from enum import IntFlag
 
-from sonarhw.device.command_checks import RefusalError
-from sonarhw.device.device_protocol import ActionError, ProtocolDevice
-from sonarhw.device.paced_line import Line
-from sonarhw.device.turntable import SPEED, Turntable
-from sonarhw.device.wiring_faults import Wires
-from sonarhw.echo_source import EchoSource, Ping
+from sonarhw.device.protocol import ActionError, Line, ProtocolDevice, RefusalError
 from sonarhw.errors import InputError
-from sonarhw.readings import ScanOrder
-from sonarhw.wire.codes import Feature, Input, Outcome, Refusal, State, TraceKind, Wiring, Zero
-from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
+from sonarhw.readings import EchoSource, Ping, PingResult, ScanOrder, Trace
 from sonarhw.wire.messages import (
+    FAKE_FIRMWARE,
+    KEPT_READINGS,
+    MAX_ECHOES,
+    NO_TEMPERATURE,
+    PROTOCOL_MAJOR,
+    PROTOCOL_MINOR,
     Capabilities,
     Configure,
     ConfigureTurntable,
+    Feature,
     Info,
+    Input,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Settings,
     StartScan,
+    State,
     Statistics,
+    TraceKind,
     Turn,
     TurntableSettings,
-)
-from sonarhw.wire.origin import FAKE_FIRMWARE
-from sonarhw.wire.reading_messages import scan_order, trace_chunks
-from sonarhw.wire.units import (
-    NO_TEMPERATURE,
+    Wiring,
+    Zero,
+    centidegrees_of,
     microdegrees_of,
     microseconds_of,
     nanoseconds_of,
     radians_of,
     seconds_of,
 )
+from sonarhw.wire.readings_of_frames import scan_order, trace_chunks
+
+# A simulated turntable: its angle at any time. Angles are in rad, times in s.
+#
+# A simulated cam on the axle shows on which side of the zero mark the table is, also after a power failure. So the
+# table homes directly, in the direction that unwinds the cable. It homes at twice the speed of its turns: two turns
+# take 2 s.
+
+
+SPEED = math.pi  # rad/s
+HOMING_SPEED = 2 * SPEED
+SETTLING = 0.020  # s after a move
+MISSING = math.radians(5)  # past the position of a mark that has not come
+_TOLERANCE = 1e-6  # rad; far less than a microstep
+
+
+class Turntable:
+    """A turntable that turns at constant speed without overshoot. It reports its angle only when it is homed.
+
+    It counts its steps, but cannot detect whether the table follows them. `wedge` and `slip` make steps fail.
+    """
+
+    def __init__(self, initial_angle: float) -> None:
+        """`initial_angle` is the true angle at power-on, rad. The turntable does not report it."""
+        self.zero = Zero.UNKNOWN
+        self.speed = SPEED  # rad/s
+        self.settling = SETTLING
+        self.sign = 1.0  # -1: the table turns clockwise where it counts counter-clockwise
+        self.initial = initial_angle
+        self.origin = initial_angle  # counted angle where it started, or the last known zero, rad
+        self._from = self._to = initial_angle
+        self._start = self._arrival = 0.0
+        self._slipped = 0.0  # true minus counted angle, rad
+        self._stuck: tuple[float, float] | None = None  # angle at which it is blocked, and until when
+
+    def angle(self, now: float) -> float:
+        """Return the reported angle, rad from the zero mark; 0 before it is homed."""
+        return 0.0 if self.zero is Zero.UNKNOWN else self._position(now)
+
+    def home(self, now: float, mark: float = 0.0) -> float:
+        """Turn to the zero mark at that true angle, and return the time of arrival, s. Then call `confirm_home`."""
+        self.zero = Zero.UNKNOWN
+        self._count_from(self.sign * (self.true_angle(now) - mark), now)
+        return self._move(0.0, now, HOMING_SPEED) + SETTLING
+
+    def confirm_home(self, now: float) -> bool:
+        """Return whether the zero mark is reached. If so, the table is homed and its angle is 0."""
+        self._release_if_due(now)
+        if self._stuck is None:
+            self.zero, self._slipped, self.origin = Zero.MARK, 0.0, 0.0
+        return self.zero is Zero.MARK
+
+    def set_zero(self, now: float) -> None:
+        """Call the present angle 0, without moving."""
+        self._count_from(0.0, now)
+        self.zero, self.origin = Zero.HAND, 0.0
+
+    def turn(self, angle: float, now: float) -> float:
+        """Turn to `angle`, and return the time when the table has settled there, s."""
+        arrival = self._move(angle, now, self.speed)
+        return arrival + self.settling if arrival > now else now
+
+    def turn_to(self, sign: float, now: float) -> None:
+        """Turn in this direction, 1 or -1, for a counter-clockwise command from now on."""
+        true = self.true_angle(now)
+        self.halt(now)
+        self.sign = sign
+        if self._stuck is None:
+            self._slipped = true - sign * self._position(now)
+
+    def jogged(self, angle: float, now: float) -> float:
+        """Return the counted angle after turning by `angle`, rad; before a zero is known from an unknown zero."""
+        return self._position(now) + angle
+
+    def halt(self, now: float) -> None:
+        """Stop at the present angle."""
+        self._release_if_due(now)
+        self._from = self._to = self._position(now)
+        self._start = self._arrival = now
+
+    def error(self, now: float) -> float:
+        """Return true minus counted angle, rad; 0 if no step was missed."""
+        self._release_if_due(now)
+        return self._slipped if self._stuck is None else self._stuck[0] - self.sign * self._position(now)
+
+    def true_angle(self, now: float) -> float:
+        """Return the true angle, rad."""
+        error = self.error(now)
+        return self.sign * self._position(now) + error
+
+    def mark_misplaced(self, now: float) -> bool:
+        """Return whether the last move passed the mark, or should have passed it, at a wrong angle.
+
+        A zero that was set by hand is not checked.
+        """
+        if self.zero is Zero.HAND:
+            return False
+        error = self.error(now)
+        counted = self._from, self._to
+        true = self._from + error, self._to + error
+        return abs(error) > _TOLERANCE and any(_passes_mark(min(move), max(move)) for move in (counted, true))
+
+    def on_wrong_side(self, now: float, inverted: bool) -> bool:
+        """Return whether the mark, perhaps inverted, shows another side of zero than the count within half a turn."""
+        counted = self._position(now)
+        beside = abs(counted) > MISSING
+        return self.zero is Zero.MARK and beside and (marked(self.true_angle(now)) != inverted) != (counted > 0)
+
+    def slip(self, angle: float) -> None:
+        """Miss steps: add `angle` (rad) to the difference of true and counted angle."""
+        self._slipped += angle
+
+    def wedge(self, now: float, until: float) -> None:
+        """Block the table until that time. It counts the steps that it misses."""
+        self._stuck = self.true_angle(now), until
+
+    def _count_from(self, angle: float, now: float) -> None:
+        """Count on from `angle`, rad, at the present position."""
+        self._slipped = self.true_angle(now) - self.sign * angle
+        self._from = self._to = angle
+        self._start = self._arrival = now
+
+    def _release_if_due(self, now: float) -> None:
+        if self._stuck is not None and now >= self._stuck[1]:
+            where, until = self._stuck
+            self._stuck = None
+            self._slipped = where - self.sign * self._position(until)
+
+    def _position(self, now: float) -> float:
+        if now >= self._arrival:
+            return self._to
+        return self._from + (self._to - self._from) * (now - self._start) / (self._arrival - self._start)
+
+    def _move(self, angle: float, now: float, speed: float) -> float:
+        self._release_if_due(now)
+        self._from, self._to, self._start = self._position(now), angle, now
+        self._arrival = now + abs(self._to - self._from) / speed
+        return self._arrival
+
+
+def marked(angle: float) -> bool:
+    """Return the level of the mark at this true angle: high from 0 to half a turn."""
+    return math.sin(angle + 1e-9) >= 0
+
+
+def _passes_mark(low: float, high: float) -> bool:
+    return math.floor((high + _TOLERANCE) / math.tau) >= math.ceil((low - _TOLERANCE) / math.tau)
+
+
+# Wiring faults of a scanner, and the wires of a fake board that has them.
+
+
+CAM_ANGLE = math.radians(-20.0)  # edge of the cam
+ONE_SWITCH_MOST = math.radians(185)  # limit of one Home by the mark alone
+ONE_SWITCH_UNPROVEN = math.radians(60)  # on each side, until a Home has succeeded with the present wiring
+HOTTEST = 12_500  # 0.01 °C; measured with a shorted thermistor
+NOISE_ECHO = 0.003  # s; time of the false echo of every ping with NOISE_ON_INIT
+
+_BEGIN = "begin within 45 degrees of 0"
+
+
+class WiringFault(IntFlag):
+    """A wrong or broken wire, as in firmware/emulator/emulator.h. Open inputs are high, because of their pull-ups."""
+
+    CAM_INVERTED = 1
+    CAM_OPEN = 2
+    MOTOR_REVERSED = 4
+    MARK_OPEN = 8
+    MARK_INVERTED = 16
+    MOTOR_OPEN = 32  # the table does not turn
+    ECHO_LOW = 64  # ECHO is never high: a broken wire, or no pull-up
+    ECHO_HIGH = 128  # ECHO is always high
+    NOISE_ON_INIT = 256  # every ping has an echo at NOISE_ECHO
+    THERMISTOR_OPEN = 512
+    THERMISTOR_SHORTED = 1024
+    BLNK_OPEN = 2048  # the board detects one echo of each ping
+    INIT_OPEN = 4096  # the board transmits nothing
+    # of the emulated board only
+    STEPS_DOUBLED = 8192  # a wrong jumper of the driver: the table turns twice as far
+    SUPPLY_WEAK = 16384  # every ping restarts the chip
+    LINE_NOISY = 32768  # some bytes from the board are damaged
+
+
+_FAKE = [fault for fault in WiringFault if fault < WiringFault.STEPS_DOUBLED]
+FAULT_NAMES = {str(fault.name).lower().replace("_", "-"): fault for fault in _FAKE}
+
+
+def read_wiring_faults(text: str) -> WiringFault:
+    """Return the faults in a text such as `cam-inverted/motor-reversed`. Raises InputError for an unknown fault."""
+    faults = WiringFault(0)
+    for name in text.split("/"):
+        if name not in FAULT_NAMES:
+            raise InputError(f"unknown wire fault {name!r}; expected one of {', '.join(FAULT_NAMES)}, joined with /")
+        faults |= FAULT_NAMES[name]
+    return faults
+
+
+class Wires:
+    """The wires between a fake board and its turntable, and the settings with which its firmware corrects them.
+
+    They outlast a restart of the board.
+    """
+
+    def __init__(self, faults: WiringFault = WiringFault(0)) -> None:
+        self.faults = faults
+        self.inverted = Wiring(0)  # and ONE_SWITCH
+        self.proven = False  # whether a Home has succeeded with these settings
+
+    @property
+    def one_switch(self) -> bool:
+        """Whether the table homes by the mark alone."""
+        return Wiring.ONE_SWITCH in self.inverted
+
+    @property
+    def sign(self) -> float:
+        """Direction in which the table turns for a counter-clockwise command: 1 or, clockwise, -1."""
+        return -1.0 if self._wrong(WiringFault.MOTOR_REVERSED, Wiring.MOTOR) else 1.0
+
+    @property
+    def mark_wrong(self) -> bool:
+        """Whether the mark is low for the firmware where it should be high."""
+        return self._wrong(WiringFault.MARK_INVERTED, Wiring.MARK)
+
+    @property
+    def motor_connected(self) -> bool:
+        """Whether the table turns."""
+        return not self.faults & WiringFault.MOTOR_OPEN
+
+    def temperature(self, celsius: float | None) -> int:
+        """Return what the board measures of an air temperature, in the unit of messages; None: no thermometer."""
+        if self.faults & WiringFault.THERMISTOR_SHORTED:
+            return HOTTEST
+        return centidegrees_of(None if self.faults & WiringFault.THERMISTOR_OPEN else celsius)
+
+    def arriving(self, result: PingResult) -> PingResult:
+        """Return what arrives of a ping."""
+        trace = result.trace
+        if trace is not None and self.faults & WiringFault.INIT_OPEN:
+            trace = Trace(0 * trace.samples, trace.rate, trace.start)
+        return replace(result, echo_times=self._arriving_echoes(result.echo_times), trace=trace)
+
+    def _arriving_echoes(self, times: tuple[float, ...]) -> tuple[float, ...]:
+        if self.faults & (WiringFault.ECHO_LOW | WiringFault.ECHO_HIGH | WiringFault.INIT_OPEN):
+            return ()
+        arrived = (NOISE_ECHO, *times) if self.faults & WiringFault.NOISE_ON_INIT else times
+        return arrived[:1] if self.faults & WiringFault.BLNK_OPEN else arrived
+
+    def levels(self, turntable: Turntable, now: float) -> Input:
+        """Return the inputs whose pins are high, while the board does not listen."""
+        angle = turntable.true_angle(now)
+        levels = Input(0)
+        if marked(angle) != bool(self.faults & WiringFault.MARK_INVERTED) or self.faults & WiringFault.MARK_OPEN:
+            levels |= Input.MARK
+        if (angle > CAM_ANGLE) != bool(self.faults & WiringFault.CAM_INVERTED) or self.faults & WiringFault.CAM_OPEN:
+            levels |= Input.CAM
+        if self.faults & WiringFault.ECHO_HIGH:
+            levels |= Input.ECHO
+        return levels
+
+    def homing_failure(self) -> str | None:
+        """Return why a Home fails with these wires; None if it finds a zero."""
+        cam = self._wrong(WiringFault.CAM_INVERTED, Wiring.CAM)
+        if self.faults & WiringFault.MARK_OPEN:
+            return "the zero mark never came; check its wire and the motor"
+        if self.faults & WiringFault.CAM_OPEN or cam != (self.sign < 0):
+            return "the cam never changed; check its wire and polarity, and the direction"
+        # the mark is high at the edge of the cam, or the table passes the mark on its other side
+        if self.mark_wrong or self.sign < 0:
+            return "moved the wrong way; invert the mark, or cam and motor"
+        return None
+
+    def one_switch_zero(self, angle: float) -> tuple[float, str | None]:
+        """Return the true angle of the zero that a Home by the mark alone finds from `angle`, and why it fails.
+
+        A mark opposite to zero counts as a failure.
+        """
+        way = self.sign * (-1.0 if marked(angle) != self.mark_wrong else 1.0)
+        edge = _next_edge(angle, way)
+        most = ONE_SWITCH_MOST if self.proven else ONE_SWITCH_UNPROVEN
+        if self.faults & WiringFault.MARK_OPEN or (
+            abs(edge - angle) > most and (self.proven or abs(_next_edge(angle, -way) - angle) > most)
+        ):
+            return edge, f"the zero mark never came; check its wire and the motor; {_BEGIN}"
+        if abs(edge - angle) > most or round(edge / math.pi) % 2:
+            return edge, f"moved the wrong way; invert the mark or the motor; {_BEGIN}"
+        return edge, None
+
+    def _wrong(self, fault: WiringFault, setting: Wiring) -> bool:
+        return bool(self.faults & fault) != bool(self.inverted & setting)
+
+
+def _next_edge(angle: float, way: float) -> float:
+    """Return the angle of the next edge of the mark in this direction, 1 or -1."""
+    halves = (angle + 1e-9) / math.pi
+    return math.pi * (math.ceil(halves) if way > 0 else math.floor(halves))
+
 
 PING_PERIOD = 0.100  # s; shortest time from the start of a ping to the start of the next
 MAX_LISTEN = 0.065  # s

@@ -9,15 +9,12 @@ from collections import Counter
 from collections.abc import Callable
 
 from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
-from sonarhw.link.link_statistics import LinkStatistics, smoothed
+from sonarhw.link import LinkStatistics, smoothed
 from sonarhw.readings import Reading
-from sonarhw.wire.arrivals import ReadingArrivals
-from sonarhw.wire.assembly import ReadingAssembler
-from sonarhw.wire.codes import Refusal, State
-from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
-from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
+    KEPT_READINGS,
+    PROTOCOL_MAJOR,
     ActionMessage,
     AnswerMessage,
     AskStatistics,
@@ -28,16 +25,24 @@ from sonarhw.wire.messages import (
     Message,
     MessageError,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
     Started,
     StartScan,
+    State,
     Statistics,
     TraceChunk,
+    microseconds_of,
     unpack_message,
 )
-from sonarhw.wire.reading_rules import broken_reading_rule, broken_start_rule
-from sonarhw.wire.units import microseconds_of
+from sonarhw.wire.readings_of_frames import (
+    DeviceClock,
+    ReadingArrivals,
+    ReadingAssembler,
+    broken_reading_rule,
+    broken_start_rule,
+)
 
 ANSWER_WITHIN = 0.5  # s; the command is then sent again
 TRIES = 6  # of a command

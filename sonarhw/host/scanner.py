@@ -12,13 +12,29 @@ the device wait. A serial line loses bytes, and the readings in them are request
 slows the scan but loses no reading.
 """
 
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, suppress
-from typing import Any, TypeVar
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self, TypeVar
 
-from sonarhw.errors import DeviceError, LinkLost, NoAnswer, SonarError
-from sonarhw.host.actions import (
+from sonarhw import files
+from sonarhw.errors import (
+    DeviceError,
+    Incompatible,
+    InputError,
+    LinkError,
+    LinkLost,
+    NoAnswer,
+    SonarError,
+    WrongDevice,
+    counted_are,
+)
+from sonarhw.host.scripts import (
+    Job,
     configuring,
     configuring_turntable,
     configuring_wiring,
@@ -29,32 +45,463 @@ from sonarhw.host.actions import (
     turning,
     zeroing,
 )
-from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
-from sonarhw.host.exclusive_use import ExclusiveUse
-from sonarhw.host.job import Job
-from sonarhw.host.link_thread import TICK, LinkThread
-from sonarhw.host.recorder import Recorder
-from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Session
-from sonarhw.link.link_statistics import LinkStatistics
-from sonarhw.link.ports import PortFinder
-from sonarhw.readings import Reading, ScanOrder, sector
-from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.codes import Approach, Feature, Input, Outcome, TraceKind, Wiring
-from sonarhw.wire.limits import MAX_ECHOES
+from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Session
+from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
+from sonarhw.log import LogWriter
+from sonarhw.readings import Reading, ScanAir, ScanOrder, sector
 from sonarhw.wire.messages import (
+    MAX_ECHOES,
+    Approach,
     AskStatistics,
+    Capabilities,
     Configure,
     ConfigureTurntable,
     ConfigureWiring,
+    Feature,
+    Info,
+    Input,
+    Outcome,
     Settings,
     Statistics,
     Stop,
+    TraceKind,
     Turn,
     TurntableSettings,
+    Wiring,
     WiringSettings,
+    degrees_c,
+    microdegrees_of,
+    microseconds_of,
+    millimetres_per_second_of,
+    radians_of,
+    seconds_of,
+    sound_speed_of,
 )
-from sonarhw.wire.reading_messages import start_scan
-from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per_second_of
+from sonarhw.wire.readings_of_frames import start_scan
+
+# Identity, capabilities and settings of a device, in SI units.
+
+
+@dataclass(frozen=True)
+class DeviceCapabilities:
+    """The capabilities of a device."""
+
+    features: Feature
+    lowest_angle: float  # rad; limit of the cable
+    highest_angle: float  # rad
+    steps: int  # full motor steps per turn of the table; 0: unknown
+    fastest: float  # highest speed, rad/s
+    hardest: float  # highest acceleration, rad/s²; 0: unknown
+    backlash: float  # rad
+    longest_listen: float  # s
+    shortest_blanking: float  # s
+    shortest_rearm: float  # s from an echo until the board can detect the next echo
+    most_pulses: int  # cycles; 0: unknown
+    most_echoes: int
+    ping_period: float  # s; shortest time from the start of one ping to the start of the next
+    fastest_trace: float  # Hz; 0: no traces
+    longest_trace: int  # samples
+    fastest_baud: int  # 0: the line has no baud rate
+    readings_kept: int  # number of newest readings that the device keeps for Resend
+    turning: str  # what turns the table: step-dir, 28byj, servo or another word; empty if unknown
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """The identity of a device."""
+
+    firmware: str
+    protocol: tuple[int, int]  # major, minor
+    serial: str
+    board: str  # name of the board profile, empty if unknown
+    temperature_c: float | None  # air at the board; None: no thermometer
+    trace_rate: float  # Hz; 0: no traces
+    microsteps: int  # per turn of the table
+    boot: int  # number of starts; 0: not counted
+    capabilities: DeviceCapabilities | None  # None: the firmware is too old to report them
+
+
+@dataclass(frozen=True)
+class PingSettings:
+    """Settings in force for the next pings."""
+
+    listen: float  # s
+    blanking: float  # s
+    trace: bool
+    speed_of_sound: float  # m/s
+    carrier: bool = False  # traces contain the carrier, not its envelope
+    pulses: int = 0  # cycles; 0: unknown
+    echoes: int = 0  # most echoes of one ping
+    rearm: float = 0.0  # s from an echo until the board can detect the next echo
+    trace_rate: float = 0.0  # Hz
+    trace_bits: int = 0
+
+
+@dataclass(frozen=True)
+class TurnSettings:
+    """Settings of the turntable in force."""
+
+    speed: float  # rad/s
+    acceleration: float  # rad/s²; 0: unknown
+    settling: float  # s
+    approach: Approach
+
+
+def device_info(info: Info, capabilities: Capabilities | None) -> DeviceInfo:
+    """Return identity and capabilities in SI units."""
+    return DeviceInfo(
+        firmware=info.firmware,
+        protocol=(info.major, info.minor),
+        serial=info.serial,
+        board=info.board,
+        temperature_c=degrees_c(info.temperature),
+        trace_rate=float(info.trace_rate),
+        microsteps=info.microsteps,
+        boot=info.boot,
+        capabilities=None if capabilities is None else _capabilities(capabilities),
+    )
+
+
+def ping_settings(settings: Settings) -> PingSettings:
+    """Return the ping settings in SI units."""
+    return PingSettings(
+        listen=seconds_of(settings.listen_us),
+        blanking=seconds_of(settings.blanking_us),
+        trace=bool(settings.trace),
+        speed_of_sound=sound_speed_of(settings.speed_of_sound),
+        carrier=settings.trace == TraceKind.CARRIER,
+        pulses=settings.pulses,
+        echoes=settings.echoes,
+        rearm=seconds_of(settings.rearm_us),
+        trace_rate=float(settings.trace_rate),
+        trace_bits=settings.trace_bits,
+    )
+
+
+def turn_settings(settings: TurntableSettings) -> TurnSettings:
+    """Return the turntable settings in SI units."""
+    return TurnSettings(
+        speed=radians_of(settings.speed),
+        acceleration=radians_of(settings.acceleration),
+        settling=seconds_of(settings.settle_us),
+        approach=Approach(settings.approach),
+    )
+
+
+def _capabilities(message: Capabilities) -> DeviceCapabilities:
+    return DeviceCapabilities(
+        features=Feature(message.features),
+        lowest_angle=radians_of(message.lowest_angle),
+        highest_angle=radians_of(message.highest_angle),
+        steps=message.steps,
+        fastest=radians_of(message.fastest),
+        hardest=radians_of(message.hardest),
+        backlash=radians_of(message.backlash),
+        longest_listen=seconds_of(message.longest_listen_us),
+        shortest_blanking=seconds_of(message.shortest_blanking_us),
+        shortest_rearm=seconds_of(message.shortest_rearm_us),
+        most_pulses=message.most_pulses,
+        most_echoes=message.most_echoes,
+        ping_period=seconds_of(message.ping_period_us),
+        fastest_trace=float(message.fastest_trace),
+        longest_trace=message.longest_trace,
+        fastest_baud=message.fastest_baud,
+        readings_kept=message.readings_kept,
+        turning=message.turning,
+    )
+
+
+# The interface of a connected scanner for scans, commands and the window, whatever the protocol of its device.
+
+
+class ConnectedScanner(Protocol):
+    """What `Scanner` and `PluginScanner` have in common. `Scanner` describes each member."""
+
+    url: str
+
+    @property
+    def takes_orders(self) -> bool:
+        """Whether the angles of a scan can be chosen; else the device turns by itself."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+    @property
+    def state(self) -> Connection:
+        """State of the connection."""
+
+    @property
+    def loss(self) -> SonarError | None:
+        """Reason of a loss, while the device is lost."""
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Identity of the device."""
+
+    @property
+    def settings(self) -> PingSettings | None:
+        """Ping settings in force."""
+
+    @property
+    def baud(self) -> int | None:
+        """Baud rate of the line."""
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """Counters of the traffic."""
+
+    @property
+    def clock_drift(self) -> float:
+        """By how much the host's clock runs faster than the device's."""
+
+    @property
+    def scan_began(self) -> float:
+        """Start of the last scan, s."""
+
+    @property
+    def unverified_angles(self) -> str | None:
+        """Clause with the angles of the last scan that could not be checked."""
+
+    def record(self, recorder: Recorder | None) -> None:
+        """Pass everything received to `recorder`."""
+
+    def configure(self, listen: float, blanking: float, trace: bool, speed_of_sound: float | None) -> PingSettings:
+        """Set the parameters of the next pings; return those in use."""
+
+    def home(self, here: bool = False) -> Outcome:
+        """Home the turntable, set its zero by hand, or wait for the start of a sweep; return how that ended."""
+
+    def turn(self, angle: float) -> Outcome:
+        """Turn to `angle`, rad; return how that ended."""
+
+    def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
+        """Scan, and yield each reading."""
+
+    def sequence(self) -> AbstractContextManager[None]:
+        """Combine actions, so that a stop ends all of them."""
+
+    def stop(self) -> None:
+        """Stop the running action."""
+
+    def close(self) -> None:
+        """Close the link."""
+
+
+# Exclusive use of a scanner: one thread, and one action at a time.
+
+
+class ExclusiveUse:
+    """Excludes other threads during a sequence of actions, and other actions during an action."""
+
+    def __init__(self, url: str, at_end: Callable[[], None] = lambda: None) -> None:
+        """`url` is for errors. `at_end` is called at the end of each sequence, before another one can begin."""
+        self.stop_wanted = False  # not an Event: a signal handler may run while the lock of an Event is held
+        self._url = url
+        self._at_end = at_end
+        self._lock = threading.Lock()
+        self._sequence_of: int | None = None  # the thread for which the lock is held
+        self._acting = False
+
+    @contextmanager
+    def sequence(self) -> Iterator[None]:
+        """Combine the actions of this thread in a block. Raises DeviceError while another sequence runs."""
+        if not self.claim():
+            raise self._busy()
+        self.stop_wanted, self._sequence_of = False, threading.get_ident()
+        try:
+            yield
+        finally:
+            try:
+                self._at_end()
+            finally:
+                self._sequence_of = None
+                self.release()
+
+    @contextmanager
+    def action(self) -> Iterator[None]:
+        """Enclose an action, in a sequence of its own if there is none. Raises DeviceError during another action."""
+        with nullcontext() if self._sequence_of == threading.get_ident() else self.sequence():
+            if self._acting:
+                raise self._busy()
+            self._acting = True
+            try:
+                yield
+            finally:
+                self._acting = False
+
+    def claim(self) -> bool:
+        """Prevent sequences until `release`, and return True; return False if one runs."""
+        return self._lock.acquire(blocking=False)
+
+    def release(self) -> None:
+        """Allow sequences again."""
+        self._lock.release()
+
+    def _busy(self) -> DeviceError:
+        return DeviceError(f"{self._url}: is busy; stop it or wait until it has finished")
+
+
+# The thread that exchanges bytes with a scanner: it opens the link, reads, writes, and opens it again after a loss.
+#
+# It sends signs of life while the caller is busy. It reads nothing while MOST_WAITING readings wait for the caller.
+
+
+MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
+TICK = 0.05  # s; longest delay until `close` takes effect
+_STOPPED = 0.3  # s; after a longer time between two reads, the system had stopped this process
+
+
+class LinkThread:
+    """A running thread for one session. `changed` guards the session and is notified when the session changes."""
+
+    def __init__(self, url: str, session: Session, find: Callable[[], str], use: ExclusiveUse) -> None:
+        """Start to connect. `find` returns the URL to open each time."""
+        self.changed = threading.Condition()
+        self._url = url
+        self._session = session
+        self._find = find
+        self._use = use
+        # times are s since the epoch on a clock that never runs backwards
+        self._epoch = time.time() - time.monotonic()
+        self._closing = threading.Event()
+        self._defect: BaseException | None = None  # the error that ended the thread
+        self._link: Link | None = None
+        self._looked = self.now()  # time of the last read
+        session.connect(self.now())
+        self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
+        self._thread.start()
+
+    def now(self) -> float:
+        """Return the time on the clock of the session, s since the epoch."""
+        return self._epoch + time.monotonic()
+
+    @property
+    def closed(self) -> bool:
+        """Whether `close` was called."""
+        return self._closing.is_set()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
+    def wait(self) -> None:
+        """Wait until the session changes, at most TICK. The caller holds `changed`. Raises what `check` raises."""
+        self.check()
+        self.changed.wait(TICK)
+
+    def check(self) -> None:
+        """Raise LinkLost after `close`, or the error that ended the thread."""
+        if self.closed:
+            raise LinkLost(f"{self._url}: the scanner was closed")
+        if self._defect:
+            raise self._defect
+
+    def wake(self) -> None:
+        """End a read that waits for bytes, so that the thread writes at once."""
+        if self._link:
+            self._link.wake()
+
+    def close(self) -> None:
+        """End the thread and close the link."""
+        self._closing.set()
+        with self.changed:
+            self.changed.notify_all()
+        self._thread.join()
+
+    def _converse(self) -> None:
+        try:
+            while not self._closing.is_set():
+                self._link = self._exchange(self._link) if self._link else self._open_link()
+        except BaseException as defect:  # noqa: BLE001 - raised again in the thread that uses the scanner
+            self._defect = defect
+        finally:
+            link, self._link = self._link, None
+            if link:
+                link.close()
+            with self.changed:
+                self.changed.notify_all()
+
+    def _open_link(self) -> Link | None:
+        """Return the opened link. None if the session does not need it now, or if it cannot be opened."""
+        with self.changed:
+            self._session.advance(self.now())
+            if not self._session.wants_open(self.now()):
+                self._forward_stop()
+                self.changed.notify_all()
+                self.changed.wait(TICK)
+                return None
+        try:
+            link = Link(self._find())
+        except (LinkError, InputError) as error:
+            with self.changed:
+                self._session.open_failed(error, self.now())
+                self.changed.notify_all()
+            return None
+        with self.changed:
+            self._session.opened(self.now(), link.quiet, link.bauds)
+        return link
+
+    def _exchange(self, link: Link) -> Link | None:
+        """Write and read once. Return the link, or None if it has been closed."""
+        behind = self._caller_is_behind()
+        try:
+            self._write(link)
+            if behind:
+                return link
+            begun = self.now()
+            data = link.read()
+        except LinkError as error:
+            link.close()
+            with self.changed:
+                self._session.broke(error, self.now())
+                self.changed.notify_all()
+            return None
+        with self.changed:
+            # without data, it is known only that nothing had arrived when the read began: the system may have stopped
+            # this process since, while bytes arrived
+            now = self.now() if data else begun
+            if data:
+                self._session.receive(data, now)
+            elif self.now() - self._looked > _STOPPED:
+                # what runs on the same machine, such as an emulated board, may have been stopped too: this time is no
+                # silence of the device
+                self._session.keep_alive(self.now())
+            self._looked = self.now()
+            if len(data) < MOST:  # otherwise more bytes are waiting
+                self._session.advance(now)
+            self._forward_stop()
+            self.changed.notify_all()
+            if not self._session.wants_close:
+                return link
+            self._session.closed()
+        link.close()
+        return None
+
+    def _write(self, link: Link) -> None:
+        with self.changed:
+            baud, data = self._session.device.baud, self._session.outgoing()
+        link.set_baud(baud)
+        if data:
+            link.write(data)
+
+    def _caller_is_behind(self) -> bool:
+        """Return whether the queue of readings is full, so that nothing may be read. If so, send signs of life only."""
+        with self.changed:
+            job = self._session.job
+            if job is None or len(job.readings) < MOST_WAITING or job.stop_wanted:
+                return False
+            self._session.keep_alive(self.now())
+            self._forward_stop()
+            self.changed.wait(TICK)
+            return True
+
+    def _forward_stop(self) -> None:
+        job = self._session.job
+        if self._use.stop_wanted and job is not None and not job.stop_wanted:
+            self._session.stop(job, self.now())
+
 
 _STOP_WITHIN = 1.5  # s
 _HEARTBEAT_WITHIN = 3.0  # s
@@ -417,3 +864,117 @@ def probe_port(url: str, patience: float = _PROBE_WITHIN) -> tuple[bool, str]:
             return True, f"scanner {scanner.info.serial}, {scanner.info.firmware}"
     except SonarError as error:
         return False, f"no scanner: {str(error).removeprefix(f'{url}: ')}"
+
+
+# Scan a room and record the scan, for `sonarhw scan` and the window's Scan button.
+#
+# from sonarhw import LogMetadata, LogWriter, sector from sonarhw.host.scanner import ScanPlan, record_scan
+# from sonarhw.readings import ScanAir
+#
+# plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir()) record_scan(scanner, plan,
+# LogWriter(path, LogMetadata("scan", time.time())), watcher)
+
+
+@dataclass(frozen=True)
+class ScanPlan:
+    """The pings of a scan and how the board listens."""
+
+    order: ScanOrder
+    reach: float  # m; range up to which the board listens
+    blanking: float  # s; earlier echoes are ignored
+    air: ScanAir
+    traces: bool = False
+    zero_here: bool = False  # zero is where the turntable is now; it is not homed
+
+
+class ScanWatcher(Protocol):
+    """Receives the progress of a scan, in the thread that called `record_scan`."""
+
+    @property
+    def stop_wanted(self) -> bool:
+        """Whether the scan should end before its next step. `Scanner.stop` also ends the current step."""
+
+    def homed(self) -> None:
+        """Receive the news that the turntable has homed, or that a sweep has begun. Readings follow."""
+
+    def reading(self, reading: Reading) -> None:
+        """Receive a new reading."""
+
+    def warn(self, message: str) -> None:
+        """Receive a warning that does not end the scan."""
+
+
+def record_scan(scanner: ConnectedScanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
+    """Configure the scanner, home, scan, record everything in `log`, and close it.
+
+    Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
+    not overwritten. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
+    states how many readings are kept.
+    """
+    progress = _Progress(watcher)
+    outcome = Outcome.STOPPED
+    with log:
+        scanner.record(log)
+        try:
+            outcome = run_scan(scanner, plan, progress, log.path)
+        except (LinkError, NoAnswer, WrongDevice, Incompatible) as error:
+            kept = f"; {counted_are(progress.count, 'reading')} kept in {log.path}" if progress.count else ""
+            raise type(error)(f"{error}{kept}") from error
+        finally:
+            scanner.record(None)
+            if outcome is Outcome.STOPPED and not progress.count:
+                log.drop()
+    return outcome
+
+
+@dataclass
+class _Progress:
+    """A watcher that counts the readings and passes everything to another one."""
+
+    watcher: ScanWatcher
+    count: int = 0
+
+    @property
+    def stop_wanted(self) -> bool:
+        return self.watcher.stop_wanted
+
+    def homed(self) -> None:
+        self.watcher.homed()
+
+    def reading(self, reading: Reading) -> None:
+        self.count += 1
+        self.watcher.reading(reading)
+
+    def warn(self, message: str) -> None:
+        self.watcher.warn(message)
+
+
+def run_scan(scanner: ConnectedScanner, plan: ScanPlan, watcher: ScanWatcher, path: Path | None = None) -> Outcome:
+    """Configure the scanner, home unless the pings are in place, and scan. `path` is the log, if there is one.
+
+    Returns DONE or STOPPED. Raises what `Scanner.scan` raises.
+    """
+    speed = plan.air.speed_of_sound(scanner.info.temperature_c)
+    scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
+    if path is not None:
+        _warn_if_disk_is_too_small(scanner, plan, path, watcher)
+    with scanner.sequence():  # a stop between two steps also ends the later steps
+        if watcher.stop_wanted or (not plan.order.in_place and scanner.home(plan.zero_here) is Outcome.STOPPED):
+            return Outcome.STOPPED
+        watcher.homed()
+        for reading in scanner.scan(plan.order):
+            watcher.reading(reading)
+    if scanner.unverified_angles:
+        watcher.warn(scanner.unverified_angles)
+    return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
+
+
+def _warn_if_disk_is_too_small(scanner: ConnectedScanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
+    settings = scanner.settings
+    samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
+    need, free = files.log_size(plan.order.readings, samples), files.free_bytes(path)
+    if free is not None and free < need:
+        watcher.warn(
+            f"{path}: the scan needs about {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
+            f"enough for {free / need:.0%} of it; delete other files"
+        )

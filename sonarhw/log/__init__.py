@@ -5,9 +5,7 @@ decodes the readings. For other tools it also contains the decoded readings and 
 at its end, a log opens at once. Traces are read from the file on access.
 """
 
-from sonarhw.log.contents import Log, LogMetadata, RecordedFrame, RecordedFrames, RecordedScan
-from sonarhw.log.reader import read_log
-from sonarhw.log.recovery import copy_log
-from sonarhw.log.writer import LogWriter
+from sonarhw.log.reader import Log, LogMetadata, RecordedFrame, RecordedFrames, RecordedScan, read_log
+from sonarhw.log.writer import LogWriter, copy_log
 
 __all__ = ["Log", "LogMetadata", "LogWriter", "RecordedFrame", "RecordedFrames", "RecordedScan", "copy_log", "read_log"]

@@ -1,20 +1,26 @@
-"""Read a log, whole or torn.
-
-A closed and undamaged log is opened with its index. This takes only the time to verify its checksums. The frames of any
-other log are decoded one by one. Frames and traces are read from the file on access.
-"""
+"""Read a log, whole or torn: its index, contents and scans."""
 
 import json
 import math
-from dataclasses import replace
+import re
+import struct
+import zipfile
+import zlib
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import lru_cache
+from importlib.metadata import version
+from io import BytesIO
+from itertools import groupby
 from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sonarhw.errors import NotALog
-from sonarhw.log.contents import FORMAT_VERSION, METADATA_NAME, PROFILE, READINGS, Log, LogMetadata, RecordedScan
-from sonarhw.log.index import NAME, IndexedScan, LogIndex, index_of, unpack_index
+from sonarhw.errors import NotALog, counted
 from sonarhw.log.mcap_records import (
     UNREADABLE,
     Damage,
@@ -30,10 +36,782 @@ from sonarhw.log.mcap_records import (
     read_ending,
     read_records,
 )
-from sonarhw.log.reading_columns import readings_of
-from sonarhw.log.recorded_frames import LogFrames, StoredTraces, known_topics, recorded_frame
-from sonarhw.log.recorded_scans import ScanDecoder
-from sonarhw.readings import Origin
+from sonarhw.readings import FloatArray, Origin, Reading, Trace, lost_steps_clause, split_at_homings, unverified_clause
+from sonarhw.wire.frames import Frame, decode_block, frame_payload, frame_type
+from sonarhw.wire.messages import (
+    Accepted,
+    Capabilities,
+    Finished,
+    Hello,
+    Home,
+    Info,
+    Message,
+    MessageError,
+    Outcome,
+    ReadingMessage,
+    Refused,
+    Settings,
+    Started,
+    StartScan,
+    TraceChunk,
+    origin_of,
+    unpack_message,
+)
+from sonarhw.wire.readings_of_frames import DeviceClock, ReadingAssembler, broken_reading_rule, readings_requested
+
+# The contents of a log as frozen dataclasses, and the names used in the file.
+
+
+FORMAT_VERSION = 1
+PROFILE = "sonarhw"  # of the MCAP header
+METADATA_NAME = "sonarhw"  # of the MCAP metadata record
+
+FRAMES_RECEIVED = "/frames/rx"
+FRAMES_SENT = "/frames/tx"
+READINGS = "/readings"
+SWEEPS = "/scan"
+BYTES = "/bytes/rx"  # as received from a device that sends no frames
+TRACES = "/traces"  # decoded, for log viewers; never read back
+# in the order of their channel numbers, from 1, so that a log without its channel records can be read
+TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS, BYTES, TRACES)
+
+
+@dataclass(frozen=True)
+class LogMetadata:
+    """The origin of a log; the first record of the file."""
+
+    made_by: str  # "scan", "ping", "import", "simulate"; "unknown" if it is missing in a torn file
+    started: float  # s since the epoch; 0 if it is missing in a torn file
+    room_file: str = ""  # name of the room file, empty without one
+    room_text: str = ""  # text of the room file when the log was made
+    place: str = ""
+    board: str = ""  # name of the board profile
+    board_text: str = ""  # text of the board profile when the log was made
+    product_version: str = version("sonarhw")
+    format_version: int = FORMAT_VERSION
+
+
+@dataclass(frozen=True)
+class RecordedFrame:
+    """One frame as it passed over the link."""
+
+    time: float  # host clock, s since the epoch
+    received: bool  # True: from the device; False: from the host
+    wire: bytes  # with delimiter
+
+
+class RecordedFrames(Protocol):
+    """All frames of a log, in order. Each iteration reads them from the file."""
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+
+    def __iter__(self) -> Iterator[RecordedFrame]:
+        """Yield the frames. Raises NotALog if the file can no longer be read."""
+
+    def pieces(self) -> Iterator[list[RecordedFrame]]:
+        """Yield the frames in the groups in which they were written."""
+
+    def received_bytes(self) -> Iterator[tuple[float, bytes]]:
+        """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
+
+
+@dataclass(frozen=True)
+class RecordedScan:
+    """The readings from one Started to the next. An interrupted and continued scan is one scan."""
+
+    began: float  # s on the clock of the readings
+    expected: int | None  # readings announced by Started; None if the log does not contain it
+    settings: Settings | None
+    readings: tuple[Reading, ...]  # by number; their traces are read from the file on access
+    finished: Finished | None  # None if the log ends before the scan
+    homed: tuple[float, ...] = ()  # times of homings during the scan, s on the clock of the readings
+
+    @property
+    def made(self) -> int:
+        """The number of readings that the device made: those announced, unless the scan was stopped."""
+        return self.finished.readings if self.finished else self.expected or 0
+
+    @property
+    def missing(self) -> int:
+        """The number of readings that the device made but the log does not contain."""
+        return max(0, self.made - len(self.readings))
+
+    @property
+    def angle_warning(self) -> str | None:
+        """Clause with the angles that may be wrong, and the reason; None if there are none."""
+        slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
+        if not slipped and not self.homed:
+            return None
+        runs = split_at_homings(
+            [reading.time for reading in self.readings], [reading.angle for reading in self.readings], self.homed
+        )
+        of_last = lost_steps_clause(runs) if slipped else None
+        lost = of_last and f"the turntable lost steps; {of_last}"
+        return "; ".join(filter(None, (lost, unverified_clause(runs)))) or None
+
+
+@dataclass(frozen=True)
+class Log:
+    """The contents of a log."""
+
+    metadata: LogMetadata
+    info: Info | None  # of the last greeting
+    settings: Settings | None  # the last in force
+    frames: RecordedFrames
+    scans: tuple[RecordedScan, ...]
+    torn: str | None  # clause that states where the file is incomplete or damaged; None: the file is whole
+    damaged: bool  # whether it is damaged before its end
+
+    @property
+    def origin(self) -> Origin:
+        """The origin of the readings: measured, or fake, simulated or imported."""
+        device = self.info
+        return origin_of(self.metadata.made_by, device.firmware if device else "", device.serial if device else "")
+
+    @property
+    def condition(self) -> str:
+        """`whole`, `torn` or `damaged`."""
+        return "damaged" if self.damaged else "torn" if self.torn else "whole"
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Clauses for warnings: what is missing in the file and what to do, and which angles may be wrong."""
+        count = len(self.readings)
+        remedy = "; to repair it: `sonarhw log recover LOG --out FILE.mcap`" if count else ""
+        missing = (f"{self.condition}; {counted(count, 'whole reading')} read; {self.torn}{remedy}",) * bool(self.torn)
+        several = len(self.scans) > 1
+        doubted = ((number, scan.angle_warning) for number, scan in enumerate(self.scans, 1))
+        return missing + tuple(f"scan {number}: {why}" if several else why for number, why in doubted if why)
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """The readings of all scans, one scan after the other."""
+        if len(self.scans) == 1:
+            return self.scans[0].readings
+        return tuple(reading for scan in self.scans for reading in scan.readings)
+
+
+# The readings of one recorded scan as columns, about 100 bytes each.
+#
+# Traces are not stored, only their positions in the log. They are read from the log on access.
+
+
+Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
+Span = tuple[int, int]  # offsets of the first and last chunk that contain a reading or its trace
+
+_INTEGERS = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
+_FLOATS = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
+NO_TRACE = -1
+# limits of a frame
+_MOST_ECHOES = 255
+_ANGLES = -math.radians(2148), math.radians(2148)
+
+
+class ReadingColumns:
+    """Columns with one row per reading. The trace of a row may be added later."""
+
+    def __init__(self) -> None:
+        self._integers = {name: array("q") for name in _INTEGERS}
+        self._floats = {name: array("d") for name in _FLOATS}
+        self._echo_times = array("d")
+        self._rows: dict[int, int] = {}  # by number
+
+    def __len__(self) -> int:
+        return len(self._integers["number"])
+
+    def __contains__(self, number: int) -> bool:
+        return number in self._rows
+
+    @property
+    def latest(self) -> float:
+        """Time of the latest reading, s. There must be at least one."""
+        return max(self._floats["time"])
+
+    def add(self, reading: Reading, span: Span | None) -> None:
+        """Append a reading. `span` is None as long as no part of its trace has been found."""
+        self._rows[reading.number] = len(self)
+        first, last = span or (NO_TRACE, NO_TRACE)
+        integers = (reading.number, reading.sweep, reading.ping, len(reading.echo_times), first, last)
+        maybe = (np.nan if value is None else value for value in (reading.temperature_c, reading.host_time))
+        floats = (reading.angle, reading.time, reading.speed_of_sound, *maybe)
+        for name, value in zip(_INTEGERS, integers, strict=True):
+            self._integers[name].append(value)
+        for name, number in zip(_FLOATS, floats, strict=True):
+            self._floats[name].append(number)
+        self._echo_times.extend(reading.echo_times)
+
+    def extend_trace(self, number: int, began: int, chunk: int) -> None:
+        """Extend the span of a reading to `chunk`, which contains a part of its trace. `began` contains the reading."""
+        row = self._rows[number]
+        if self._integers["first_chunk"][row] == NO_TRACE:
+            self._integers["first_chunk"][row] = began
+        self._integers["last_chunk"][row] = chunk
+
+    def columns(self) -> Columns:
+        """Return arrays in the order of the rows. `echo_times` has the echoes of all readings, one after another."""
+        integers = {name: np.array(values, np.int64) for name, values in self._integers.items()}
+        floats = {name: np.array(values, np.float64) for name, values in self._floats.items()}
+        return {**integers, **floats, "echo_times": np.array(self._echo_times, np.float64)}
+
+
+def check_columns(columns: Columns, end: int) -> None:
+    """Raise ValueError unless `columns` may come from `ReadingColumns.columns`, for a log with chunks before `end`."""
+    wanted = {**dict.fromkeys(_INTEGERS, np.int64), **dict.fromkeys((*_FLOATS, "echo_times"), np.float64)}
+    if {name: column.dtype for name, column in columns.items()} != wanted:
+        raise ValueError("other columns or types")
+    count, echoes, times = len(columns["number"]), columns["echoes"], columns["echo_times"]
+    first, last = columns["first_chunk"], columns["last_chunk"]
+    if any(columns[name].shape != (count,) for name in (*_INTEGERS, *_FLOATS)):
+        raise ValueError("columns of several lengths")
+    if (echoes < 0).any() or (echoes > _MOST_ECHOES).any() or int(echoes.sum()) != len(times):
+        raise ValueError("another number of echoes")
+    for name, least, most in (("number", 0, 2**32), ("sweep", 0, 2**16), ("ping", 0, 2**8), ("angle", *_ANGLES)):
+        if not ((columns[name] >= least) & (columns[name] < most)).all():
+            raise ValueError(f"{name} out of range")
+    if not np.isfinite(columns["time"]).all() or not (times >= 0).all() or np.isinf(times).any():
+        raise ValueError("no times")
+    if not ((first == NO_TRACE) | ((first >= 0) & (first <= last) & (last < end))).all():
+        raise ValueError("traces outside the file")
+
+
+def readings_of(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin) -> tuple[Reading, ...]:
+    """Return the readings by number. `trace` returns the trace for a reading's number and span."""
+    order = np.argsort(columns["number"], kind="stable").tolist()
+    rows = [*_rows(columns, trace, origin)]
+    return tuple(rows[row] for row in order)
+
+
+def _rows(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin) -> Iterator[Reading]:
+    echo_times = columns["echo_times"].tolist()
+    used = 0
+    names = (*_INTEGERS, *_FLOATS)
+    for row in zip(*(columns[name].tolist() for name in names), strict=True):
+        number, sweep, ping, echoes, first, last, angle, time, speed, *maybe = row
+        temperature, host_time = (None if value != value else value for value in maybe)
+        times = tuple(echo_times[used : used + echoes])
+        used += echoes
+        yield Reading(
+            number=number,
+            sweep=sweep,
+            ping=ping,
+            angle=angle,
+            time=time,
+            echo_times=times,
+            speed_of_sound=speed,
+            temperature_c=temperature,
+            trace=None if first == NO_TRACE else trace(number, (first, last)),
+            host_time=host_time,
+            origin=origin,
+        )
+
+
+# The frames and traces of a log. They are read from the file on access.
+
+
+_CACHED_TRACES = 64
+_UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
+
+
+class LogFrames:
+    """The frames in a log file, as `RecordedFrames`."""
+
+    def __init__(self, file: OpenFile, count: int, topics: dict[int, str]) -> None:
+        self._file = file
+        self._count = count
+        self._topics = topics
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[RecordedFrame]:
+        for _, frame in _frames(self._file, self._topics):
+            yield frame
+
+    def pieces(self) -> Iterator[list[RecordedFrame]]:
+        """Yield the frames of each chunk."""
+        for _, together in groupby(_frames(self._file, self._topics), key=lambda placed: placed[0]):
+            yield [frame for _, frame in together]
+
+    def received_bytes(self) -> Iterator[tuple[float, bytes]]:
+        """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
+        for item in _records(self._file):
+            if isinstance(item, McapMessage) and self._topics.get(item.channel) == BYTES:
+                yield item.time * 1e-9, item.data
+
+
+def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
+    """Return the frame in a message of the file; None if it contains none."""
+    topic = topics.get(message.channel)
+    if topic not in (FRAMES_RECEIVED, FRAMES_SENT):
+        return None
+    return RecordedFrame(message.time * 1e-9, topic == FRAMES_RECEIVED, message.data)
+
+
+def known_topics() -> dict[int, str]:
+    """Return the topics by channel number, as `LogWriter` registers them."""
+    return dict(enumerate(TOPICS, start=1))
+
+
+def _frames(file: OpenFile, topics: dict[int, str], span: Span | None = None) -> Iterator[tuple[int, RecordedFrame]]:
+    for item in _records(file, *(span or ())[:1]):
+        if span is not None and not isinstance(item, Damage) and item.at > span[1]:
+            return
+        if isinstance(item, McapMessage) and (frame := recorded_frame(item, topics)):
+            yield item.at, frame
+
+
+def _records(file: OpenFile, *start: int) -> Iterator[Record | McapMessage | Damage]:
+    try:
+        yield from read_records(file, *start)
+    except OSError as error:
+        raise NotALog(f"{file.path}: can no longer be read: {error.strerror}") from error
+
+
+class StoredTraces:
+    """The traces of one scan, with a cache of the last few."""
+
+    def __init__(self, file: OpenFile, settings: Settings | None, topics: dict[int, str]) -> None:
+        self._file = file
+        self._topics = topics
+        self._settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
+        self.load = lru_cache(maxsize=_CACHED_TRACES)(self._load)
+
+    def trace(self, number: int, span: Span) -> Trace:
+        """Return the trace of the reading in the chunks `span`. It is read on first access."""
+        return StoredTrace(self, number, span)
+
+    def _load(self, number: int, span: Span) -> Trace:
+        found = [reading.trace for reading in self._assembled(span) if reading.number == number and reading.trace]
+        if not found:
+            raise NotALog(f"{self._file.path}: the trace of reading {number} cannot be read; `log recover` may help")
+        return found[-1]
+
+    def _assembled(self, span: Span) -> list[Reading]:
+        # only the chunks of this reading are decoded
+        assembler = ReadingAssembler()
+        assembler.feed(self._settings)
+        readings: list[Reading] = []
+        for _, recorded in _frames(self._file, self._topics, span):
+            frame = decode_block(recorded.wire[:-1])
+            if not recorded.received or not isinstance(frame, Frame):
+                continue
+            try:
+                message = unpack_message(frame.type, frame.payload)
+            except MessageError:
+                continue
+            if message is not None:
+                readings += assembler.feed(message)
+        return readings + assembler.flush()
+
+
+class StoredTrace(Trace):
+    """A trace that is read from its log on access, through the cache of `StoredTraces`.
+
+    Access raises NotALog if the log can no longer be read.
+    """
+
+    def __init__(self, traces: StoredTraces, number: int, span: Span) -> None:
+        self._traces = traces
+        self._number = number
+        self._span = span
+
+    def __repr__(self) -> str:
+        return f"StoredTrace({self._number}, {self._span})"
+
+    @property
+    def samples(self) -> FloatArray:
+        """See `Trace`."""
+        return self._loaded.samples
+
+    @property
+    def rate(self) -> float:
+        """See `Trace`."""
+        return self._loaded.rate
+
+    @property
+    def start(self) -> float:
+        """See `Trace`."""
+        return self._loaded.start
+
+    @property
+    def carrier(self) -> bool:
+        """See `Trace`."""
+        return self._loaded.carrier
+
+    @property
+    def _loaded(self) -> Trace:
+        return self._traces.load(self._number, self._span)
+
+
+# Decode recorded frames to readings and scans, as the driver decoded them during the scan.
+#
+# Only the positions of traces are stored, because the traces of an hour do not fit into memory.
+
+
+_NUMBER = struct.Struct("<I")  # first field of a TraceChunk; decoding all fields would double the time to read a log
+_TRACES_AHEAD = 4  # traces kept without their readings, which were lost and may be sent again
+
+
+@dataclass
+class DecodedScan:
+    """The part of a scan that has been decoded so far."""
+
+    command: int  # sequence number of its newest StartScan
+    order: StartScan | None  # None if the log has no frames from a host
+    since_us: int  # device time; earlier pings belong to the previous scan
+    settings: Settings | None
+    started: float | None = None  # s on the clock of the readings
+    expected: int | None = None
+    readings: ReadingColumns = field(default_factory=ReadingColumns)
+    first: Reading | None = None  # reading with the lowest number
+    finished: Finished | None = None
+    homed: list[float] = field(default_factory=list)  # time of the newest reading before each homing
+
+    @property
+    def answered(self) -> bool:
+        """Whether the device has answered the command."""
+        return self.started is not None or len(self.readings) > 0
+
+    @property
+    def began(self) -> float:
+        """Start of the scan, s on the clock of its readings."""
+        # if the first Started was lost, the repeated one is later than the first readings
+        known = [] if self.first is None else [self.first.time]
+        return min(known if self.started is None else [*known, self.started])
+
+    def is_continued_by(self, order: StartScan) -> bool:
+        """Return whether `order` requests a missing part of this scan, or all of it if there are no readings yet."""
+        part = order.first > 0 or order.count > 0
+        return self.order is not None and _whole(self.order) == _whole(order) and (part or not self.readings)
+
+
+def _whole(order: StartScan) -> StartScan:
+    return replace(order, first=0, count=0)
+
+
+class ScanDecoder:
+    """Decodes recorded frames, and assigns their readings to scans.
+
+    A scan begins with the StartScan of the host. Logs of imported and simulated scans contain no frames from a host; a
+    scan then begins with Started. Both may occur twice, because a command is repeated until it is answered. An
+    interrupted and continued scan is one scan.
+    """
+
+    def __init__(self) -> None:
+        self.info: Info | None = None
+        self.settings: Settings | None = None
+        self.frames = 0
+        self._checked = False  # whether readings must agree with their order; a replayed log plays another scan
+        self._clock = DeviceClock()
+        self._assembler = ReadingAssembler(self._clock)
+        self._scans: list[DecodedScan] = []
+        self._hello: int | None = None  # sequence number of the newest Hello
+        self._greeted_at = 0  # number of scans when the conversation began
+        self._homed = False  # whether the turntable has homed since the newest scan was requested
+        self._newest_us = 0
+        self._newest: tuple[int, int] | None = None  # number and chunk offset of the newest reading
+        self._ahead: dict[int, Span] = {}  # traces without their reading, by number
+
+    def take(self, recorded: RecordedFrame, place: int = 0) -> list[Reading]:
+        """Process a frame and return the readings that it completes, without traces.
+
+        `place` is the offset of its chunk. Damaged frames and unknown messages are ignored.
+        """
+        self.frames += 1
+        block = recorded.wire[:-1]
+        # fast path: most of a log is traces, and the CRC-32 of the chunk has been checked
+        if recorded.received and frame_type(block) == TraceChunk.TYPE:
+            self._find_trace(frame_payload(block), place)
+            return []
+        frame = decode_block(block)
+        if not isinstance(frame, Frame):
+            return []
+        try:
+            message = unpack_message(frame.type, frame.payload)
+        except MessageError:
+            return []
+        if message is None:
+            return []
+        if not recorded.received:
+            self._from_host(frame.sequence, message)
+            return []
+        # Accepted and Refused may be unmatched answers; their times must be ignored
+        if not isinstance(message, Accepted | Refused):
+            self._newest_us = frame.time_us
+            self._clock.add_frame(frame.time_us, recorded.time)
+        return self._keep(self._from_device(frame, message), place)
+
+    @property
+    def begun(self) -> int:
+        """Number of scans requested; a continued scan counts once."""
+        return len(self._scans)
+
+    @property
+    def readings_per_sweep(self) -> int | None:
+        """Number of readings of each sweep of the newest scan; None if unknown."""
+        order = self._scans[-1].order if self._scans and self._checked else None
+        return order.headings * order.pings if order else None
+
+    def scans(self) -> list[DecodedScan]:
+        """Return all scans so far, in order, without those that the device never answered."""
+        return [scan for scan in self._scans if scan.answered]
+
+    def _from_host(self, sequence: int, message: Message) -> None:
+        if isinstance(message, Hello) and sequence != self._hello:
+            self._hello, self._greeted_at = sequence, len(self._scans)
+        if isinstance(message, Home):
+            self._homed = True
+        if isinstance(message, StartScan) and not self._is_current(sequence):
+            if self._scans and self._scans[-1].is_continued_by(message):
+                self._continue(sequence)
+            else:
+                self._begin(sequence, message)
+
+    def _from_device(self, frame: Frame, message: Message) -> list[Reading]:
+        match message:
+            case Info():
+                self.info, self._checked = message, False
+            case Capabilities():
+                self._checked = True
+            case Settings():
+                self.settings = message
+                # the assembler then completes a reading without its trace
+                message = replace(message, trace=0)
+            case Started():
+                if not self._is_current(message.command):
+                    self._begin(message.command)
+                scan = self._scans[-1]
+                if scan.started is None:
+                    scan.started = self._clock.continued(frame.time_us)
+                if self._checked and scan.order:
+                    scan.expected = readings_requested(_whole(scan.order))
+                else:
+                    scan.expected = max(scan.expected or 0, message.first + message.readings)
+                return []
+            case Refused() if self._is_current(message.command) and not self._scans[-1].answered:
+                self._scans.pop()
+            case Finished() if self._scans:
+                self._finish(self._scans[-1], message)
+            case ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
+                return []
+            case ReadingMessage() if self._breaks_rules(message):
+                return []
+        return self._assembler.feed(message)
+
+    def _breaks_rules(self, message: ReadingMessage) -> bool:
+        order = self._scans[-1].order if self._scans else None
+        if not self._checked or order is None or self.info is None:
+            return False
+        return broken_reading_rule(message, order, self.settings, self.info.microsteps) is not None
+
+    def _finish(self, scan: DecodedScan, message: Finished) -> None:
+        # a command for a missing part has fewer readings than the whole scan
+        if self._is_current(message.command) and (not scan.finished or message.readings >= scan.finished.readings):
+            scan.finished = message
+        elif scan.finished and message.outcome == Outcome.LOST_STEPS and not self._homed:
+            # detected after the scan, when the turntable turned over the zero mark
+            scan.finished = replace(scan.finished, outcome=Outcome.LOST_STEPS, text=message.text)
+
+    def _is_current(self, command: int) -> bool:
+        return len(self._scans) > self._greeted_at and self._scans[-1].command == command
+
+    def _begin(self, command: int, order: StartScan | None = None) -> None:
+        self._forget(command)
+        self._scans.append(DecodedScan(command, order, self._newest_us, self.settings))
+
+    def _continue(self, command: int) -> None:
+        scan = self._scans[-1]
+        if self._homed and scan.readings:
+            scan.homed.append(scan.readings.latest)
+        self._forget(command)
+        scan.command, scan.since_us = command, self._newest_us
+        self._greeted_at = len(self._scans) - 1
+
+    def _forget(self, command: int) -> None:
+        self._homed = False
+        # the numbers of readings start again at 0; a Started resets the assembler
+        self._assembler.feed(Started(command, 0))
+        self._newest, self._ahead = None, {}
+
+    def _keep(self, readings: list[Reading], place: int) -> list[Reading]:
+        if not readings:
+            return []
+        if not self._scans:  # the log begins in the middle of a scan
+            self._scans.append(DecodedScan(-1, None, 0, self.settings))
+        scan = self._scans[-1]
+        fresh = [reading for reading in readings if reading.number not in scan.readings]
+        for reading in fresh:
+            if scan.first is None or reading.number < scan.first.number:
+                scan.first = reading
+            ahead = self._ahead.pop(reading.number, None)
+            scan.readings.add(reading, (ahead[0], place) if ahead else None)
+            self._newest = reading.number, place
+        return fresh
+
+    def _find_trace(self, payload: bytes, place: int) -> None:
+        """Store the position of a part of a trace, which belongs to the newest or to a later reading."""
+        if len(payload) < _NUMBER.size:
+            return
+        (number,) = _NUMBER.unpack_from(payload)
+        if self._newest and self._newest[0] == number:
+            self._scans[-1].readings.extend_trace(number, self._newest[1], place)
+        elif not self._scans or number not in self._scans[-1].readings:
+            first, _ = self._ahead.get(number, (place, place))
+            self._ahead[number] = first, place
+            while len(self._ahead) > _TRACES_AHEAD:
+                del self._ahead[next(iter(self._ahead))]
+
+
+# The index at the end of a closed log: its readings without traces, and the position of each in the file.
+#
+# It contains the result of a `ScanDecoder`, so that the frames need not be decoded again to open a log. It is an MCAP
+# attachment, an .npz file of plain columns. The index is ignored if it has another version, if its contents are
+# invalid, or if another tool has copied it into another file. The frames are then decoded.
+
+
+NAME = "sonarhw.index.npz"
+MEDIA_TYPE = "application/x-npz"
+_VERSION = 2
+_HEAD = "head"  # the JSON text beside the columns, as bytes
+_ARRAY_HEAD = re.compile(
+    rb"\x93NUMPY\x01\x00..\{'descr': '(?P<kind>[<|][fiu][18])', 'fortran_order': False, "
+    rb"'shape': \((?P<size>\d{1,15}),\), \} *\n",
+    re.DOTALL,
+)
+_UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, NotImplementedError, RuntimeError, MessageError),
+    *(LookupError, ValueError, TypeError, AttributeError, OverflowError, OSError, EOFError),
+)
+
+_M = TypeVar("_M", bound=Message)
+
+
+@dataclass(frozen=True)
+class IndexedScan:
+    """A scan in the index, with its readings in columns."""
+
+    scan: RecordedScan  # without readings
+    columns: Columns
+
+
+@dataclass(frozen=True)
+class LogIndex:
+    """The decoded contents of the frames of a log."""
+
+    info: Info | None
+    settings: Settings | None
+    frames: int
+    scans: tuple[IndexedScan, ...]
+
+
+def index_of(decoder: ScanDecoder) -> LogIndex:
+    """Return the index of the frames that `decoder` has processed."""
+    return LogIndex(decoder.info, decoder.settings, decoder.frames, tuple(map(_indexed, decoder.scans())))
+
+
+def _indexed(scan: DecodedScan) -> IndexedScan:
+    recorded = RecordedScan(scan.began, scan.expected, scan.settings, (), scan.finished, tuple(scan.homed))
+    return IndexedScan(recorded, scan.readings.columns())
+
+
+def pack_index(index: LogIndex, at: int) -> bytes:
+    """Return the bytes of an index that will be at offset `at` of the file."""
+    head = {
+        "version": _VERSION,
+        "at": at,
+        "info": _packed(index.info),
+        "settings": _packed(index.settings),
+        "frames": index.frames,
+        "scans": [
+            {
+                "began": indexed.scan.began,
+                "expected": indexed.scan.expected,
+                "settings": _packed(indexed.scan.settings),
+                "finished": _packed(indexed.scan.finished),
+                "homed": indexed.scan.homed,
+            }
+            for indexed in index.scans
+        ],
+    }
+    arrays = {
+        f"{number}/{name}": column for number, scan in enumerate(index.scans) for name, column in scan.columns.items()
+    }
+    packed = BytesIO()
+    np.savez(packed, allow_pickle=False, **{_HEAD: np.frombuffer(json.dumps(head).encode(), np.uint8)}, **arrays)
+    return packed.getvalue()
+
+
+def unpack_index(data: bytes, at: int) -> LogIndex | None:
+    """Return the index in an attachment at offset `at`. None if it has another version or belongs to another file.
+
+    None also if its contents are invalid, although the checksums of the file are correct.
+    """
+    try:
+        arrays = _arrays(data)
+        head = json.loads(arrays.pop(_HEAD).tobytes())
+        if (head["version"], head["at"]) != (_VERSION, at):
+            return None
+        columns: list[Columns] = [{} for _ in head["scans"]]
+        for name, array in arrays.items():
+            number, _, column = name.partition("/")
+            columns[int(number)][column] = array
+        scans = tuple(_scan(scan, mine, at) for scan, mine in zip(head["scans"], columns, strict=True))
+        return LogIndex(_unpacked(Info, head["info"]), _unpacked(Settings, head["settings"]), _count(head), scans)
+    except _UNREADABLE:
+        return None
+
+
+def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
+    """Return the one-dimensional arrays of an .npz file without compression. Raises the errors in _UNREADABLE."""
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        members = archive.infolist()
+        if any(member.compress_type != zipfile.ZIP_STORED for member in members):
+            raise ValueError("a compressed index")  # its size is unlimited
+        if sum(member.file_size for member in members) > len(data):
+            raise ValueError("members of the index share bytes")
+        return {member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members}
+
+
+def _array(stored: bytes) -> NDArray[Any]:
+    # np.load would allocate as much as the file declares, and evaluates the text of its header
+    head = _ARRAY_HEAD.match(stored)
+    if head is None:
+        raise ValueError("a header that numpy does not write for these columns")
+    array = np.frombuffer(stored, head["kind"].decode(), offset=head.end())
+    if array.shape != (int(head["size"]),):
+        raise ValueError(f"declared size {int(head['size'])}, {array.shape} stored")
+    return array
+
+
+def _count(head: dict[str, Any]) -> int:
+    if not (isinstance(head["frames"], int) and head["frames"] >= 0):
+        raise ValueError("no number of frames")
+    return head["frames"]
+
+
+def _scan(scan: dict[str, Any], columns: Columns, end: int) -> IndexedScan:
+    settings, finished = _unpacked(Settings, scan["settings"]), _unpacked(Finished, scan["finished"])
+    began, expected, homed = float(scan["began"]), scan["expected"], tuple(map(float, scan["homed"]))
+    if not np.isfinite((began, *homed)).all() or not (expected is None or isinstance(expected, int)):
+        raise ValueError("no times or number of readings")
+    check_columns(columns, end)
+    return IndexedScan(RecordedScan(began, expected, settings, (), finished, homed), columns)
+
+
+def _packed(message: Message | None) -> str | None:
+    return None if message is None else message.pack().hex()
+
+
+def _unpacked(kind: type[_M], packed: str | None) -> _M | None:
+    return None if packed is None else kind.unpack(bytes.fromhex(packed))
+
+
+# Read a log, whole or torn.
+#
+# A closed and undamaged log is opened with its index. This takes only the time to verify its checksums. The frames of
+# any other log are decoded one by one. Frames and traces are read from the file on access.
+
 
 _FIELDS = ("format_version", "product_version", "made_by", "started", "room_file", "room_text", "place", "board")
 _LATEST = 1.8e10  # s since the epoch; later times do not fit into the messages of a log

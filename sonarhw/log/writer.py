@@ -5,44 +5,466 @@ its frames. Otherwise each frame is written at once. So a killed process loses a
 reading. Closing adds the index, with which a log of an hour opens at once.
 """
 
+import errno
+import json
+import math
+import os
+import shutil
 import threading
-from collections.abc import Callable
-from dataclasses import replace
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from io import FileIO
+from itertools import pairwise
 from pathlib import Path
+from statistics import median_low
 from types import TracebackType
-from typing import IO, BinaryIO, Self, cast
+from typing import IO, Any, BinaryIO, Self, cast
 
+import numpy as np
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import build_file_descriptor_set
 
-from sonarhw.disk_space import DiskSpaceMonitor
-from sonarhw.errors import LogError
-from sonarhw.log.appended_file import LogFile, WholeLogFile
-from sonarhw.log.contents import (
+from sonarhw.errors import LogError, counted_are
+from sonarhw.files import DiskSpaceMonitor, atomic_file, unfinished_file
+from sonarhw.log.reader import (
     BYTES,
     FRAMES_RECEIVED,
     FRAMES_SENT,
+    MEDIA_TYPE,
     METADATA_NAME,
+    NAME,
     PROFILE,
+    READINGS,
     SWEEPS,
     TOPICS,
+    TRACES,
+    Log,
     LogMetadata,
     RecordedFrame,
+    ScanDecoder,
+    index_of,
+    pack_index,
 )
-from sonarhw.log.index import MEDIA_TYPE, NAME, index_of, pack_index
-from sonarhw.log.recorded_scans import ScanDecoder
-from sonarhw.log.viewer.channels import DECODED, reading_messages
-from sonarhw.log.viewer.laser_scan import laser_scan
-from sonarhw.log.viewer.open_sweeps import OpenSweeps
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import frame_type
-from sonarhw.wire.messages import Finished, Info, Started
+from sonarhw.wire.messages import KEPT_READINGS, Finished, Info, Started, microdegrees_of, radians_of
+
+# The file of a log: one that grows during a recording, or one that is written as a whole.
+#
+# The file of a recording grows in whole pieces, which are synced to the disk one by one.
+#
+# If the process is killed, the disk is full or the drive is removed, the file ends after a whole piece. A file to be
+# overwritten is unchanged until the new log has its first reading.
+
+
+_NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
+
+
+class WholeLogFile:
+    """The file of a log that is written as a whole. The caller has opened it, and keeps or discards it at the end."""
+
+    disposable = True  # whether the new file may be removed after an error
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.path = Path(str(file.name))
+        self.readings = 0
+        self.closed = False
+        self._file = file
+        self._written = 0
+
+    def write(self, data: bytes) -> int:
+        """Write the bytes."""
+        self._written += len(data)
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        """Return the offset in the file of the next byte."""
+        return self._written
+
+    def flush(self) -> None:
+        """Do nothing. The caller flushes the file."""
+
+    def replace_old_file(self) -> None:
+        """Do nothing. The caller replaces the old file."""
+
+    def close(self) -> None:
+        """Let no more bytes be written. The caller closes the file."""
+        self.closed = True
+
+    drop = close
+
+
+class LogFile:
+    """Collects bytes and writes them in one piece at `flush`.
+
+    A thread syncs every piece to the disk at once. A drive that is pulled out then has all pieces, and its removal is
+    detected. Without a sync, the system accepts bytes for a removed drive for half a minute.
+    """
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        """Create the file. Raises LogError if it exists (unless `overwrite`) or cannot be created."""
+        self.path = path
+        self.readings = 0  # readings in the file after the next `flush`, for error messages
+        self._pending = bytearray()
+        self._written = 0  # bytes
+        self._kept = 0  # readings in the file
+        self._hidden = ExitStack()
+        self._unfinished: Path | None = None
+        if overwrite and path.is_file():
+            self._unfinished = self._hidden.enter_context(unfinished_file(path.resolve()))
+        # a device or a pipe always exists, and has no content to lose
+        self._device = path.exists() and not path.is_file() and not path.is_dir()
+        try:
+            self._file = FileIO(self._unfinished or path, "wb" if self._device else "xb")
+        except FileExistsError as error:
+            raise LogError(f"{path}: exists already; choose another name, or allow overwriting it") from error
+        except OSError as error:
+            raise LogError(f"{path}: cannot be written: {error.strerror}; choose another file") from error
+        self._sync_thread = _SyncThread(self._file)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file is closed."""
+        return self._file.closed
+
+    @property
+    def disposable(self) -> bool:
+        """Whether the new file may be removed after an error: it has no reading, and an old file is still unchanged."""
+        return self._unfinished is not None and not self.readings
+
+    def write(self, data: bytes) -> int:
+        """Store the bytes until the next `flush`."""
+        self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the offset in the file of the next byte."""
+        return self._written + len(self._pending)
+
+    def flush(self) -> None:
+        """Write all stored bytes. On failure truncate the file after its last whole piece and raise LogError."""
+        try:
+            if self._sync_thread.failure:
+                raise self._sync_thread.failure
+            left = memoryview(bytes(self._pending))
+            while left:
+                left = left[self._file.write(left) :]
+            links = os.fstat(self._file.fileno()).st_nlink
+        except OSError as error:
+            self._give_up()
+            raise self._failure(error) from error
+        if links == 0:
+            self._give_up()
+            raise LogError(f"{self.path}: was deleted while it was being written; record into another folder")
+        self._written += len(self._pending)
+        self._kept = self.readings
+        self._pending.clear()
+        self._sync_thread.request(self._kept)
+
+    def replace_old_file(self) -> None:
+        """Replace the file to be overwritten, unless it has been replaced already. Raises LogError."""
+        if self._unfinished is None:
+            return
+        unfinished, self._unfinished = self._unfinished, None
+        self._sync_thread.stop()
+        # some systems cannot rename an open file
+        self._file.close()
+        try:
+            target = self.path.resolve()
+            if target.exists():
+                shutil.copymode(target, unfinished)
+            unfinished.replace(target)
+            self._file = FileIO(target, "ab")
+        except OSError as error:
+            self._hidden.close()
+            raise LogError(f"{self.path}: cannot be overwritten: {error.strerror}; choose another name") from error
+        self._hidden.close()
+        self._sync_thread = _SyncThread(self._file)
+        self._sync_thread.request(self._kept)
+
+    def close(self) -> None:
+        """Sync the file to the disk and close it. Bytes that were not flushed are dropped. Raises LogError."""
+        if self._file.closed:
+            return
+        try:
+            self._sync_thread.stop()
+            _sync(self._file)
+        except OSError as error:
+            raise self._failure(error) from error
+        finally:
+            self._file.close()
+
+    def drop(self) -> None:
+        """Close and remove the file. A file to be overwritten is unchanged."""
+        if not self._file.closed:
+            self._give_up()
+        if not self._unfinished and not self._device:
+            self.path.unlink(missing_ok=True)
+
+    def _failure(self, error: OSError) -> LogError:
+        # a full disk keeps all written bytes; a removed drive keeps only the synced ones
+        sync_thread = self._sync_thread
+        only_synced = error is sync_thread.failure or error.errno not in _FULL
+        kept = sync_thread.kept if only_synced else self._kept
+        if not kept:
+            return LogError(
+                f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
+            )
+        count = f"{counted_are(kept, 'reading')} kept in it"
+        delete = "delete other files or " if error.errno in _FULL else ""
+        return LogError(
+            f"{self.path}: can no longer be written: {error.strerror}; {count}; {delete}record to another disk"
+        )
+
+    def _give_up(self) -> None:
+        try:
+            self._sync_thread.stop()
+            self._file.truncate(self._written)
+        except OSError:
+            pass  # the reader finds the end of the last whole piece
+        finally:
+            self._file.close()
+            with suppress(OSError):
+                self._hidden.close()
+
+
+class _SyncThread:
+    """A thread that syncs a file to its disk as often as the disk allows."""
+
+    def __init__(self, file: FileIO) -> None:
+        self.kept = 0  # readings on the disk
+        self._file = file
+        self._wanted = 0
+        self.failure: OSError | None = None
+        self._stopping = False
+        self._wake = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"sync {file.name!s}", daemon=True)
+        self._thread.start()
+
+    def request(self, readings: int) -> None:
+        """Request a sync of the file, which now has that number of readings. Does not wait for the sync."""
+        self._wanted = readings
+        self._wake.set()
+
+    def stop(self) -> None:
+        """End the thread. Then the file may be closed."""
+        self._stopping = True
+        self._wake.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stopping and not self.failure:
+            self._wake.wait()
+            self._wake.clear()
+            wanted = self._wanted
+            try:
+                _sync(self._file)
+            except OSError as error:
+                self.failure = error
+            else:
+                self.kept = wanted
+
+
+def _sync(file: FileIO) -> None:
+    try:
+        os.fsync(file.fileno())
+    except OSError as error:
+        if error.errno not in _NO_SYNC:
+            raise
+
+
+# A sweep as a foxglove.LaserScan protobuf message, which log viewers draw.
+#
+# The range is +inf without an echo, and NaN at a heading without a reading.
+
+
+FRAME_ID = "turntable"
+_MOST_RANGES = 36_000  # 0.01° over a whole turn; a finer step comes from rounding
+
+
+def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
+    """Return the message for the readings of one sweep, at least one. `time` (s since the epoch) is its time stamp.
+
+    The message has equal steps only, so the ranges are on a grid of the smallest step between two headings. Of several
+    pings at one heading the median range is used.
+    """
+    ranges = _by_heading(readings)
+    headings = sorted(ranges)
+    start, span = headings[0], headings[-1] - headings[0]
+    step = max(min((after - before for before, after in pairwise(headings)), default=1), span / _MOST_RANGES)
+    grid = [math.nan] * (round(span / step) + 1)
+    for heading in headings:
+        grid[round((heading - start) / step)] = median_low(ranges[heading])
+    end = start + round(step * (len(grid) - 1))
+    message = LaserScan(frame_id=FRAME_ID, start_angle=radians_of(start), end_angle=radians_of(end), ranges=grid)
+    message.timestamp.FromNanoseconds(round(time * 1e9))
+    message.pose.orientation.w = 1.0
+    return message
+
+
+def _by_heading(readings: Sequence[Reading]) -> dict[int, list[float]]:
+    """Return the ranges of all pings at each heading, in whole microdegrees, as in the messages."""
+    ranges: dict[int, list[float]] = defaultdict(list)
+    for reading in readings:
+        ranges[microdegrees_of(reading.angle)].append(math.inf if reading.range is None else reading.range)
+    return ranges
+
+
+# Collects readings into whole sweeps. A lost reading may arrive after the next sweep has begun.
+
+
+class OpenSweeps:
+    """The sweeps that are not complete yet."""
+
+    def __init__(self) -> None:
+        self._sweeps: dict[int, list[Reading]] = {}  # without traces, by number
+
+    def add(self, reading: Reading, of_each: int | None) -> list[list[Reading]]:
+        """Add a reading, and return the readings of each sweep that is over now.
+
+        `of_each` is the number of readings of a sweep. If it is None, a sweep is over when the device can no longer
+        send a reading of it again.
+        """
+        self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
+        over = [number for number in self._sweeps if self._is_over(number, reading, of_each)]
+        return [self._sweeps.pop(number) for number in over]
+
+    def end(self) -> list[list[Reading]]:
+        """Return the readings of each sweep that has begun: no more will follow."""
+        begun, self._sweeps = self._sweeps, {}
+        return [begun[number] for number in sorted(begun)]
+
+    def _is_over(self, number: int, newest: Reading, of_each: int | None) -> bool:
+        readings = self._sweeps[number]
+        if of_each is not None:  # readings of any sweep may be measured again until it is complete
+            return len(readings) >= of_each
+        return number < newest.sweep and newest.number - readings[-1].number >= KEPT_READINGS
+
+
+# A trace as a protobuf message, which log viewers plot: /traces.level[:]. The exact samples are in the frames.
+
+
+FULL_SCALE = 255
+_Field = descriptor_pb2.FieldDescriptorProto
+_FIELDS = (
+    ("reading", _Field.TYPE_UINT32, False),  # number of the reading in its scan
+    ("angle_deg", _Field.TYPE_DOUBLE, False),  # turntable angle
+    ("rate_hz", _Field.TYPE_DOUBLE, False),
+    ("start_s", _Field.TYPE_DOUBLE, False),  # from the start of transmission to the first sample
+    ("carrier", _Field.TYPE_BOOL, False),
+    ("level", _Field.TYPE_SINT32, True),  # full scale is 255; a lost sample repeats the one before it
+    ("lost", _Field.TYPE_UINT32, True),  # indices of lost samples
+)
+
+
+def _message_class() -> type[Any]:
+    file = descriptor_pb2.FileDescriptorProto(name="sonarhw/trace.proto", package="sonarhw", syntax="proto3")
+    message = file.message_type.add(name="Trace")
+    for number, (name, kind, repeated) in enumerate(_FIELDS, start=1):
+        label = _Field.LABEL_REPEATED if repeated else _Field.LABEL_OPTIONAL
+        message.field.add(name=name, number=number, type=kind, label=label)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName("sonarhw.Trace"))
+
+
+TraceMessage = _message_class()
+
+
+def trace_message(reading: int, angle_deg: float, trace: Trace) -> Any:
+    """Return the message of the trace of reading number `reading`, a `TraceMessage`."""
+    lost = np.isnan(trace.samples)
+    before = np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
+    levels = np.nan_to_num(np.rint(trace.samples[before] * FULL_SCALE)).astype(int)
+    return TraceMessage(
+        reading=reading,
+        angle_deg=angle_deg,
+        rate_hz=trace.rate,
+        start_s=trace.start,
+        carrier=trace.carrier,
+        level=levels.tolist(),
+        lost=np.flatnonzero(lost).tolist(),
+    )
+
+
+# Topics, encodings and schemas of the decoded channels, for logs and for live viewers.
+
+
+_READING_SCHEMA = {
+    "type": "object",
+    "properties": {
+        "time": {"type": "number", "description": "start of transmission on the device's clock, s"},
+        "sweep": {"type": "integer"},
+        "ping": {"type": "integer"},
+        "number": {"type": "integer"},
+        "angle_deg": {"type": "number", "description": "turntable angle, counter-clockwise"},
+        "range_m": {"type": ["number", "null"]},
+        "echo_times_s": {"type": "array", "items": {"type": "number"}},
+        "speed_of_sound": {"type": ["number", "null"], "description": "m/s"},
+        "temperature_c": {"type": ["number", "null"]},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """How the messages of a topic are encoded."""
+
+    encoding: str
+    schema_name: str
+    schema_encoding: str
+    schema: bytes
+
+
+def _protobuf(message: Any) -> Channel:
+    schema = build_file_descriptor_set(message).SerializeToString()
+    return Channel(MessageEncoding.Protobuf, message.DESCRIPTOR.full_name, SchemaEncoding.Protobuf, schema)
+
+
+DECODED = {
+    READINGS: Channel(
+        MessageEncoding.JSON, "sonarhw.Reading", SchemaEncoding.JSONSchema, json.dumps(_READING_SCHEMA).encode()
+    ),
+    SWEEPS: _protobuf(LaserScan),
+    TRACES: _protobuf(TraceMessage),
+}
+
+
+def reading_messages(reading: Reading) -> Iterator[tuple[str, bytes]]:
+    """Yield topic and message of a reading, and of its trace if it has one."""
+    yield READINGS, json.dumps(_reading_record(reading)).encode()
+    if reading.trace is not None:
+        message = trace_message(reading.number, math.degrees(reading.angle), reading.trace)
+        yield TRACES, message.SerializeToString()
+
+
+def _reading_record(reading: Reading) -> dict[str, Any]:
+    """Return the JSON fields of a reading, in degrees, metres, seconds and °C."""
+    return {
+        "time": reading.time,
+        "sweep": reading.sweep,
+        "ping": reading.ping,
+        "number": reading.number,
+        "angle_deg": math.degrees(reading.angle),
+        "range_m": reading.range if reading.range is not None and math.isfinite(reading.range) else None,
+        "echo_times_s": reading.echo_times,
+        "speed_of_sound": reading.speed_of_sound if math.isfinite(reading.speed_of_sound) else None,
+        "temperature_c": reading.temperature_c,
+    }
+
 
 _FRAME_ENCODING = "application/x-sonarhw-frame"
 
 
 class LogWriter:
-    """A log being written; a `sonarhw.host.recorder.Recorder` and a context manager.
+    """A log being written; a `sonarhw.host.session.Recorder` and a context manager.
 
     Raises LogError if the file exists (unless `overwrite`), or cannot be created or written. The file then keeps
     everything up to the last whole reading. A file to be overwritten is unchanged until the first reading, or `close`.
@@ -223,3 +645,28 @@ def _register_channels(writer: Writer) -> dict[str, int]:
         schema = writer.register_schema(channel.schema_name, channel.schema_encoding, channel.schema)
         encodings[topic] = (channel.encoding, schema)
     return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}
+
+
+# Write the readable part of a torn log as a whole log with index and sweeps.
+#
+# Its frames and their times are unchanged.
+
+
+def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
+    """Write all of `log` to `path`, completely or not at all.
+
+    Raises OutputError if the file exists (unless `overwrite`) or cannot be written, NotALog if `log` can no longer be
+    read.
+    """
+    with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, log.metadata) as writer:
+        received = log.frames.received_bytes()
+        ahead = next(received, None)
+        for frames in log.frames.pieces():
+            while ahead is not None and ahead[0] <= frames[-1].time:
+                writer.received_bytes(*ahead)
+                ahead = next(received, None)
+            readings = [reading for frame in frames for reading in writer.take(frame)]
+            for reading in readings:
+                writer.reading(reading)
+        for one in (ahead, *received) if ahead else ():
+            writer.received_bytes(*one)

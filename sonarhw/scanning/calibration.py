@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.errors import NoPlate
-from sonarhw.harmless_text import counted
+from sonarhw.errors import NoPlate, counted
 from sonarhw.readings import FloatArray, Reading
 
 GATE = 0.30  # m; ranges further from the stated distance are not from the plate

@@ -7,13 +7,236 @@ message that is defined here. `firmware/generate.py` writes the C structures fro
 `firmware/protocol_tables.py` writes the tables of firmware_protocol.md.
 """
 
+import math
+import struct
 from dataclasses import MISSING, dataclass, field, fields
-from enum import Enum
+from enum import Enum, IntEnum, IntFlag
 from typing import Any, ClassVar, TypeVar
 
-from sonarhw.wire.fields import I16, I32, U8, U16, U32, U64, Numbers, Samples, Text, Wire
-from sonarhw.wire.fields import MessageError as MessageError  # raised by pack and unpack
-from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MINOR
+from sonarhw.readings import Origin
+
+# Encoding of message fields: numbers, text and arrays; little-endian, without padding.
+
+
+class MessageError(ValueError):
+    """A payload does not match its message type, or a value does not fit its field."""
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """One number."""
+
+    name: str
+    code: str  # format character of struct
+
+    def pack(self, value: Any) -> bytes:
+        """Return the bytes of a value. Raises MessageError if it does not fit."""
+        try:
+            return struct.pack("<" + self.code, value)
+        except struct.error as error:
+            raise MessageError(f"{value!r} does not fit {self.name}: {error}") from error
+
+    def unpack(self, payload: bytes, at: int) -> tuple[Any, int]:
+        """Return the value at offset `at` and the offset after it."""
+        try:
+            return struct.unpack_from("<" + self.code, payload, at)[0], at + struct.calcsize("<" + self.code)
+        except struct.error as error:
+            text = f"payload of {len(payload)} bytes is too short for {self.name} at offset {at}"
+            raise MessageError(text) from error
+
+
+U8, U16, U32, U64 = Scalar("u8", "B"), Scalar("u16", "H"), Scalar("u32", "I"), Scalar("u64", "Q")
+I16, I32 = Scalar("i16", "h"), Scalar("i32", "i")
+
+
+def _take(payload: bytes, at: int, size: int, name: str) -> tuple[bytes, int]:
+    if at + size > len(payload):
+        raise MessageError(f"payload of {len(payload)} bytes is too short for {name} at offset {at}")
+    return payload[at : at + size], at + size
+
+
+@dataclass(frozen=True)
+class Text:
+    """A length in bytes (u8), then the text in UTF-8."""
+
+    name: str = "text"
+
+    def pack(self, value: str) -> bytes:
+        """Return the bytes of the text. Raises MessageError if it has more than 255."""
+        data = value.encode()
+        return U8.pack(len(data)) + data
+
+    def unpack(self, payload: bytes, at: int) -> tuple[str, int]:
+        """Return the text at offset `at` and the offset after it."""
+        size, at = U8.unpack(payload, at)
+        data, at = _take(payload, at, size, self.name)
+        try:
+            return data.decode(), at
+        except UnicodeDecodeError as error:
+            raise MessageError(f"text at offset {at - size} is not UTF-8") from error
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A count (u8), then that many u32 values."""
+
+    name: str = "u32[]"
+
+    def pack(self, value: tuple[int, ...]) -> bytes:
+        """Return the bytes of all values. Raises MessageError if there are more than 255."""
+        return U8.pack(len(value)) + b"".join(map(U32.pack, value))
+
+    def unpack(self, payload: bytes, at: int) -> tuple[tuple[int, ...], int]:
+        """Return the values at offset `at` and the offset after them."""
+        count, at = U8.unpack(payload, at)
+        data, at = _take(payload, at, 4 * count, self.name)
+        return struct.unpack(f"<{count}I", data), at
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A count (u16), then that many bytes."""
+
+    name: str = "u8[]"
+
+    def pack(self, value: bytes) -> bytes:
+        """Return the count and the bytes."""
+        return U16.pack(len(value)) + value
+
+    def unpack(self, payload: bytes, at: int) -> tuple[bytes, int]:
+        """Return the bytes at offset `at` and the offset after them."""
+        count, at = U16.unpack(payload, at)
+        return _take(payload, at, count, self.name)
+
+
+Wire = Scalar | Text | Numbers | Samples
+
+
+# The codes in messages of the wire protocol, and what each means. `messages` defines the fields that hold them.
+
+
+class State(IntEnum):
+    """What the device is doing."""
+
+    IDLE = 0
+    HOMING = 1
+    TURNING = 2
+    SCANNING = 3
+
+
+class Outcome(IntEnum):
+    """How a home, turn or scan ended."""
+
+    DONE = 0
+    STOPPED = 1
+    FAULT = 2
+    LOST_STEPS = 3
+
+
+class Refusal(IntEnum):
+    """Why a command was refused."""
+
+    UNKNOWN = 1  # unknown message type, or a type that only devices send
+    MALFORMED = 2  # the payload does not match its type
+    OUT_OF_RANGE = 3  # a value that the device does not support
+    BUSY = 4  # homing, turning or scanning; send Stop first
+    NOT_HOMED = 5  # the zero is unknown; send Home first
+    NO_HELLO = 6  # no conversation yet; send Hello first
+
+
+class TraceKind(IntEnum):
+    """What a trace samples."""
+
+    NONE = 0
+    ENVELOPE = 1
+    CARRIER = 2
+
+
+class Zero(IntEnum):
+    """How the zero of the turntable is known."""
+
+    UNKNOWN = 0
+    MARK = 1
+    HAND = 2
+
+
+class Approach(IntEnum):
+    """Direction in which the turntable approaches an angle."""
+
+    EITHER = 0
+    COUNTER_CLOCKWISE = 1
+    CLOCKWISE = 2
+
+
+class ResetCause(IntEnum):
+    """Why the device started."""
+
+    UNKNOWN = 0
+    POWER = 1
+    BUTTON = 2
+    BROWNOUT = 3
+    WATCHDOG = 4
+    SOFTWARE = 5
+
+
+class Feature(IntFlag):
+    """What a device supports besides turning and timing one echo."""
+
+    HOME_MARK = 1
+    LOST_STEPS = 2
+    THERMOMETER = 4
+    BLANKING = 8
+    REARM = 16
+    PULSES = 32
+    ENVELOPE = 64
+    CARRIER = 128
+    INPUTS = 256
+    WIRING = 512
+    ONE_SWITCH = 1024
+
+
+class Input(IntFlag):
+    """The inputs of a device, each with the code of its level."""
+
+    MARK = 1
+    CAM = 2
+    ECHO = 4
+
+
+class Wiring(IntFlag):
+    """What a device can invert, so that it works with other switches and another motor, and whether it has a cam."""
+
+    MARK = 1
+    CAM = 2
+    MOTOR = 4
+    ONE_SWITCH = 8
+
+
+# Version, sizes and times of the wire protocol.
+#
+# `firmware/generate.py` writes all of them to the firmware's `messages.h`. Times there are in µs, with the suffix
+# `_US`.
+
+
+PROTOCOL_MAJOR = 1
+PROTOCOL_MINOR = 2
+
+# sizes
+FIRST_BAUD = 250_000  # baud rate after every start of a device; exact with a clock of 16 MHz
+MAX_PAYLOAD = 512  # bytes
+MAX_ECHOES = 122  # echoes of one reading; more do not fit into a payload
+MAX_TEXT = 60  # bytes of each text in Info
+MAX_TEST = 64  # bytes of a TestLink
+MAX_TESTED = 480  # bytes of a LinkTested
+CHUNK = 256  # bytes of samples in a TraceChunk
+MOST_READINGS = 0xFFFF_FFFF  # readings of one scan; Started and Finished count in u32
+RECEIVE_ROOM = 127  # bytes from the host that a device keeps while it listens or sends; more are lost
+KEPT_READINGS = 64  # readings that a device of version 1.0 keeps for Resend
+
+# times of a device, s
+HEARTBEAT = 0.250  # interval between heartbeats
+HOST_SILENCE = 2.0  # time without a valid frame; the device then releases the motor and waits for Hello
+BAUD_TIMEOUT = 0.5  # time without a valid frame at a new baud rate; the device then returns to the previous one
 
 
 def _on_wire(wire: Wire, meaning: str) -> Any:
@@ -445,3 +668,84 @@ def unpack_message(kind: int, payload: bytes) -> Message | None:
     """
     message = BY_TYPE.get(kind)
     return None if message is None else message.unpack(payload)
+
+
+# Conversions between the units of message fields and SI units; temperatures are in °C.
+
+
+NO_TEMPERATURE = -32768  # 0.01 °C; means no thermometer
+MOST_DEGREES = 2147  # the largest angle of a message, an i32 of µdeg
+FULL_SCALE = 255  # of an 8-bit trace sample; that of a 16-bit sample is 257 times as large
+
+
+def seconds_of(microseconds: int) -> float:
+    """Return the time of a message in s."""
+    return microseconds * 1e-6
+
+
+def microseconds_of(seconds: float) -> int:
+    """Return the time for a message, µs."""
+    return round(seconds * 1e6)
+
+
+def seconds_of_nanoseconds(nanoseconds: int) -> float:
+    """Return the time of flight or trace time of a message in s."""
+    return nanoseconds * 1e-9
+
+
+def nanoseconds_of(seconds: float) -> int:
+    """Return the time of flight or trace time for a message, ns."""
+    return round(seconds * 1e9)
+
+
+def radians_of(microdegrees: int) -> float:
+    """Return the angle, angular speed or acceleration of a message in rad, rad/s or rad/s²."""
+    return math.radians(microdegrees / 1e6)
+
+
+def microdegrees_of(angle: float) -> int:
+    """Return the angle, angular speed or acceleration for a message, µdeg, µdeg/s or µdeg/s²."""
+    return round(math.degrees(angle) * 1e6)
+
+
+def sound_speed_of(millimetres_per_second: int) -> float:
+    """Return the speed of sound of a message in m/s."""
+    return millimetres_per_second / 1000
+
+
+def millimetres_per_second_of(sound_speed: float) -> int:
+    """Return the speed of sound for a message, mm/s."""
+    return round(sound_speed * 1000)
+
+
+def degrees_c(centidegrees: int) -> float | None:
+    """Return the temperature of a message in °C, or None if the device has no thermometer."""
+    return None if centidegrees == NO_TEMPERATURE else centidegrees / 100
+
+
+def centidegrees_of(temperature_c: float | None) -> int:
+    """Return the temperature for a message, 0.01 °C; None means no thermometer."""
+    return NO_TEMPERATURE if temperature_c is None else round(temperature_c * 100)
+
+
+# The origin of readings: measured by a scanner, or not.
+#
+# The origin follows from the program that wrote a log and from the identity of its device. Both are in every log, so
+# old logs have an origin too. A replayed log reports its recorded identity, so a scan of a replay has the origin of
+# that log.
+
+
+FAKE_FIRMWARE = "sonarhw-fake"  # first word in the firmware of a fake scanner
+EMULATED_SERIAL = "EMULATED"  # serial number of the emulated board
+_WRITER = "sonarhw {}"  # start of the firmware in a log that a command wrote without a scanner
+_BY_WRITER = {"simulate": Origin.SIMULATED, "import": Origin.IMPORTED}
+
+
+def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
+    """Return the origin of the readings in a log, from its writer and the identity of its device."""
+    for writer, origin in _BY_WRITER.items():
+        if made_by == writer or firmware.startswith(_WRITER.format(writer)):
+            return origin
+    if firmware.startswith(FAKE_FIRMWARE) or serial == EMULATED_SERIAL:
+        return Origin.FAKE
+    return Origin.MEASURED

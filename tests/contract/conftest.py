@@ -14,8 +14,8 @@ from sonarhw_compare.scanners.scanner_url import open_scanner
 
 from sonarhw.errors import SonarError
 from sonarhw.host.scanner import Scanner
-from sonarhw.link.serial_link import Link
-from sonarhw.plugins.plugin_list import is_plugin
+from sonarhw.link import Link
+from sonarhw.plugins.device_plugin import is_plugin
 from tests.contract.scanners import LONG, ONE_LINE, SCANNERS
 from tests.contract.talk import Talk
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice

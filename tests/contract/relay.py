@@ -3,9 +3,8 @@
 import threading
 from collections import deque
 
-from sonarhw.device.faults.fault_schedule import Faults
-from sonarhw.device.faults.line_noise import LineNoise
-from sonarhw.link.serial_link import Link
+from sonarhw.device.faults import Faults, LineNoise
+from sonarhw.link import Link
 
 _POLL_PERIOD = 0.005  # s
 

@@ -13,8 +13,8 @@ from tempfile import TemporaryDirectory
 from sonarhw_compare.scanners.scanner_url import resolve
 
 from sonarhw.device.emulated_board import emulated_board
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import serve
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.free_port import free_port

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Endpoint, serve
-from sonarhw.device.faults.fault_schedule import read_faults
-from sonarhw.device.faults.faulty_board import FaultyDevice
+from sonarhw.device.faults import FaultyDevice, read_faults
+from sonarhw.device.served import Endpoint, serve
 from sonarhw.host.scanner import Scanner
-from sonarhw.link.serial_link import Link
+from sonarhw.link import Link
 from sonarhw.readings import ScanOrder
 from tests.contract.relay import Relay
 from tests.contract.scanners import emulated, emulated_uno, ser2net

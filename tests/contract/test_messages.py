@@ -9,34 +9,41 @@ from dataclasses import astuple, replace
 
 import pytest
 
-from sonarhw.link.serial_link import Link
+from sonarhw.link import Link
 from sonarhw.readings import ScanOrder
-from sonarhw.wire.codes import Feature, Input, Outcome, Refusal, State, Wiring, Zero
-from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
+    MAX_ECHOES,
+    NO_TEMPERATURE,
+    PROTOCOL_MAJOR,
     Accepted,
     AskStatistics,
     Configure,
     ConfigureWiring,
+    Feature,
     Finished,
     Heartbeat,
     Home,
     Info,
+    Input,
     Message,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
     Settings,
     SetZero,
     Started,
     StartScan,
+    State,
     Statistics,
     Stop,
     TestLink,
     Turn,
+    Wiring,
     WiringSettings,
+    Zero,
 )
-from sonarhw.wire.units import NO_TEMPERATURE
 from tests.contract.talk import Talk, readings
 
 pytestmark = pytest.mark.one_line

@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from sonarhw.host.scanner import Scanner
-from sonarhw.link.serial_link import Link
+from sonarhw.link import Link
 from sonarhw.log import LogWriter, read_log
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
-from sonarhw.wire.codes import Outcome
-from sonarhw.wire.messages import StartScan
+from sonarhw.wire.messages import Outcome, StartScan
 from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
 from tests.hang_guard import HANG

@@ -12,10 +12,11 @@ import pytest
 import sonarhw
 from sonarhw.errors import DeviceError, InputError, LinkLost, NoAnswer
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.plugins import plugin_reader, plugin_scanner
+from sonarhw.plugins import plugin_scanner
+from sonarhw.plugins import plugin_scanner as plugin_reader
 from sonarhw.plugins.plugin_scanner import PluginScanner
 from sonarhw.readings import Origin, Reading, ScanOrder
-from sonarhw.text.text_device import TextDevice
+from sonarhw.text_device import TextDevice
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, Sketch, wall
@@ -254,7 +255,7 @@ def test_a_device_that_never_comes_back_is_lost(tmp_path: Path) -> None:
 
 
 def sonarhw_plugin(port: str) -> sonarhw.DevicePlugin:
-    from sonarhw.plugins.plugin_list import make_plugin
+    from sonarhw.plugins.device_plugin import make_plugin
 
     return make_plugin(f"lines:{port}?{RADAR.query}")
 

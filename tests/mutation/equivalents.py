@@ -55,19 +55,19 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "every wait ends after TICK, 0.05 s, and checks its condition again",
     ),
     (
-        "sonarhw/host/link_thread.py",
+        "sonarhw/host/scanner.py",
         "self.changed.notify_all()",
         ("self.changed.notify_all() → pass",),
         "every wait ends after TICK, 0.05 s, and checks its condition again",
     ),
     (
-        "sonarhw/host/job.py",
+        "sonarhw/host/scripts.py",
         "self.since = 0.0",
         ("0.0 → (1.0)",),
         "`Session.start` sets it before its only use",
     ),
     (
-        "sonarhw/device/faults/faulty_board.py",
+        "sonarhw/device/faults.py",
         "self._newest = -1",
         ("-1 → (1)", "1 → (0)", "1 → (2)"),
         "no board makes a ping at 0 s, before it is homed",
@@ -100,7 +100,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "only the sign matters; a small divisor is excluded by the other condition",
     ),
     (
-        "sonarhw/device/device_protocol.py",
+        "sonarhw/device/protocol.py",
         "repeats = -(-request.size // len(request.data))",
         ("-request.size // len(request.data) → (-request.size * len(request.data))",),
         "more repeats, of which the same bytes are sent",
@@ -112,7 +112,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "speeds of readings that have one, and messages that are not JSON",
     ),
     (
-        "sonarhw/host/conversation.py",
+        "sonarhw/host/scripts.py",
         "if self.now >= deadline:",
         ("self.now >= deadline → (self.now > deadline)",),
         "the answer to Stop takes time",
@@ -212,19 +212,19 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "a tube is at least as wide as it is long, so fewer rays are stopped early",
     ),
     (
-        "sonarhw/device/device_protocol.py",
+        "sonarhw/device/protocol.py",
         "due: float = 0.0",
         ("0.0 → (1.0)",),
         "`_step` sets it before its first use",
     ),
     (
-        "sonarhw/lost_steps.py",
+        "sonarhw/readings.py",
         "_TOLERANCE = 1e-6  # rad; less than a microstep",
         ("1e-6 → (1.5e-06)",),
         "a tolerance for rounding errors",
     ),
     (
-        "sonarhw/device/server_ports.py",
+        "sonarhw/device/served.py",
         "self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)",
         ("self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1) → pass",),
         "the same bytes a little later",

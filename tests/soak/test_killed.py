@@ -6,8 +6,8 @@ import signal
 import threading
 from pathlib import Path
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import serve
 from sonarhw.log import Log, read_log
 from tests.conftest import Count
 from tests.fixtures.plain_echoes import PlainEchoes

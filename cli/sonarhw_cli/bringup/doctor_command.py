@@ -5,14 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import ExitStatus, InputError, SonarError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import ExitStatus, InputError, SonarError, counted
 from sonarhw_cli.console.connect import ScannerUrl, connect_turntable
 from sonarhw_cli.console.lines import print_line, print_note
 
 if TYPE_CHECKING:
-    from sonarhw.bringup.diagnoses import Diagnosis
-    from sonarhw.bringup.doctor import Plate
+    from sonarhw.bringup import Diagnosis, Plate
 
 _WIDTH = 14  # characters of the name of a check
 
@@ -37,7 +35,7 @@ def doctor(
     The steps are line, firmware, ranging board, turntable, and a first plate. Each check is a line: pass, FAIL or skip,
     what was found, and what to do. Exit status 1 if any check fails.
     """
-    from sonarhw.bringup.doctor import examine
+    from sonarhw.bringup import examine
 
     wanted = _plate(plate, distance, turn)
     made: list[Diagnosis] = []
@@ -49,7 +47,7 @@ def doctor(
     except InputError:
         raise
     except SonarError as error:
-        from sonarhw.bringup.diagnoses import failed
+        from sonarhw.bringup import failed
 
         made.append(failed("line", str(error), "check port, cable and supply; `sonarhw ports` lists the ports"))
         _print(made[-1])
@@ -59,7 +57,7 @@ def doctor(
 
 
 def _plate(heading: float | None, distance: float | None, turn: bool) -> "Plate | None":
-    from sonarhw.bringup.doctor import BESIDE, Plate
+    from sonarhw.bringup import BESIDE, Plate
 
     if (heading is None) != (distance is None):
         raise InputError("--plate, --distance: give both or none")

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from sonarhw.bringup.controllers import Combination, Controller, Ranging, Turning
+from sonarhw.bringup import Combination, Controller, Ranging, Turning
 from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import print_line, print_note
 
@@ -36,7 +36,7 @@ def flash(
     recognised by its USB identity, or by a scanner firmware that runs on it. No compiler is needed. A Nano with a new
     bootloader is flashed as an Uno.
     """
-    from sonarhw.bringup import flashing
+    from sonarhw import bringup
 
     if "://" in port or ":" in port.removeprefix("COM"):
         raise InputError(f"{port}: expected a serial port such as /dev/ttyACM0")
@@ -44,22 +44,22 @@ def flash(
         raise InputError("--force: also give --controller")
     if controller and ranging and turning:
         Combination(controller, ranging, turning)  # refused before the port is opened
-    flashing.find_avrdude()
-    found = flashing.find_board(port)
+    bringup.find_avrdude()
+    found = bringup.find_board(port)
     wanted = Combination(
         controller if controller and force else _recognised(port, found.controller, controller),
         ranging or found.ranging(),
         turning or found.turning(),
     )
     print_note(f"{port}: writing the firmware {wanted.image}; this takes about 20 s")
-    flashing.write_firmware(port, wanted)
-    info = flashing.ask_identity(port, wanted)
+    bringup.write_firmware(port, wanted)
+    info = bringup.ask_identity(port, wanted)
     print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
 
 
 def _recognised(port: str, found: Controller | None, wanted: Controller | None) -> Controller:
     """Return the controller to flash. Raises InputError if none is `found`, or not the `wanted` one."""
-    from sonarhw.bringup.flashing import same_chip
+    from sonarhw.bringup import same_chip
 
     if found and wanted and same_chip(found, wanted):
         return wanted

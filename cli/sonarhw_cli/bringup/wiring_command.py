@@ -12,7 +12,7 @@ from sonarhw_cli.console.lines import print_line
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sonarhw.wire.codes import Wiring
+    from sonarhw.wire.messages import Wiring
 
 
 class WiredPart(StrEnum):
@@ -47,7 +47,7 @@ def wiring(
 
     After a change, the next home searches the zero again.
     """
-    from sonarhw.wire.codes import Input, Wiring
+    from sonarhw.wire.messages import Input, Wiring
 
     wanted, plain = _wiring(invert or ()), _wiring(normal or ())
     if wanted & plain:
@@ -68,6 +68,6 @@ def wiring(
 
 
 def _wiring(parts: "Iterable[WiredPart]") -> "Wiring":
-    from sonarhw.wire.codes import Wiring
+    from sonarhw.wire.messages import Wiring
 
     return Wiring(sum(Wiring[part.name] for part in {*parts}))

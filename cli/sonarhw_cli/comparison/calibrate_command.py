@@ -10,8 +10,7 @@ import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.comparison.calibrate_logs import calibrate_with_plate, calibrate_with_room, profile_name
 from sonarhw_cli.console.completions import complete_board
 from sonarhw_cli.console.connect import connect_turntable
@@ -242,7 +241,7 @@ def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
 
 
 def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":
-    from sonarhw.sound_speed import ScanAir
+    from sonarhw.readings import ScanAir
 
     speed = ScanAir(chosen_temperature=temperature).speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * board.max_range / speed, board.blanking_end, False, speed)

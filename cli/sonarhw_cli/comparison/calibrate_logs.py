@@ -6,8 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarhw.errors import InputError, NoPlate
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, NoPlate, counted
 from sonarhw_cli.console.lines import print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.options import check_degrees
@@ -142,7 +141,7 @@ def _plate_readings(log: Path, scan: "GivenScan", distance: float, direction: fl
 
 def _blanked_until(scan: "GivenScan") -> float:
     """Return the blanking in the settings of the scanner, s; 0 if the log does not contain it."""
-    from sonarhw.wire.units import seconds_of
+    from sonarhw.wire.messages import seconds_of
 
     settings = scan.log and scan.log.settings
     return seconds_of(settings.blanking_us) if settings else 0.0

@@ -11,8 +11,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.comparison.compare_two import compare_two
 from sonarhw_cli.comparison.find_missing import find_missing
 from sonarhw_cli.console.lines import print_json, print_line, warn

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import open_scan
 from sonarhw_cli.console.number_format import write_rows

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from sonarhw_compare.headings import in_degrees
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan

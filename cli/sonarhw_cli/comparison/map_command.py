@@ -9,8 +9,7 @@ import typer
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.pictures.picture_file import PICTURES
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.comparison.find_room import RoomOfScans, room_of_scans, rounded_point
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFiles, open_scan

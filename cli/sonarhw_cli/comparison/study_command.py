@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_error, print_line
 from sonarhw_cli.console.progress import progress
 

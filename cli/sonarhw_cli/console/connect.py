@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.scanners.scanner_url import Find
     from sonarhw_sim.board.profile import Board
 
-    from sonarhw.host.connected_scanner import ConnectedScanner
-    from sonarhw.host.scanner import Scanner
+    from sonarhw.host.scanner import ConnectedScanner, Scanner
     from sonarhw.plugins.plugin_scanner import PluginScanner
 
 ScannerUrl = Annotated[
@@ -46,7 +45,7 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner | Plugi
 @contextmanager
 def connect_turntable(url: str) -> "Iterator[Scanner]":
     """Yield the connected scanner at `url`, whose turntable obeys commands. Raises what `connect` raises."""
-    from sonarhw.plugins.plugin_list import is_plugin
+    from sonarhw.plugins.device_plugin import is_plugin
 
     if is_plugin(url):
         raise InputError(f"{url}: this device obeys no commands to turn; `sonarhw scan` records its readings")

@@ -8,8 +8,7 @@ from enum import IntEnum
 
 import typer
 
-from sonarhw.harmless_text import harmless, shortened
-from sonarhw.json_text import json_text
+from sonarhw.errors import harmless, json_text, shortened
 
 _MOST = 1000  # characters of a line on standard error
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw_cli.console.lines import print_detail, warn
 from sonarhw_cli.console.room_input import open_room
 

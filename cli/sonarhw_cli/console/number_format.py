@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable
 from typing import TextIO
 
-from sonarhw.export.csv_rows import number, text_cell
+from sonarhw.export import number, text_cell
 
 _MOST_DECIMALS = 6
 

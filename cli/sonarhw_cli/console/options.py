@@ -9,7 +9,7 @@ import typer
 from sonarhw_sim.choices import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 
 from sonarhw.errors import InputError
-from sonarhw.wire.units import MOST_DEGREES
+from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_cli.console.completions import complete_board, complete_place, complete_room
 from sonarhw_cli.console.lines import warn
 

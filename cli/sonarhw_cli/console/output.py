@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TextIO
 from urllib.parse import parse_qsl
 
-from sonarhw.atomic_file import atomic_file, is_special
 from sonarhw.errors import InputError, OutputError
+from sonarhw.files import atomic_file, is_special
 from sonarhw_cli.console.lines import print_note
 from sonarhw_cli.console.options import STDOUT
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
-from sonarhw.harmless_text import harmless
+from sonarhw.errors import harmless
 from sonarhw_cli.console.lines import Verbosity, print_note, prints, warn
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_detail, warn
 
 if TYPE_CHECKING:

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
-from sonarhw.wire.units import MOST_DEGREES
+from sonarhw.errors import InputError, counted
+from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_cli.console.connect import ScannerUrl, connect_turntable, resolve
 from sonarhw_cli.console.lines import print_line, print_note
 from sonarhw_cli.console.options import ZeroHere, check_degrees
 
 if TYPE_CHECKING:
-    from sonarhw.link.serial_link import Link
+    from sonarhw.link import Link
     from sonarhw.plugins.device_plugin import DevicePlugin
-    from sonarhw.wire.codes import Outcome
     from sonarhw.wire.frames import Frame, Rejected
+    from sonarhw.wire.messages import Outcome
 
 _MOST_JOG = 10.0  # degrees
 _SHOWN = 24  # bytes of a rejected block
@@ -71,8 +70,8 @@ def monitor(url: ScannerUrl) -> None:
 
     The scanner is stopped first. Of a device that prints text, the received bytes and the readings in them are printed.
     """
-    from sonarhw.link.serial_link import Link
-    from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+    from sonarhw.link import Link
+    from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 
     if is_plugin(url):
         _monitor_plugin(make_plugin(url))
@@ -129,8 +128,7 @@ class _Arrived:
 def _show(link: "Link", arrived: _Arrived) -> NoReturn:
     from sonarhw.host.driver import SIGN_OF_LIFE
     from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
-    from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
-    from sonarhw.wire.messages import AskStatistics, Hello, Info, Message
+    from sonarhw.wire.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, AskStatistics, Hello, Info, Message
 
     decoder = FrameDecoder()
     sequence, next_message, greeted = 0, arrived.began + link.quiet, False

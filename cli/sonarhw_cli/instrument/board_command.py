@@ -30,7 +30,7 @@ def board(
     from sonarhw_sim.room.model import load_room
 
     from sonarhw.device.emulated_board import emulated_board
-    from sonarhw.device.endpoint import read_pace
+    from sonarhw.device.served import read_pace
 
     room = load_room(ROOM)
     echoes = RoomEchoes(

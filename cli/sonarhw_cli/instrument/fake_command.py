@@ -39,9 +39,8 @@ def fake(
     from sonarhw_compare.scanners.fake_url import fake_device
     from sonarhw_sim.board.profile import load_board
 
-    from sonarhw.device.endpoint import Endpoint, open_server_port, read_pace
-    from sonarhw.device.faults.fault_schedule import read_faults
-    from sonarhw.device.server_ports import host_and_port
+    from sonarhw.device.faults import read_faults
+    from sonarhw.device.served import Endpoint, host_and_port, open_server_port, read_pace
 
     check_one_line(pty, tcp)
     if tcp is not None:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_note, warn
 from sonarhw_cli.console.options import LOG, BoardToStore, Force, PlaceName, RoomToStore, check_degrees
 from sonarhw_cli.console.output import checked_out
@@ -115,7 +114,7 @@ def import_scan(
     from sonarhw_compare.imports.foreign_csv import likely_no_echo, read_foreign_scan
     from sonarhw_compare.imports.foreign_rows import Meaning
 
-    from sonarhw.export.encoded_log import write_scan
+    from sonarhw.export import write_scan
 
     checked_out(out, (LOG,), force, file, room, board)
     _check_options(scale, heading_zero)

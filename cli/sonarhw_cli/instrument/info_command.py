@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sonarhw.errors import CommandRefused, InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import CommandRefused, InputError, counted
 from sonarhw_cli.console.connect import ScannerUrl, connect
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.options import AsJson
 
 if TYPE_CHECKING:
-    from sonarhw.host.connected_scanner import ConnectedScanner
-    from sonarhw.host.device_info import DeviceCapabilities, DeviceInfo
-    from sonarhw.host.scanner import Scanner
-    from sonarhw.link.link_statistics import LinkStatistics
+    from sonarhw.host.scanner import ConnectedScanner, DeviceCapabilities, DeviceInfo, Scanner
+    from sonarhw.link import LinkStatistics
     from sonarhw.wire.messages import Statistics
 
 _EXCHANGES = 20  # commands sent for the link statistics
@@ -75,7 +72,7 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
 
 def _figures(scanner: "ConnectedScanner", device: "Statistics | None") -> dict[str, Any]:
     """Return the scanner under the keys of `info --json`; angles in degrees, None for what it does not state."""
-    from sonarhw.wire.origin import origin_of
+    from sonarhw.wire.messages import origin_of
 
     info, can = scanner.info, scanner.info.capabilities
     return {
@@ -115,7 +112,7 @@ def _protocol(device: "DeviceInfo") -> str | None:
 
 
 def _features(can: "DeviceCapabilities") -> list[str]:
-    from sonarhw.wire.codes import Feature
+    from sonarhw.wire.messages import Feature
 
     return [(feature.name or "").lower().replace("_", " ") for feature in Feature if feature in can.features]
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sonarhw.export.export_formats import FORMATS, export_format, export_suffixes
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
+from sonarhw.export import FORMATS, export_format, export_suffixes
 from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, load_log, notes_beside, open_log
 from sonarhw_cli.console.options import LOG, STDOUT, AsJson, Force

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw_cli.console.connect import ScannerUrl, board_of, connect_turntable
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_line, print_note, warn
@@ -16,9 +16,8 @@ from sonarhw_cli.console.output import checked_out
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
 
-    from sonarhw.host.scanner import Scanner
+    from sonarhw.host.scanner import Scanner, ScanPlan
     from sonarhw.readings import Reading, Trace
-    from sonarhw.scanning.scan_recording import ScanPlan
 
 MOST_PINGS = 65535  # largest number that fits into the scan command
 LEVELS = " .:-=+*#%@"  # of a trace, each LEVEL_DB stronger; the last one reaches full scale
@@ -65,9 +64,8 @@ def ping(
 
 
 def _plan(count: int, board: "Board", max_range: float | None, temperature: float | None, traces: bool) -> "ScanPlan":
-    from sonarhw.readings import pings_in_place
-    from sonarhw.scanning.scan_recording import ScanPlan
-    from sonarhw.sound_speed import ScanAir
+    from sonarhw.host.scanner import ScanPlan
+    from sonarhw.readings import ScanAir, pings_in_place
 
     reach = board.max_range if max_range is None else max_range
     return ScanPlan(
@@ -76,10 +74,10 @@ def _plan(count: int, board: "Board", max_range: float | None, temperature: floa
 
 
 def _run(
-    scanner: "Scanner", plan: "ScanPlan", board: "Board", out: Path | None, force: bool, terminal: "_Terminal"
+    scanner: "Scanner", plan: "ScanPlan", board: "Board", out: Path | None, force: bool, terminal: "_PingTerminal"
 ) -> None:
+    from sonarhw.host.scanner import record_scan, run_scan
     from sonarhw.log import LogMetadata, LogWriter
-    from sonarhw.scanning.scan_recording import record_scan, run_scan
 
     with interruption(scanner.stop) as terminal.interrupted:
         if out is None:

@@ -9,7 +9,7 @@ from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.options import AsJson
 
 if TYPE_CHECKING:
-    from sonarhw.link.ports import Port
+    from sonarhw.link import Port
 
 
 AskAll = Annotated[
@@ -28,7 +28,7 @@ def ports(
     as_json: AsJson = False,
 ) -> None:
     """List serial ports and check them for a scanner. The check may reset the device at a port."""
-    from sonarhw.link.ports import Port, serial_ports
+    from sonarhw.link import Port, serial_ports
 
     if ask and guess:
         raise InputError("--ask, --guess: give only one of them")
@@ -70,7 +70,7 @@ def _probed(port: "Port", wanted: bool) -> dict[str, Any]:
 def _guessed(port: "Port", wanted: bool) -> dict[str, Any]:
     """Return what the device at a port prints; None if it was not checked."""
     from sonarhw.errors import LinkError
-    from sonarhw.text.line_guess import guess_lines
+    from sonarhw.text_device import guess_lines
 
     if not wanted:
         return {"answer": None, "proposed_url": None, "preset": None, "baud": None}

@@ -23,8 +23,8 @@ def replay(
     tcp: TcpAddress = None,
 ) -> None:
     """Serve a log as a live scanner. Each scan command replays it. The first line of standard output is its URL."""
-    from sonarhw.device.endpoint import Endpoint, open_server_port
-    from sonarhw.replay.replayed_log import ReplayDevice
+    from sonarhw.device.replayed_log import ReplayDevice
+    from sonarhw.device.served import Endpoint, open_server_port
     from sonarhw_cli.console.interruption import sigterm_exits
 
     check_one_line(pty, tcp)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.export.csv_rows import HEADER, row
-from sonarhw.harmless_text import counted, counted_are
+from sonarhw.errors import counted, counted_are
+from sonarhw.export import HEADER, row
 from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_error, print_note, warn
@@ -44,7 +44,7 @@ from sonarhw_cli.instrument.scan_request import (
 if TYPE_CHECKING:
     from sonarhw_sim.air import Air
 
-    from sonarhw.host.connected_scanner import ConnectedScanner
+    from sonarhw.host.scanner import ConnectedScanner
     from sonarhw.log import LogMetadata, LogWriter
     from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.readings import Reading
@@ -78,7 +78,7 @@ def scan(
     force: Force = False,
 ) -> None:
     """Scan and record a log. With --print, each reading is also written to standard output as it arrives."""
-    from sonarhw.plugins.plugin_list import takes_orders
+    from sonarhw.plugins.device_plugin import takes_orders
 
     if not takes_orders(url):
         refuse_orders(context)
@@ -101,9 +101,9 @@ def _record(
     metadata: "LogMetadata",
     room_air: "Air | None",
 ) -> None:
+    from sonarhw.host.scanner import record_scan
     from sonarhw.log import LogWriter
     from sonarhw.plugins.plugin_scanner import PluginScanner
-    from sonarhw.scanning.scan_recording import record_scan
 
     board = board_of(scanner, request.board)
     metadata = replace(metadata, board=board.name, board_text=board.text)

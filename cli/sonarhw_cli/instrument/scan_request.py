@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
-    from sonarhw.host.connected_scanner import ConnectedScanner
+    from sonarhw.host.scanner import ConnectedScanner, ScanPlan
     from sonarhw.log import LogMetadata
     from sonarhw.readings import ScanOrder
-    from sonarhw.scanning.scan_recording import ScanPlan
 
 
 # options that a device which turns by itself cannot obey, by parameter
@@ -66,8 +65,7 @@ def check_request(request: ScanRequest) -> None:
 
 def _check_order(order: "ScanOrder") -> None:
     """Raise InputError for an order that does not fit into a frame."""
-    from sonarhw.wire.limits import MOST_READINGS
-    from sonarhw.wire.units import microdegrees_of
+    from sonarhw.wire.messages import MOST_READINGS, microdegrees_of
 
     if microdegrees_of(order.step) == 0:
         raise InputError(f"--step {math.degrees(order.step):g}: too fine; expected 0.000001 degrees or more")
@@ -111,8 +109,8 @@ def scan_plan(scanner: "ConnectedScanner", request: ScanRequest, board: "Board",
     """Return the plan of the scan, with warnings about what this scanner and board cannot do."""
     from sonarhw_sim.air import Air
 
-    from sonarhw.scanning.scan_recording import ScanPlan
-    from sonarhw.sound_speed import ScanAir
+    from sonarhw.host.scanner import ScanPlan
+    from sonarhw.readings import ScanAir
 
     air = room_air or Air()
     if request.max_range is not None and request.max_range > board.max_range:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.connect import RECONNECT, Reconnect, ScannerUrl, board_of, connect
 from sonarhw_cli.console.interruption import Interruption, interruption
 from sonarhw_cli.console.lines import print_line, print_note, warn
@@ -44,11 +43,10 @@ if TYPE_CHECKING:
     from sonarhw_sim.rays.paths import Paths
     from sonarhw_sim.room.model import Place, Room
 
-    from sonarhw.export.foxglove_server import FoxgloveServer
-    from sonarhw.host.connected_scanner import ConnectedScanner
+    from sonarhw.export import FoxgloveServer
+    from sonarhw.host.scanner import ConnectedScanner, ScanPlan
     from sonarhw.log import LogMetadata
     from sonarhw.readings import Reading, ScanOrder
-    from sonarhw.scanning.scan_recording import ScanPlan
 
 _MOST_SWEEPS = 65535  # largest number that fits into the scan command
 _ADDRESS = "127.0.0.1:8765"  # the port that Foxglove suggests
@@ -91,8 +89,8 @@ def serve(
     The topics are those of a log: /readings, /traces, and /scan with each whole sweep. With --room, /prediction has the
     predicted ranges beside each /scan.
     """
-    from sonarhw.export.foxglove_server import FoxgloveServer
-    from sonarhw.plugins.plugin_list import takes_orders
+    from sonarhw.export import FoxgloveServer
+    from sonarhw.plugins.device_plugin import takes_orders
 
     if not foxglove:
         raise InputError("give --foxglove: it is the only protocol that is served")
@@ -126,7 +124,7 @@ def serve(
 
 def _sweeps(start: float, stop: float, step: float, pings: int) -> int:
     """Return the largest number of sweeps."""
-    from sonarhw.wire.limits import MOST_READINGS
+    from sonarhw.wire.messages import MOST_READINGS
 
     return max(1, min(_MOST_SWEEPS, MOST_READINGS // order_in_degrees(start, stop, step, 1, pings).readings))
 
@@ -139,8 +137,8 @@ def _scan(
     out: Path | None,
     force: bool,
 ) -> None:
+    from sonarhw.host.scanner import record_scan, run_scan
     from sonarhw.log import LogWriter
-    from sonarhw.scanning.scan_recording import record_scan, run_scan
 
     with interruption(scanner.stop) as publisher.interrupted:
         if out is None:
@@ -172,7 +170,7 @@ class _Publisher:
 
     def __init__(self, server: "FoxgloveServer", order: "ScanOrder | None", prediction: _Prediction | None) -> None:
         """`order` is None if the scan may have another number of readings."""
-        from sonarhw.log.viewer.open_sweeps import OpenSweeps
+        from sonarhw.log.writer import OpenSweeps
 
         self.count = 0
         self.interrupted: Interruption

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from sonarhw.atomic_file import atomic_file
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
+from sonarhw.files import atomic_file
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.options import ForceFiles
 from sonarhw_cli.console.output import made_folder, refuse_existing_in

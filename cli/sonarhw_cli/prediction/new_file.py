@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from sonarhw.atomic_file import atomic_file
 from sonarhw.errors import InputError
+from sonarhw.files import atomic_file
 
 NewFile = Annotated[Path, typer.Argument(help="File to create.", metavar="NAME.toml")]
 

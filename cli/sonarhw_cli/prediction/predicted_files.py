@@ -123,7 +123,7 @@ def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out
     """
     import numpy as np
 
-    from sonarhw.export.npz import write_array
+    from sonarhw.export import write_array
 
     *numbers, via = zip(*prediction_rows(scan), strict=True)
     columns = [np.array(column, dtype=float) for column in numbers] + [np.array([touched or "" for touched in via])]
@@ -186,7 +186,7 @@ def write_predicted_log(
     """Write the log of a scanner that measures exactly the prediction."""
     import time
 
-    from sonarhw.export.encoded_log import write_scan
+    from sonarhw.export import write_scan
     from sonarhw.log import LogMetadata
     from sonarhw.readings import Reading
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw_cli.console.lines import warn
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw_cli.console.lines import print_json, print_line, print_note
 from sonarhw_cli.console.options import BoardName, Force, RoomName
 from sonarhw_cli.console.output import checked_out, write_figure

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from sonarhw.atomic_file import atomic_file
-from sonarhw.errors import InputError, MissingExtra
-from sonarhw.json_text import json_text
+from sonarhw.errors import InputError, MissingExtra, json_text
+from sonarhw.files import atomic_file
 from sonarhw_cli.console.demo_room import PLACE, ROOM, demo_url
 from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.options import ForceFiles

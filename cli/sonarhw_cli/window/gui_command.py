@@ -118,7 +118,7 @@ def _kind(source: str) -> str:
     """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for anything else."""
     from sonarhw_compare.scanners.fake_url import is_fake
 
-    from sonarhw.plugins.plugin_list import is_plugin
+    from sonarhw.plugins.device_plugin import is_plugin
 
     if is_fake(source) or is_plugin(source) or "://" in source:
         return ""
@@ -219,7 +219,7 @@ def _board_of(url: str) -> str | None:
     """Return the board profile that suits the device of a plug-in, if known. Raises InputError for an invalid URL."""
     from sonarhw_sim.board.profile import board_names
 
-    from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+    from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 
     board = make_plugin(url).identity.board if is_plugin(url) else None
     return board if board in board_names() else None
@@ -236,7 +236,7 @@ class _Scanners:
         from sonarhw_compare.scanners.fake_url import is_fake
         from sonarhw_gui.session.scanner_choice import ScannerTarget
 
-        from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+        from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 
         scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
         if is_plugin(url):
@@ -251,7 +251,7 @@ class _Scanners:
             from sonarhw_compare.scanners.scanner_url import open_scanner
 
             from sonarhw.host.scanner import Scanner
-            from sonarhw.plugins.plugin_list import is_plugin
+            from sonarhw.plugins.device_plugin import is_plugin
 
             if is_plugin(url):
                 return open_scanner(url)

@@ -1,6 +1,6 @@
 """Text about regions of constant depth: their counts, and the path of a predicted region."""
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw_compare.explain.sentences import describe_path
 from sonarhw_compare.matching.match import Comparison
 from sonarhw_compare.matching.region_match import RegionMatch

@@ -14,7 +14,7 @@ from sonarhw_sim.board.profile import Board, parse_board
 from sonarhw_sim.room.model import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_place
 
-from sonarhw.harmless_text import harmless
+from sonarhw.errors import harmless
 from sonarhw_compare.fit.values.parameters import Parameter, values_by_part
 from sonarhw_compare.fit.values.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X
 from sonarhw_compare.profile_edit import below_header, set_marked

@@ -7,8 +7,7 @@ from pathlib import Path
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_compare.fit.values.priors import check_words, with_priors

@@ -14,8 +14,7 @@ from itertools import count, islice
 from pathlib import Path
 from typing import TextIO
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw.readings import Reading
 from sonarhw_compare.imports.foreign_rows import MOST_READINGS, ForeignRow, Meaning, readings_of
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarhw.errors import InputError
-from sonarhw.readings import Reading, Trace
-from sonarhw.sound_speed import speed_of_sound
-from sonarhw.wire.units import MOST_DEGREES
+from sonarhw.readings import Reading, Trace, speed_of_sound
+from sonarhw.wire.messages import MOST_DEGREES
 
 SPACING = 0.1  # s between readings of a file without times
 # limits of the frames of a log

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from sonarhw_sim.room.model import Room, parse_room
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import harmless
+from sonarhw.errors import InputError, harmless
 from sonarhw_compare.fit.values.quantities import REFLECTANCE, reflectance_of
 from sonarhw_compare.known_room.turntable_fit import TurntableFit
 from sonarhw_compare.profile_edit import Z95, CalibratedValue

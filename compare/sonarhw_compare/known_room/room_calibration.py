@@ -14,8 +14,7 @@ from sonarhw_sim.board.mount import OwnBodyPart
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted, harmless
+from sonarhw.errors import InputError, counted, harmless
 from sonarhw_compare.fit.values.fit_result import PlacedScan, Progress
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.known_room.detection_rule import Between, choose_detection

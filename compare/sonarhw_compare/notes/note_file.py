@@ -10,10 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonarhw.atomic_file import atomic_file
-from sonarhw.errors import InputError, OutputError
-from sonarhw.export.csv_rows import number, text_cell
-from sonarhw.harmless_text import counted_are, harmless
+from sonarhw.errors import InputError, OutputError, counted_are, harmless
+from sonarhw.export import number, text_cell
+from sonarhw.files import atomic_file
 
 HEADER = "sweep", "reading", "heading_deg", "range_m", "note"
 MOST_CHARACTERS = 500  # of a note

@@ -1,6 +1,6 @@
 """Names of rooms and places as text in a picture. matplotlib interprets text between dollar signs as a formula."""
 
-from sonarhw.harmless_text import harmless, shortened
+from sonarhw.errors import harmless, shortened
 
 _MOST = 100  # characters, so that the plot is not squeezed
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from sonarhw_sim.board.profile import Board
 
-from sonarhw.errors import NoPlate
-from sonarhw.harmless_text import harmless
+from sonarhw.errors import NoPlate, harmless
 from sonarhw_compare.plate.blanking_fit import TOGETHER, blanking_end
 from sonarhw_compare.plate.level_fit import LevelFit, fit_levels, free_keys
 from sonarhw_compare.plate.level_keys import LevelKey

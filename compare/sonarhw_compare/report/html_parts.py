@@ -4,7 +4,7 @@ from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 
-from sonarhw.harmless_text import harmless
+from sonarhw.errors import harmless
 
 Facts = Sequence[tuple[str, str]]
 

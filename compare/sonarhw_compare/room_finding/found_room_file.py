@@ -9,7 +9,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Room, parse_room
 from tomlkit.items import AoT, Table
 
-from sonarhw.harmless_text import counted, harmless
+from sonarhw.errors import counted, harmless
 from sonarhw.readings import FloatArray
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.locate.poses import Pose

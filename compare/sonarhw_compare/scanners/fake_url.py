@@ -13,12 +13,10 @@ from sonarhw_sim.choices import DEFAULT_BOARD
 from sonarhw_sim.room.doubts import place_doubts, room_doubts
 from sonarhw_sim.room.model import Place, Room, load_room
 
-from sonarhw.device.device import Device
-from sonarhw.device.endpoint import Pace, read_pace, serve
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.faults.fault_schedule import NO_FAULTS, Faults, read_faults
-from sonarhw.device.faults.faulty_board import FaultyDevice, faulty_identity
-from sonarhw.device.wiring_faults import Wires
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires
+from sonarhw.device.faults import NO_FAULTS, Faults, FaultyDevice, faulty_identity, read_faults
+from sonarhw.device.protocol import Device
+from sonarhw.device.served import Pace, read_pace, serve
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:

@@ -10,16 +10,15 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TypeAlias
 
-from sonarhw.device.endpoint import serve
+from sonarhw.device.replayed_log import ReplayDevice
+from sonarhw.device.served import serve
 from sonarhw.errors import InputError
-from sonarhw.host.recorder import Recorder
 from sonarhw.host.scanner import Scanner
-from sonarhw.host.session import PATIENCE, RECONNECT
-from sonarhw.link.ports import PortFinder
+from sonarhw.host.session import PATIENCE, RECONNECT, Recorder
+from sonarhw.link import PortFinder
 from sonarhw.log import read_log
-from sonarhw.plugins.plugin_list import is_plugin, make_plugin
+from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 from sonarhw.plugins.plugin_scanner import PluginScanner
-from sonarhw.replay.replayed_log import ReplayDevice
 from sonarhw_compare.scanners.fake_url import LOOPBACK, SCHEME, serve_fake
 
 Find: TypeAlias = Callable[[], str]  # returns the URL to open with pyserial now

@@ -15,8 +15,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from sonarhw.atomic_file import atomic_file
 from sonarhw.errors import InputError, OutputError
+from sonarhw.files import atomic_file
 from sonarhw_compare.study.arrow import pa, pq
 from sonarhw_compare.study.spec import Study
 from sonarhw_compare.study.study_scans import predict_scans

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QWidget
 
-from sonarhw.export.export_formats import export_suffixes
+from sonarhw.export import export_suffixes
 from sonarhw_gui.view import ViewEntry
 
 _FORMATS = " or ".join(suffix[1:].upper() for suffix in export_suffixes())

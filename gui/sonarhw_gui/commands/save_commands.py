@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 from sonarhw_compare.sound.film_file import FILMS
 from sonarhw_compare.sound.moments import PlayedPing
 
-from sonarhw.export.export_formats import FORMATS, export_suffixes
+from sonarhw.export import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.dialogs.one_dialog import close_dialogs
 from sonarhw_gui.live.device_texts import link_figures

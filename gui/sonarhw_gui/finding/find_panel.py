@@ -22,8 +22,7 @@ from PySide6.QtWidgets import (
 from sonarhw_compare.room_edit import remove_surface
 from sonarhw_sim.room.model import Room
 
-from sonarhw.errors import InputError
-from sonarhw.harmless_text import counted
+from sonarhw.errors import InputError, counted
 from sonarhw_gui.finding.find_control import FindState
 from sonarhw_gui.finding.find_request import ACCURACIES, Accuracy, LoadedScan
 from sonarhw_gui.finding.found_marks import drawing_of, next_text, poses_text, row_texts

@@ -2,11 +2,10 @@
 
 import math
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw.readings import ScanOrder, headings_between
-from sonarhw.wire.device_clock import MOST_DRIFT
-from sonarhw.wire.limits import MOST_READINGS
-from sonarhw.wire.units import microdegrees_of
+from sonarhw.wire.messages import MOST_READINGS, microdegrees_of
+from sonarhw.wire.readings_of_frames import MOST_DRIFT
 from sonarhw_gui.live.scanner_state import LinkState
 from sonarhw_gui.live.window_status import Source, Status
 

@@ -12,9 +12,9 @@ from queue import SimpleQueue
 from typing import Any
 
 from sonarhw.errors import Incompatible, LinkError, NoAnswer, SonarError, WrongDevice
-from sonarhw.host.connected_scanner import ConnectedScanner
+from sonarhw.host.scanner import ConnectedScanner
 from sonarhw.readings import Reading
-from sonarhw.wire.codes import Outcome
+from sonarhw.wire.messages import Outcome
 from sonarhw_gui.live.scanner_jobs import ScannerJob, ScannerOpener
 from sonarhw_gui.live.scanner_state import JobState, LinkState, Phase
 

@@ -9,11 +9,9 @@ from typing import Any, Protocol
 
 from sonarhw_sim.air import Air
 
-from sonarhw.host.connected_scanner import ConnectedScanner
-from sonarhw.readings import Reading, ScanOrder
-from sonarhw.scanning.scan_recording import ScanPlan, record_scan
-from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.codes import Outcome
+from sonarhw.host.scanner import ConnectedScanner, ScanPlan, record_scan
+from sonarhw.readings import Reading, ScanAir, ScanOrder
+from sonarhw.wire.messages import Outcome
 from sonarhw_gui.live.scanner_board import suited_board
 from sonarhw_gui.live.scanner_state import JobState, Phase
 from sonarhw_gui.scene.scene import Scene

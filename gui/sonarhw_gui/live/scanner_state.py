@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from sonarhw.host.device_info import DeviceInfo
+from sonarhw.host.scanner import DeviceInfo
 from sonarhw.host.session import Connection
-from sonarhw.link.link_statistics import LinkStatistics
+from sonarhw.link import LinkStatistics
 
 
 class Phase(StrEnum):

@@ -27,7 +27,7 @@ from PySide6.QtWidgets import (
 )
 from sonarhw_compare.matching.match import Kind
 
-from sonarhw.harmless_text import counted
+from sonarhw.errors import counted
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Class, Unclassed
 from sonarhw_gui.look.theme import text_font

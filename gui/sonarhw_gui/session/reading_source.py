@@ -12,7 +12,7 @@ from sonarhw_compare.scanners.fake_url import is_fake
 
 from sonarhw.log import Log
 from sonarhw.readings import Origin, Reading
-from sonarhw.wire.origin import origin_of
+from sonarhw.wire.messages import origin_of
 from sonarhw_gui.live.live_feed import LiveFeed
 from sonarhw_gui.live.reading_rate import RateMeter
 from sonarhw_gui.live.scanner_jobs import ScanSettings

@@ -1,13 +1,13 @@
-"""The controls of a replay: play, pause, step, seek, loop and speed of a `sonarhw.replay.playback.Playback`."""
+"""The controls of a replay: play, pause, step, seek, loop and speed of a `sonarhw.device.replayed_log.Playback`."""
 
 import math
 from dataclasses import dataclass, replace
 
 from PySide6.QtCore import QObject, Signal, Slot
 
+from sonarhw.device.replayed_log import Playback
 from sonarhw.log import Log
 from sonarhw.readings import Reading
-from sonarhw.replay.playback import Playback
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, math.inf)
 _SAME = 1e-3  # s; a scan that starts within this time of the position is the current one

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from sonarhw.atomic_file import unfinished_file
 from sonarhw.errors import InputError
+from sonarhw.files import unfinished_file
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.scene.scene_memory import SceneMemory
 

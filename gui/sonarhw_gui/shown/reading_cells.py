@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from enum import IntEnum
 
-from sonarhw.export.csv_rows import text_cell
+from sonarhw.export import text_cell
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Class

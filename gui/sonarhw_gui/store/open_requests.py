@@ -9,7 +9,7 @@ from sonarhw_sim.named_file import file_name
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.errors import InputError, LogError
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw_gui.scene.scene import Scene, first_place, scene_of_log, scene_with
 from sonarhw_gui.store.csv_preview import ReadCsvRequest

@@ -10,9 +10,8 @@ from sonarhw_compare.notes.placed_notes import placed_notes
 from sonarhw_compare.sound.film_file import FILMS, write_film
 from sonarhw_compare.sound.moments import PlayedPing
 
-from sonarhw.errors import InputError
-from sonarhw.export.export_formats import export_format, export_suffixes
-from sonarhw.json_text import json_text
+from sonarhw.errors import InputError, json_text
+from sonarhw.export import export_format, export_suffixes
 from sonarhw.log import Log, read_log
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.scene.scene import Scene
@@ -126,7 +125,7 @@ class SaveRequest:
 
     def answer(self) -> Path:
         """Write the file. Raises InputError, OutputError; then no file is written."""
-        from sonarhw.atomic_file import atomic_file
+        from sonarhw.files import atomic_file
 
         endings, path = self.content.endings, self.path
         if path.suffix.lower() not in endings:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from sonarhw.errors import LinkError
 from sonarhw.host.scanner import probe_port
-from sonarhw.link.ports import Port, serial_ports
-from sonarhw.text.line_guess import LineGuess, guess_lines
+from sonarhw.link import Port, serial_ports
+from sonarhw.text_device import LineGuess, guess_lines
 from sonarhw_gui.work.worker import Failure, Worker
 
 

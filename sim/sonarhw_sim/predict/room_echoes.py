@@ -10,9 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import InputError
-from sonarhw.readings import Trace
+from sonarhw.readings import Ping, PingResult, Trace
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time, echo_times
 from sonarhw_sim.board.traces import Arrivals, Signal, received
@@ -55,7 +54,7 @@ EXACT = Disturbance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)  # the room as in its f
 
 
 class RoomEchoes:
-    """An echo source (`sonarhw.echo_source`) that predicts the echoes of a room by following sound."""
+    """An echo source (`sonarhw.readings`) that predicts the echoes of a room by following sound."""
 
     def __init__(
         self, room: Room, place: Place, board: Board, seed: int = 0, disturbance: Disturbance | None = None

@@ -14,8 +14,8 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from sonarhw.atomic_file import atomic_file
 from sonarhw.errors import InputError
+from sonarhw.files import atomic_file
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.model import Place, Room, parse_room
 from sonarhw_sim.room.room_file import MEETING, Material, RoomFile

@@ -15,12 +15,23 @@ from unittest.mock import patch
 import numpy as np
 from mcap.opcode import Opcode
 
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import LogWriter, writer
-from sonarhw.wire.fields import Numbers, Samples, Scalar, Text
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.limits import MAX_PAYLOAD
-from sonarhw.wire.messages import FROM_DEVICE, FROM_HOST, Finished, Message, ReadingMessage, Settings, Started
+from sonarhw.wire.messages import (
+    FROM_DEVICE,
+    FROM_HOST,
+    MAX_PAYLOAD,
+    Finished,
+    Message,
+    Numbers,
+    ReadingMessage,
+    Samples,
+    Scalar,
+    Settings,
+    Started,
+    Text,
+)
 from tests.fixtures.example_logs import METADATA, example_reading
 from tests.soak.fuzz.boundaries import NAMES, NUMBERS
 from tests.soak.fuzz.damage import damaged_bytes

@@ -13,9 +13,9 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_sim.board.profile import load_board
 
-from sonarhw.export.encoded_log import write_scan
+from sonarhw import link as ports
+from sonarhw.export import write_scan
 from sonarhw.host import scanner
-from sonarhw.link import ports
 from tests.fixtures.example_logs import METADATA, example_reading
 
 EVIL = "\x1b]0;owned\x07\x9b2J\nsonarhw: done \u202e$\\frac$ <b>x</b>"

@@ -15,8 +15,7 @@ from sonarhw_cli.console.options import LOG
 from sonarhw_cli.console.output import atomic_file, checked_out, text_output
 
 from sonarhw.errors import InputError
-from sonarhw.export.encoded_log import write_scan
-from sonarhw.export.export_formats import export_suffixes
+from sonarhw.export import export_suffixes, write_scan
 from tests.checkout import CHECKOUT
 from tests.fixtures.example_logs import METADATA, example_reading, write_example
 

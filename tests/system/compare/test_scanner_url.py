@@ -11,8 +11,8 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.rays import path_table
 
 import sonarhw
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import serve
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost
 from sonarhw.readings import sector
 from tests.fixtures.example_logs import write_example

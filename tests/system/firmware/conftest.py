@@ -11,8 +11,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw import Scanner
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
-from sonarhw.echo_source import Ping, PingResult
-from sonarhw.readings import Trace
+from sonarhw.readings import Ping, PingResult, Trace
 from tests.checkout import CHECKOUT
 from tests.system.firmware.portable import PortableBoard
 

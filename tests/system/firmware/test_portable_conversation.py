@@ -9,7 +9,6 @@ from cobs import cobs
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
 
-from sonarhw.wire.codes import Outcome, Refusal
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     FROM_HOST,
@@ -24,7 +23,9 @@ from sonarhw.wire.messages import (
     Info,
     LinkTested,
     Message,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
     SetBaud,

@@ -4,9 +4,9 @@ import random
 
 import pytest
 
-from sonarhw.wire.codes import Approach, Input, Outcome, Refusal, Wiring
 from sonarhw.wire.messages import (
     Accepted,
+    Approach,
     AskStatistics,
     ConfigureTurntable,
     ConfigureWiring,
@@ -14,13 +14,17 @@ from sonarhw.wire.messages import (
     Heartbeat,
     Hello,
     Home,
+    Input,
     Message,
+    Outcome,
+    Refusal,
     Refused,
     SetZero,
     StartScan,
     Statistics,
     Stop,
     Turn,
+    Wiring,
     WiringSettings,
 )
 from tests.system.firmware.portable import MICROSTEPS, RAMPED, SLIPPING, PortableBoard

@@ -18,8 +18,8 @@ from sonarhw_gui.shell.application import WindowStart, open_application, open_wi
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import Pace, serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import ScanOrder
 from tests.system.gui.driving import activate

@@ -7,7 +7,7 @@ import numpy as np
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_sim.predict.prediction import predict_scan
 
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.readings import Reading
 

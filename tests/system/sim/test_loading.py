@@ -20,7 +20,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.compiled import Kernel
-from sonarhw.echo_source import Ping
+from sonarhw.readings import Ping
 
 def compiled():
     ours = [module for name, module in sys.modules.items() if name.startswith("sonarhw_sim.")]

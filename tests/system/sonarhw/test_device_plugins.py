@@ -17,11 +17,11 @@ import pytest
 
 from sonarhw.errors import DeviceError, InputError
 from sonarhw.log import read_log
-from sonarhw.plugins import plugin_list
+from sonarhw.plugins import device_plugin
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.plugins.plugin_scanner import PluginScanner
 from sonarhw.readings import Reading
-from sonarhw.wire.codes import Outcome
+from sonarhw.wire.messages import Outcome
 from tests.checkout import CHECKOUT
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 
@@ -37,8 +37,8 @@ def installed(tmp_path: Path) -> Path:
     metadata.mkdir(parents=True)
     about = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
     (metadata / "METADATA").write_text(about)
-    points = "".join(f"{name} = {value}\n" for name, value in project["entry-points"][plugin_list.GROUP].items())
-    (metadata / "entry_points.txt").write_text(f"[{plugin_list.GROUP}]\n{points}")
+    points = "".join(f"{name} = {value}\n" for name, value in project["entry-points"][device_plugin.GROUP].items())
+    (metadata / "entry_points.txt").write_text(f"[{device_plugin.GROUP}]\n{points}")
     (folder / "rangebox.py").write_text((EXAMPLE / "rangebox.py").read_text(encoding="utf-8"), encoding="utf-8")
     return folder
 
@@ -99,9 +99,11 @@ def test_its_own_errors_are_one_line(installed: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_broken_plugin_is_one_line(value: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_list, "_installed", lambda: {"broken": EntryPoint("broken", value, plugin_list.GROUP)})
+    monkeypatch.setattr(
+        device_plugin, "_installed", lambda: {"broken": EntryPoint("broken", value, device_plugin.GROUP)}
+    )
     with pytest.raises(InputError, match=message):
-        plugin_list.make_plugin("broken:1")
+        device_plugin.make_plugin("broken:1")
 
 
 class Defective(DevicePlugin):
@@ -203,5 +205,5 @@ def test_a_defect_of_a_plugin_is_one_line(where: str, message: str) -> None:
 
 def test_text_devices_are_a_plugin_of_this_project() -> None:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["entry-points"][plugin_list.GROUP] == {"lines": "sonarhw.text.text_device:TextDevice"}
-    assert plugin_list.is_plugin("lines:/dev/ttyUSB0")
+    assert project["entry-points"][device_plugin.GROUP] == {"lines": "sonarhw.text_device:TextDevice"}
+    assert device_plugin.is_plugin("lines:/dev/ttyUSB0")

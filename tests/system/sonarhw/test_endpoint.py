@@ -8,17 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Clock, Endpoint, Pace, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.device.server_ports import TcpServerPort
-from sonarhw.echo_source import Ping, PingResult
+from sonarhw.device.served import Clock, Endpoint, Pace, TcpServerPort, open_server_port, serve
 from sonarhw.errors import InputError, LinkBusy, LinkError
 from sonarhw.host.scanner import Scanner
-from sonarhw.link.serial_link import Link
-from sonarhw.readings import pings_in_place
-from sonarhw.wire.codes import Outcome
+from sonarhw.link import Link
+from sonarhw.readings import Ping, PingResult, pings_in_place
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import Hello
+from sonarhw.wire.messages import Hello, Outcome
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
 
@@ -242,7 +239,7 @@ def test_an_idle_device_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
         return [], [], []
 
     monkeypatch.setattr(time, "monotonic", lambda: real)
-    monkeypatch.setattr("sonarhw.device.endpoint.select.select", select)
+    monkeypatch.setattr("sonarhw.device.served.select.select", select)
     with open_server_port(tcp="127.0.0.1:0") as port:
         endpoint = Endpoint(FakeBoard(PlainEchoes()), port)
         endpoint.run()

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Endpoint, open_server_port, serve
+from sonarhw.device.served import Endpoint, open_server_port, serve
 from sonarhw.errors import Incompatible, LinkError, LinkLost
 from sonarhw.host.scanner import Scanner
-from sonarhw.link.serial_link import Link
+from sonarhw.link import Link
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Hello
 from tests.fixtures.faulty_boards import faulty

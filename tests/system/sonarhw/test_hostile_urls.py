@@ -2,9 +2,9 @@
 
 import pytest
 
-from sonarhw.device.server_ports import TcpServerPort, host_and_port
+from sonarhw.device.served import TcpServerPort, host_and_port
 from sonarhw.errors import InputError, LinkError, SonarError
-from sonarhw.link.serial_link import Link
+from sonarhw.link import Link
 
 
 @pytest.mark.parametrize(

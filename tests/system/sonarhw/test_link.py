@@ -10,9 +10,8 @@ import pytest
 import serial
 
 from sonarhw.errors import LinkError, LinkLost
-from sonarhw.link.ports import PortFinder
-from sonarhw.link.serial_link import BOOTLOADER, Link
-from sonarhw.wire.limits import FIRST_BAUD
+from sonarhw.link import BOOTLOADER, Link, PortFinder
+from sonarhw.wire.messages import FIRST_BAUD
 from tests.hang_guard import wait_until
 
 Ends = tuple[int, int]  # of a pseudo-terminal
@@ -48,7 +47,7 @@ class SpiedPort(serial.SerialBase):  # type: ignore[misc]
 def spied(monkeypatch: pytest.MonkeyPatch) -> SpiedPort:
     """Replace the port that the next link opens, and return it."""
     port = SpiedPort()
-    monkeypatch.setattr("sonarhw.link.serial_link.serial.serial_for_url", lambda *_, **__: port)
+    monkeypatch.setattr("sonarhw.link.serial.serial_for_url", lambda *_, **__: port)
     return port
 
 

@@ -9,12 +9,10 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.echo_source import EchoSource
+from sonarhw.device.served import serve
 from sonarhw.host.scanner import Scanner
-from sonarhw.readings import Reading, ScanOrder, sector
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw.readings import EchoSource, Reading, ScanOrder, sector, speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 

@@ -15,20 +15,26 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Endpoint, Pace, serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.served import Endpoint, Pace, serve
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
-from sonarhw.host.device_info import TurnSettings
 from sonarhw.host.driver import SILENCE
-from sonarhw.host.link_thread import LinkThread
-from sonarhw.host.scanner import Scanner
+from sonarhw.host.scanner import LinkThread, Scanner, TurnSettings
 from sonarhw.host.session import Connection
-from sonarhw.link.serial_link import MOST, Link
+from sonarhw.link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder
-from sonarhw.wire.codes import Approach, Outcome, TraceKind
 from sonarhw.wire.frames import Frame, FrameDecoder
-from sonarhw.wire.limits import HOST_SILENCE, MAX_ECHOES
-from sonarhw.wire.messages import Configure, ConfigureTurntable, Settings, TurntableSettings
+from sonarhw.wire.messages import (
+    HOST_SILENCE,
+    MAX_ECHOES,
+    Approach,
+    Configure,
+    ConfigureTurntable,
+    Outcome,
+    Settings,
+    TraceKind,
+    TurntableSettings,
+)
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
 from tests.hang_guard import HANG, wait_until
@@ -259,7 +265,7 @@ def test_every_frame_is_recorded_and_decodes_to_the_same_readings(served: Serve)
 
 
 def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarhw.host.link_thread.MOST_WAITING", 4)
+    monkeypatch.setattr("sonarhw.host.scanner.MOST_WAITING", 4)
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.configure(trace=True)
         scanner.home()
@@ -407,7 +413,7 @@ def test_a_port_held_by_this_program_is_reported_as_busy(tmp_path: Path) -> None
 
 
 def test_the_error_of_a_busy_port_names_the_other_program(tmp_path: Path) -> None:
-    hold = "import sys; from sonarhw.link.serial_link import Link\n"
+    hold = "import sys; from sonarhw.link import Link\n"
     hold += "x = Link(sys.argv[1]); print('held', flush=True); input()"
     with serve(FakeBoard(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
         command = [sys.executable, "-c", hold, endpoint.url]

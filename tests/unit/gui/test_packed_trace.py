@@ -7,7 +7,7 @@ import pytest
 from sonarhw_gui.live.packed_trace import PackedTrace, packed, with_packed_trace
 
 from sonarhw.readings import Reading, Trace
-from sonarhw.wire.units import FULL_SCALE
+from sonarhw.wire.messages import FULL_SCALE
 
 FORMS = {8: (np.uint8, FULL_SCALE), 16: (np.uint16, 257 * FULL_SCALE)}
 

@@ -13,7 +13,7 @@ from sonarhw_sim.room.model import load_room, parse_room
 from sonarhw_sim.toml_file import MOST_BYTES
 
 from sonarhw.errors import InputError
-from sonarhw.wire.limits import MAX_TEXT
+from sonarhw.wire.messages import MAX_TEXT
 from tests.checkout import CHECKOUT
 from tests.fixtures.memory_limit import at_most
 

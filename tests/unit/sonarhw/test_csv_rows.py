@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from sonarhw.export.csv_rows import text_cell, write_csv
+from sonarhw.export import text_cell, write_csv
 from sonarhw.readings import Reading
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import characters, text
 
-from sonarhw.harmless_text import harmless, shortened
+from sonarhw.errors import harmless, shortened
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sonarhw_cli.console.lines import print_json
 
-from sonarhw.json_text import json_text
+from sonarhw.errors import json_text
 
 FIGURES = {
     "deviation": math.inf,

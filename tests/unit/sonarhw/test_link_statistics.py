@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from sonarhw.link.link_statistics import LinkStatistics, smoothed
+from sonarhw.link import LinkStatistics, smoothed
 
 COUNTERS = [field.name for field in dataclasses.fields(LinkStatistics) if field.name != "round_trip"]
 

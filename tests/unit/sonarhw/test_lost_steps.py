@@ -10,13 +10,18 @@ import numpy as np
 import pytest
 
 from sonarhw.errors import LostSteps
-from sonarhw.host.actions import homing, scanning, turning
+from sonarhw.host.scripts import homing, scanning, turning
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.lost_steps import first_unverified, lost_steps_clause, nearest_mark, split_at_homings, unverified_clause
-from sonarhw.readings import Reading
-from sonarhw.wire.codes import Outcome
+from sonarhw.readings import (
+    Reading,
+    first_unverified,
+    lost_steps_clause,
+    nearest_mark,
+    split_at_homings,
+    unverified_clause,
+)
 from sonarhw.wire.frames import Frame, decode_block
-from sonarhw.wire.messages import StartScan, Turn
+from sonarhw.wire.messages import Outcome, StartScan, Turn
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time

@@ -8,20 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonarhw import Scanner
-from sonarhw.bringup import diagnoses, doctor
-from sonarhw.bringup.diagnoses import Diagnosis, Verdict
-from sonarhw.bringup.doctor import Plate, examine
+from sonarhw import Scanner, bringup
+from sonarhw.bringup import Diagnosis, Plate, Verdict, examine
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
-from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.faults.fault_schedule import read_faults
-from sonarhw.device.faults.faulty_board import FaultyDevice
-from sonarhw.device.wiring_faults import Wires, WiringFault
-from sonarhw.echo_source import Ping, PingResult
-from sonarhw.readings import Trace
-from sonarhw.wire.codes import ResetCause, Wiring
-from sonarhw.wire.messages import Statistics
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires, WiringFault
+from sonarhw.device.faults import FaultyDevice, read_faults
+from sonarhw.device.served import serve
+from sonarhw.readings import Ping, PingResult, Trace
+from sonarhw.wire.messages import ResetCause, Statistics, Wiring
 from tests.fixtures.example_logs import example_reading
 from tests.fixtures.plain_echoes import DISTANCE, PLATE_DEG, HallEchoes
 from tests.system.cli.instrument.test_scan_command import sonarhw
@@ -77,7 +71,7 @@ def emulated(faults: WiringFault) -> Iterator[str]:
         emulated_board(HallEchoes(), pace=3.0, start_deg=40, miswire=faults) as board,
     ):
         if faults:
-            patch.setattr(doctor, "PINGS", 5)
+            patch.setattr(bringup, "PINGS", 5)
         yield board.url
 
 
@@ -221,7 +215,7 @@ def test_the_nearest_echo_must_be_on_the_side_of_the_plate(nearest_deg: float, v
         replace(example_reading(n), angle=math.radians(deg), echo_times=(0.006 if deg == nearest_deg else 0.02,))
         for n, deg in enumerate((-90, -30, 0, 25))
     ]
-    diagnosis = diagnoses.direction(readings, math.radians(30), ["motor"])
+    diagnosis = bringup.direction(readings, math.radians(30), ["motor"])
     assert diagnosis.verdict is verdict
     assert advice in diagnosis.advice
 
@@ -318,7 +312,7 @@ def test_steps_lost_by_a_turntable_without_a_mark_change_the_echoes() -> None:
     ],
 )
 def test_a_weak_supply_is_seen_by_restarts(cause: ResetCause, resets: int, verdict: Verdict) -> None:
-    assert diagnoses.supply(Statistics(0, 0, 0, 0, 0, 0, cause, 0), resets).verdict is verdict
+    assert bringup.supply(Statistics(0, 0, 0, 0, 0, 0, cause, 0), resets).verdict is verdict
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.bringup.controllers import IMAGES
+from sonarhw.bringup import IMAGES
 from tests.checkout import CHECKOUT
 from tests.system.cli.bringup.bootloader import bootloader_board
 from tests.system.cli.instrument.test_scan_command import sonarhw

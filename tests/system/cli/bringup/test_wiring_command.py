@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from sonarhw import Scanner
-from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.wiring_faults import Wires, WiringFault
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires, WiringFault
+from sonarhw.device.served import serve
 from sonarhw.log import read_log
-from sonarhw.wire.codes import Wiring
+from sonarhw.wire.messages import Wiring
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.system.cli.instrument.test_scan_command import sonarhw
 

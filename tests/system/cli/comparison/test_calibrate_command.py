@@ -12,9 +12,9 @@ from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.plate_echo import plate_echo
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw.device.served import serve
+from sonarhw.readings import speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plate import Plate
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.device.faults.fault_schedule import KNOWN
+from sonarhw.device.faults import KNOWN
+from sonarhw.device.served import serve
 from sonarhw.log import read_log
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.reference_pages import keys_in_reference

@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 
-from sonarhw import Scanner
+from sonarhw import Scanner, text_device
 from sonarhw.errors import NoAnswer
-from sonarhw.host import link_thread
-from sonarhw.link.ports import Port
+from sonarhw.host import scanner
+from sonarhw.link import Port
 from sonarhw.log import read_log
-from sonarhw.text import line_guess
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
 from tests.fixtures.text_devices.received_clock import ReceivedClock
 from tests.reference_pages import keys_in_reference
@@ -49,7 +48,7 @@ def test_readings_are_printed_and_exported(tmp_path: Path, capsys: pytest.Captur
 def test_the_plain_port_of_a_device_that_prints_text_says_how_to_find_its_url(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(link_thread, "time", ReceivedClock(monkeypatch, 100))
+    monkeypatch.setattr(scanner, "time", ReceivedClock(monkeypatch, 100))
     with (
         PrintingDevice(RADAR.rounds()) as device,
         pytest.raises(NoAnswer, match=r"Listen for text.*sonarhw ports --guess PORT"),
@@ -132,10 +131,10 @@ def test_guess_finds_a_rangefinder_without_angle(capsys: pytest.CaptureFixture[s
 def test_guess_shows_other_text_and_silence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(line_guess, "BAUDS", (9600,))
-    monkeypatch.setattr(line_guess, "LISTEN", 0.5)
+    monkeypatch.setattr(text_device, "BAUDS", (9600,))
+    monkeypatch.setattr(text_device, "LISTEN", 0.5)
     clock = ReceivedClock(monkeypatch, 500)
-    monkeypatch.setattr(line_guess, "time", clock)
+    monkeypatch.setattr(text_device, "time", clock)
     with PrintingDevice(b"humidity 41 percent\r\n" for _ in range(10**6)) as device:
         assert run(["ports", "--guess", device.port]) == 0
         assert "no preset matches, such as 'humidity 41 percent'; write a pattern=" in capsys.readouterr().out
@@ -150,7 +149,7 @@ def test_guess_shows_other_text_and_silence(
 def test_guess_listens_only_at_likely_or_named_ports(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw.link.ports.serial_ports", lambda: [Port("/dev/ttyS0", "16550")])
+    monkeypatch.setattr("sonarhw.link.serial_ports", lambda: [Port("/dev/ttyS0", "16550")])
     assert run(["ports", "--guess"]) == 0
     assert capsys.readouterr().out == "/dev/ttyS0  16550  not checked; name the port\n"
     assert run(["ports", "--guess", "--ask"]) == 2

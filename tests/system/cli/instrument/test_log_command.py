@@ -15,7 +15,7 @@ from sonarhw_gui.scene.scene import scene_with
 from sonarhw_gui.store.save_requests import Data, SaveRequest
 from sonarhw_sim.board.profile import load_board
 
-from sonarhw.export import export_formats
+from sonarhw import export
 from sonarhw.log import Log, read_log
 from tests.fixtures.example_logs import assert_readings_close, example_reading, write_example
 from tests.reference_pages import keys_in_reference, section
@@ -274,7 +274,7 @@ def test_an_export_in_an_unknown_format_is_refused(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.txt")]) == 2
-    assert f"{', '.join(export_formats.export_suffixes())} or .mcap, or - for" in capsys.readouterr().err
+    assert f"{', '.join(export.export_suffixes())} or .mcap, or - for" in capsys.readouterr().err
     assert not (tmp_path / "scan.txt").exists()
 
 
@@ -282,10 +282,10 @@ def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: 
     def write_count(log: Log, file: BinaryIO, notes: Mapping[int, str]) -> None:
         file.write(str(len(log.readings)).encode())
 
-    added = (*export_formats.FORMATS, export_formats.ExportFormat(".count", "How many readings", write_count))
-    monkeypatch.setattr(export_formats, "FORMATS", added)
+    added = (*export.FORMATS, export.ExportFormat(".count", "How many readings", write_count))
+    monkeypatch.setattr(export, "FORMATS", added)
     assert run(["log", "export", str(log), "--out", str(tmp_path / "command.count")]) == 0
-    endings = export_formats.export_suffixes()
+    endings = export.export_suffixes()
     SaveRequest(
         Data(log, scene_with(load_board("polaroid-6500")), endings), tmp_path / "window.count", overwrite=False
     ).answer()

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from sonarhw_cli.instrument.ping_command import COLUMNS, LEVELS, trace_row
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.served import serve
 from sonarhw.log import read_log
 from sonarhw.readings import Trace
-from sonarhw.wire.codes import Zero
+from sonarhw.wire.messages import Zero
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 from tests.system.cli.instrument.test_scan_command import end, lines, sonarhw, started
 

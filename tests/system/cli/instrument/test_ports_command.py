@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.link.ports import Port, Usb
+from sonarhw.device.served import serve
+from sonarhw.link import Port, Usb
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.reference_pages import keys_in_reference
 
@@ -22,7 +22,7 @@ def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
         serve(FakeBoard(PlainEchoes(), seed=4), pty=unknown) as second,
     ):
         ports = [Port(first.url, "USB serial", Usb(0x2341, 0x0042, "1", "1-1")), Port(second.url, "16550")]
-        monkeypatch.setattr("sonarhw.link.ports.serial_ports", lambda: ports)
+        monkeypatch.setattr("sonarhw.link.serial_ports", lambda: ports)
         assert run(["ports"]) == 0
         checked, unchecked = capsys.readouterr().out.splitlines()
         assert checked == f"{known}  Arduino Mega 2560  scanner FAKE-0003, sonarhw-fake 0.1.0"
@@ -48,8 +48,6 @@ def test_a_port_without_a_scanner_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gone = str(tmp_path / "ttyUSB0")
-    monkeypatch.setattr(
-        "sonarhw.link.ports.serial_ports", lambda: [Port(gone, "USB serial", Usb(0x1A86, 0x7523, None, ""))]
-    )
+    monkeypatch.setattr("sonarhw.link.serial_ports", lambda: [Port(gone, "USB serial", Usb(0x1A86, 0x7523, None, ""))])
     assert run(["ports"]) == 0
     assert "WCH CH340  no scanner: there is no such port" in capsys.readouterr().out

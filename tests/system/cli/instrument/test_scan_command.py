@@ -15,11 +15,11 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.console.interruption import sigterm_exits
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.echo_source import Ping, PingResult
-from sonarhw.export.csv_rows import HEADER
+from sonarhw.device.served import serve
+from sonarhw.export import HEADER
 from sonarhw.log import read_log
+from sonarhw.readings import Ping, PingResult
 from tests.checkout import CHECKOUT
 from tests.fixtures.example_logs import write_example
 from tests.fixtures.faulty_boards import faulty
@@ -286,7 +286,7 @@ class Interrupting(PlainEchoes):
 def test_a_disk_too_small_for_the_scan_gives_a_warning_before_it_starts(
     log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw.disk_space.free_bytes", lambda _: 40_000_000)
+    monkeypatch.setattr("sonarhw.files.free_bytes", lambda _: 40_000_000)
     with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     line, _ = capsys.readouterr().err.splitlines()

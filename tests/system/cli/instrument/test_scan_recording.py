@@ -12,12 +12,11 @@ from sonarhw_gui.scene.scene import scene_with
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
-from sonarhw.readings import ScanOrder
-from sonarhw.sound_speed import speed_of_sound
+from sonarhw.readings import ScanOrder, speed_of_sound
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
 

@@ -23,9 +23,9 @@ from mcap.reader import make_reader
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.export.foxglove_server import FoxgloveServer
+from sonarhw.device.served import serve
+from sonarhw.export import FoxgloveServer
 from sonarhw.log import read_log
 from sonarhw.readings import Reading, Trace
 from tests.fixtures.plain_echoes import PlainEchoes

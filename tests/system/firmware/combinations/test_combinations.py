@@ -10,10 +10,10 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
 
 from sonarhw import sector
-from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError
-from sonarhw.host.device_info import DeviceInfo
-from sonarhw.wire.codes import Feature, ResetCause
+from sonarhw.host.scanner import DeviceInfo
+from sonarhw.readings import Ping, PingResult
+from sonarhw.wire.messages import Feature, ResetCause
 from tests.system.firmware.combinations.images import FREE_STACK, MEGA, budgets, combinations, vector
 from tests.system.firmware.conftest import Echoes, scanner_on
 

@@ -18,10 +18,8 @@ import pytest
 
 from sonarhw import sector
 from sonarhw.device.emulated_board import emulated_board
-from sonarhw.echo_source import Ping, PingResult
-from sonarhw.link.serial_link import Link
-from sonarhw.readings import Origin
-from sonarhw.wire.codes import Outcome, ResetCause
+from sonarhw.link import Link
+from sonarhw.readings import Origin, Ping, PingResult
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -31,15 +29,17 @@ from sonarhw.wire.messages import (
     Heartbeat,
     Hello,
     Info,
+    Outcome,
     ReadingMessage,
     Refused,
+    ResetCause,
     SetBaud,
     Settings,
     Started,
     StartScan,
     Statistics,
+    origin_of,
 )
-from sonarhw.wire.origin import origin_of
 from tests.contract.talk import Talk, readings
 from tests.system.firmware.combinations.images import MEGA, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, Mishap, scanner_on

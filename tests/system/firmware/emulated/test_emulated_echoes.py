@@ -13,10 +13,9 @@ from sonarhw_sim.room.model import Place, load_room
 
 from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import EmulatedBoard
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.echo_source import Ping, PingResult
-from sonarhw.readings import Reading, Trace
+from sonarhw.device.served import serve
+from sonarhw.readings import Ping, PingResult, Reading, Trace
 from tests.system.firmware.conftest import Echoes, envelope, scanner_on
 from tests.unit.compare.plate.plate_scans import ALONE, CONSTANTS, hidden_board, start_board, wall_room
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sonarhw import sector
-from sonarhw.device.wiring_faults import WiringFault
+from sonarhw.device.fake_board import WiringFault
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.readings import Reading, pings_in_place
-from sonarhw.wire.codes import Input, Outcome, Wiring
+from sonarhw.wire.messages import Input, Outcome, Wiring
 from tests.system.firmware.conftest import Echoes, Mishap, scanner_on
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sonarhw import sector
-from sonarhw.device.wiring_faults import WiringFault
+from sonarhw.device.fake_board import WiringFault
 from sonarhw.errors import DeviceError
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import pings_in_place
-from sonarhw.wire.codes import Feature, Outcome, Wiring
+from sonarhw.wire.messages import Feature, Outcome, Wiring
 from tests.system.firmware.combinations.images import MEGA, UNO
 from tests.system.firmware.conftest import Echoes, scanner_on
 

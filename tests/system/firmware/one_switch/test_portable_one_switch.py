@@ -5,23 +5,26 @@ from dataclasses import dataclass
 
 import pytest
 
-from sonarhw.wire.codes import Feature, Outcome, Refusal, Wiring
 from sonarhw.wire.messages import (
     AskCapabilities,
     AskStatistics,
     Capabilities,
     ConfigureWiring,
+    Feature,
     Finished,
     Heartbeat,
     Hello,
     Home,
     Message,
+    Outcome,
+    Refusal,
     Refused,
     SetZero,
     StartScan,
     Statistics,
     Stop,
     Turn,
+    Wiring,
 )
 from tests.system.firmware.portable import RAMPED, SLIPPING, PortableBoard
 from tests.system.firmware.test_portable_turntable import (

@@ -13,8 +13,8 @@ from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.served import serve
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import ended, until

@@ -18,7 +18,7 @@ from sonarhw_gui.work.port_list import PortList
 
 from sonarhw.errors import InputError
 from sonarhw.host.scanner import Scanner, probe_port
-from sonarhw.link.ports import Port, Usb
+from sonarhw.link import Port, Usb
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import ended, until

@@ -19,12 +19,11 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 
-from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.echo_source import Ping, PingResult
+from sonarhw.device.served import Pace, serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
-from sonarhw.readings import ScanOrder, sector
+from sonarhw.readings import Ping, PingResult, ScanOrder, sector
 from tests.fixtures.stuck_boards import EndlessHoming
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith

@@ -16,8 +16,8 @@ from sonarhw_gui.scene.scene_edit import with_sensor_at
 from sonarhw_gui.session import tick_timer
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-from sonarhw.device.endpoint import Endpoint, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import Endpoint, open_server_port, serve
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from tests.fixtures.faulty_boards import faulty
@@ -71,7 +71,7 @@ def test_the_log_of_a_scan_contains_every_reading_and_the_place(
 def test_a_nearly_full_disk_is_reported_and_the_scan_continues(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sonarhw.disk_space.free_bytes", lambda _: 20_000_000)
+    monkeypatch.setattr("sonarhw.files.free_bytes", lambda _: 20_000_000)
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
     assert "its disk is nearly full: 20.0 MB are free" in window.banner.message

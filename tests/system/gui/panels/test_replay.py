@@ -15,9 +15,9 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.replay_control import SPEEDS
 from sonarhw_gui.shell.main_window import MainWindow
 
+from sonarhw.device.replayed_log import Playback
 from sonarhw.log import Log, read_log
-from sonarhw.replay.playback import Playback
-from sonarhw.wire.codes import Outcome
+from sonarhw.wire.messages import Outcome
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import PATIENCE, predicted, until
 

@@ -12,7 +12,7 @@ from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.open_requests import OpenRoomRequest
 
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import LogMetadata, read_log
 from sonarhw.readings import Reading
 from tests.fixtures.window_scene import ROOM

@@ -12,7 +12,7 @@ from sonarhw_gui.dialogs.recordings_dialog import RecordingsDialog
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.recording_list import ListRequest, RecordingList
 
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import read_log
 from tests.system.gui.conftest import ORDER, OpenWith
 from tests.system.gui.driving import activate, until

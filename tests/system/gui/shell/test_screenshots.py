@@ -30,11 +30,11 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.served import Pace, serve
 from sonarhw.errors import InputError
 from sonarhw.host.scanner import Scanner
-from sonarhw.link.ports import Port, Usb
+from sonarhw.link import Port, Usb
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
 from tests.fixtures.window_scene import ROOM

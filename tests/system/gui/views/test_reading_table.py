@@ -25,7 +25,7 @@ from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.comparing import ComparedScan, Stretch
 
-from sonarhw.export.csv_rows import text_cell
+from sonarhw.export import text_cell
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
 from tests.system.gui.driving import PATIENCE, until

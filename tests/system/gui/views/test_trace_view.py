@@ -19,8 +19,7 @@ from sonarhw_gui.work.chosen_trace import chosen_trace
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import Reading
+from sonarhw.readings import Ping, Reading
 from tests.system.gui.driving import activate, drag, pixel_at, until
 
 HEADING = math.radians(270.0)

@@ -11,8 +11,7 @@ from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.model import Place, load_room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import Reading
+from sonarhw.readings import Ping, Reading
 
 ROOM, NXT = load_room("rooms/arena.toml"), load_board("lego-nxt")
 PLACES = [Place("", at) for at in ((0.84, 0.30), (1.80, 0.54), (1.38, 1.68), (1.38, 0.54), (1.80, 0.30))]

@@ -15,8 +15,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.model import Place, parse_room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import Origin, Reading
+from sonarhw.readings import Origin, Ping, Reading
 
 PHI = NormalDist().cdf
 HERE = Place("here", (0.0, 0.0))

@@ -17,8 +17,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.model import Place, load_room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import Reading
+from sonarhw.readings import Ping, Reading
 
 ROOM = load_room("rooms/arena.toml")
 PLACE = Place("", (0.42, 0.42), math.radians(30.0))

@@ -8,9 +8,9 @@ from sonarhw_compare.scanners.fake_url import fake_device, moved_fake_url, read_
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.device.faults.fault_schedule import NO_FAULTS, read_faults
-from sonarhw.echo_source import Ping
+from sonarhw.device.faults import NO_FAULTS, read_faults
 from sonarhw.errors import InputError
+from sonarhw.readings import Ping
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import Hello, Info
 

@@ -17,8 +17,7 @@ from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
 from sonarhw_sim.room.model import Place, load_room
 from sonarhw_sim.vertical.sections import cut, spanning_at
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Ping
 from tests.oracles.rooms_with_heights import BOX, HERE, image_at, image_gain, room_of
 
 

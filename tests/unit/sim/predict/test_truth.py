@@ -13,7 +13,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, MAX_ECHOES, RoomEchoes, with_furniture
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.echo_source import Ping, PingResult
+from sonarhw.readings import Ping, PingResult
 from tests.fixtures.rooms_for_tests import polygon_room
 
 ROOM = load_room("rooms/simple.toml")

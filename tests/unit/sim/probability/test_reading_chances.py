@@ -20,8 +20,7 @@ from sonarhw_sim.probability.reading_chances import (
 )
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Ping
 
 PHI = NormalDist().cdf
 HERE = Place("here", (0.0, 0.0))

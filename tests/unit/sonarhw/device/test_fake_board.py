@@ -2,13 +2,12 @@
 
 import pytest
 
-from sonarhw.device.device_protocol import BACKLOG
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.device.paced_line import Line
+from sonarhw.device.protocol import BACKLOG, Line
 from sonarhw.host.driver import Driver
-from sonarhw.wire.codes import Outcome, Refusal
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
+    NO_TEMPERATURE,
     Accepted,
     Configure,
     Finished,
@@ -17,7 +16,9 @@ from sonarhw.wire.messages import (
     Home,
     Info,
     Message,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
     StartScan,
@@ -25,7 +26,6 @@ from sonarhw.wire.messages import (
     Turn,
     unpack_message,
 )
-from sonarhw.wire.units import NO_TEMPERATURE
 from tests.fixtures.joined import Joined
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 

@@ -5,22 +5,11 @@ import re
 
 import pytest
 
-from sonarhw.device.faults.fault_schedule import (
-    KNOWN,
-    AfterPings,
-    At,
-    Event,
-    FaultKind,
-    Faults,
-    NowAndThen,
-    read_faults,
-)
-from sonarhw.device.faults.line_noise import LineNoise
+from sonarhw.device.faults import KNOWN, AfterPings, At, Event, FaultKind, Faults, LineNoise, NowAndThen, read_faults
 from sonarhw.errors import InputError, SonarError
 from sonarhw.host.driver import Driver
-from sonarhw.wire.codes import Outcome, Refusal
 from sonarhw.wire.frames import Frame, FrameDecoder
-from sonarhw.wire.messages import AskStatistics, Hello, Home, Refused, StartScan, Statistics, Turn
+from sonarhw.wire.messages import AskStatistics, Hello, Home, Outcome, Refusal, Refused, StartScan, Statistics, Turn
 from tests.checkout import CHECKOUT
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.joined import Joined

@@ -9,12 +9,11 @@ import pytest
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarError
-from sonarhw.host.actions import homing, scanning, turning
+from sonarhw.host.scripts import homing, scanning, turning
 from sonarhw.log import LogWriter, read_log
 from sonarhw.readings import Reading
-from sonarhw.wire.codes import Outcome
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
-from sonarhw.wire.messages import Heartbeat, Hello, StartScan, Turn
+from sonarhw.wire.messages import Heartbeat, Hello, Outcome, StartScan, Turn
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time

@@ -10,7 +10,6 @@ import pytest
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import NoAnswer
 from sonarhw.host.driver import ASK_AGAIN, ASKS, NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
-from sonarhw.wire.codes import Outcome, State
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -20,11 +19,13 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Message,
+    Outcome,
     ReadingMessage,
     Resend,
     Settings,
     Started,
     StartScan,
+    State,
     Stop,
     Turn,
 )

@@ -8,9 +8,9 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.errors import NoAnswer
-from sonarhw.host.actions import scanning
+from sonarhw.host.scripts import scanning
 from sonarhw.host.session import Connection, Session
-from sonarhw.link.serial_link import BOOTLOADER
+from sonarhw.link import BOOTLOADER
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Heartbeat
 from tests.fixtures.pulled_cables import Bench

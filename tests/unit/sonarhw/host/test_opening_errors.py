@@ -9,7 +9,7 @@ import serial
 from serial.serialutil import SerialException
 
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost
-from sonarhw.link.serial_link import Link
+from sonarhw.link import Link
 
 PORT = "/dev/ttyUSB0"
 LOCKED = f"Could not exclusively lock port {PORT}: [Errno 11] Resource temporarily unavailable"
@@ -50,7 +50,7 @@ class Failing(serial.SerialBase):  # type: ignore[misc]
 
 def opened(monkeypatch: pytest.MonkeyPatch, port: Failing, url: str = PORT) -> Link:
     """Open a link to this port."""
-    monkeypatch.setattr("sonarhw.link.serial_link.serial.serial_for_url", lambda *_, **__: port)
+    monkeypatch.setattr("sonarhw.link.serial.serial_for_url", lambda *_, **__: port)
     return Link(url)
 
 
@@ -83,7 +83,7 @@ def opened(monkeypatch: pytest.MonkeyPatch, port: Failing, url: str = PORT) -> L
 def test_the_error_states_the_cause_and_what_to_do(
     monkeypatch: pytest.MonkeyPatch, error: Exception, url: str, kind: type[LinkError], message: str
 ) -> None:
-    monkeypatch.setattr("sonarhw.link.serial_link.holders", lambda _: [])
+    monkeypatch.setattr("sonarhw.link.holders", lambda _: [])
     with pytest.raises(LinkError, match=message) as raised:
         opened(monkeypatch, Failing(error), url)
     assert type(raised.value) is kind
@@ -100,7 +100,7 @@ def test_the_error_states_the_cause_and_what_to_do(
 def test_the_programs_that_use_a_port_are_named(
     monkeypatch: pytest.MonkeyPatch, programs: list[str], message: str
 ) -> None:
-    monkeypatch.setattr("sonarhw.link.serial_link.holders", lambda _: programs)
+    monkeypatch.setattr("sonarhw.link.holders", lambda _: programs)
     with pytest.raises(LinkBusy, match=message):
         opened(monkeypatch, Failing(SerialException(errno.EBUSY, "busy")))
 
@@ -147,7 +147,7 @@ def test_a_port_without_a_descriptor_is_polled_until_bytes_arrive(monkeypatch: p
             return b"bytes"[: self.in_waiting]
 
     slept: list[float] = []
-    monkeypatch.setattr("sonarhw.link.serial_link.time.sleep", slept.append)
+    monkeypatch.setattr("sonarhw.link.time.sleep", slept.append)
     with opened(monkeypatch, Slow(None)) as link:
         assert link.read() == b"bytes"
     assert len(slept) == 3

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sonarhw.link.ports import KNOWN_USB_IDS, Port, PortFinder, Usb, find_port, serial_ports
+from sonarhw.link import KNOWN_USB_IDS, Port, PortFinder, Usb, find_port, serial_ports
 
 MEGA = (0x2341, 0x0042)
 # vendor and product as `lsusb` prints them
@@ -41,7 +41,7 @@ def port(device: str, vendor: int | None, product: int | None, serial: str | Non
 def plugged(monkeypatch: pytest.MonkeyPatch) -> list[SimpleNamespace]:
     """Return the list of connected ports."""
     ports: list[SimpleNamespace] = []
-    monkeypatch.setattr("sonarhw.link.ports.comports", lambda: _Sortable.all(ports))
+    monkeypatch.setattr("sonarhw.link.comports", lambda: _Sortable.all(ports))
     return ports
 
 

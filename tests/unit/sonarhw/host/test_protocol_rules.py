@@ -8,10 +8,8 @@ from pathlib import Path
 import pytest
 
 from sonarhw.errors import DeviceError
-from sonarhw.host.actions import configuring, scanning
-from sonarhw.host.job import Job
+from sonarhw.host.scripts import Job, configuring, scanning
 from sonarhw.log import LogMetadata, LogWriter, read_log
-from sonarhw.wire.arrivals import Progress
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Configure,
@@ -24,6 +22,7 @@ from sonarhw.wire.messages import (
     StartScan,
     unpack_message,
 )
+from sonarhw.wire.readings_of_frames import Progress
 from tests.fixtures.joined import rewriting
 from tests.fixtures.pulled_cables import Bench
 

@@ -8,13 +8,11 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.errors import CommandRefused, DeviceError, Incompatible, LinkLost, LogError, NoAnswer, WrongDevice
-from sonarhw.host.actions import configuring, configuring_turntable, homing, scanning, turning, zeroing
-from sonarhw.host.conversation import MOVE_WITHIN
+from sonarhw.host.scripts import MOVE_WITHIN, configuring, configuring_turntable, homing, scanning, turning, zeroing
 from sonarhw.host.session import Connection
 from sonarhw.readings import Reading, pings_in_place
-from sonarhw.wire.codes import Outcome, Zero
-from sonarhw.wire.messages import Configure, ConfigureTurntable, ReadingMessage, StartScan, Turn
-from sonarhw.wire.reading_messages import start_scan
+from sonarhw.wire.messages import Configure, ConfigureTurntable, Outcome, ReadingMessage, StartScan, Turn, Zero
+from sonarhw.wire.readings_of_frames import start_scan
 from tests.conftest import Count
 from tests.fixtures.joined import dropping, flipping, without
 from tests.fixtures.plain_echoes import echo_time

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sonarhw.log.viewer.laser_scan import laser_scan
+from sonarhw.log.writer import laser_scan
 from sonarhw.readings import Reading
 
 SPEED = 340.0

@@ -11,13 +11,13 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from sonarhw.errors import LogError, SonarError
-from sonarhw.export.encoded_log import write_scan
-from sonarhw.host.actions import configuring
+from sonarhw.export import write_scan
+from sonarhw.host.scripts import configuring
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
 from sonarhw.wire.messages import Configure, Finished, Hello, Message, ReadingMessage, Started, StartScan
-from sonarhw.wire.reading_messages import reading_message
+from sonarhw.wire.readings_of_frames import reading_message
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
 from tests.fixtures.joined import without
 from tests.fixtures.pulled_cables import Bench

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-import sonarhw.disk_space
-import sonarhw.log.appended_file
-from sonarhw.disk_space import DiskSpaceMonitor, log_size
+import sonarhw.files
+import sonarhw.log.writer
 from sonarhw.errors import LogError, OutputError
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
+from sonarhw.files import DiskSpaceMonitor, log_size
 from sonarhw.log import LogWriter, copy_log, read_log
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
 from tests.hang_guard import HANG
@@ -26,7 +26,7 @@ class Disk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, free: float) -> None:
         self.free = free
         self.checks = 0
-        monkeypatch.setattr(sonarhw.disk_space, "free_bytes", self._free_bytes)
+        monkeypatch.setattr(sonarhw.files, "free_bytes", self._free_bytes)
 
     def _free_bytes(self, _: Path) -> int:
         self.checks += 1
@@ -258,7 +258,7 @@ def test_a_log_that_cannot_be_started_leaves_no_file(tmp_path: Path, monkeypatch
         def write(self, _: object) -> int:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(sonarhw.log.appended_file, "FileIO", FullDisk)
+    monkeypatch.setattr(sonarhw.log.writer, "FileIO", FullDisk)
     with pytest.raises(LogError, match="No space left on device; nothing is recorded"):
         LogWriter(tmp_path / "scan.mcap", METADATA)
     assert [*tmp_path.iterdir()] == []

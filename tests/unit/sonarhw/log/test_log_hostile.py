@@ -16,7 +16,7 @@ import pytest
 import sonarhw.log.writer
 from sonarhw.errors import NotALog
 from sonarhw.log import copy_log, read_log
-from sonarhw.log.index import unpack_index
+from sonarhw.log.reader import unpack_index
 from tests.fixtures.example_logs import METADATA, write_example
 
 COUNT = 6

@@ -14,12 +14,12 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import sonarhw.log.reader
 from sonarhw.errors import NotALog
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
-from sonarhw.wire.reading_messages import reading_message, trace_chunks
+from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
 from tests.unit.sonarhw.log.test_log import frame_of
 

@@ -12,7 +12,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 
-from sonarhw.export.encoded_log import write_scan
+from sonarhw.export import write_scan
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.log.mcap_records import OpenFile, Record, read_records
 from tests.fixtures.example_logs import METADATA, example_reading, write_example

@@ -4,15 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.errors import InputError
-from sonarhw.export.encoded_log import write_scan
-from sonarhw.host.actions import scanning
+from sonarhw.export import write_scan
 from sonarhw.host.driver import Driver
+from sonarhw.host.scripts import scanning
 from sonarhw.log import Log, read_log
 from sonarhw.readings import Reading
-from sonarhw.replay.replayed_log import ReplayDevice
-from sonarhw.wire.assembly import ReadingAssembler
-from sonarhw.wire.codes import Outcome, Refusal, State
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -23,17 +21,21 @@ from sonarhw.wire.messages import (
     Home,
     Info,
     Message,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
     Settings,
     Started,
     StartScan,
+    State,
     Stop,
     TraceChunk,
     Turn,
     unpack_message,
 )
+from sonarhw.wire.readings_of_frames import ReadingAssembler
 from tests.fixtures.example_logs import METADATA, assert_readings_close, example_reading, write_example
 from tests.fixtures.joined import unchanged
 from tests.fixtures.pulled_cables import Bench

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.text.line_decoder import MOST_LINE, MOST_PAUSE, LineDecoder
-from sonarhw.text.presets import PRESETS, preset_format
+from sonarhw.text_device import MOST_LINE, MOST_PAUSE, PRESETS, LineDecoder, preset_format
 
 
 def decoder(preset: str = "arduino-radar") -> LineDecoder:

@@ -5,9 +5,7 @@ import math
 import pytest
 
 from sonarhw.errors import InputError
-from sonarhw.text.line_format import Header, Printed
-from sonarhw.text.lines_url import read_lines_url
-from sonarhw.text.presets import PRESETS
+from sonarhw.text_device import PRESETS, Header, Printed, read_lines_url
 
 
 def read(query: str, line: str) -> Printed | Header | None:

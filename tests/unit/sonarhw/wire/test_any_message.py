@@ -8,12 +8,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from sonarhw.device.device_protocol import ProtocolDevice
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.device.protocol import ProtocolDevice
+from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.log import Log, read_log
-from sonarhw.replay.replayed_log import ReplayDevice
-from sonarhw.wire.codes import Outcome
-from sonarhw.wire.fields import Samples, Scalar
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     FROM_HOST,
@@ -24,6 +22,9 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Message,
+    Outcome,
+    Samples,
+    Scalar,
     StartScan,
     Stop,
     unpack_message,

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.wire.arrivals import Progress, ReadingArrivals
-from sonarhw.wire.limits import KEPT_READINGS
+from sonarhw.wire.messages import KEPT_READINGS
+from sonarhw.wire.readings_of_frames import Progress, ReadingArrivals
 
 
 @given(st.integers(1, 300), st.lists(st.tuples(st.booleans(), st.integers(0, 320)), max_size=100))

@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 
 from sonarhw.readings import Reading, Trace
-from sonarhw.wire.assembly import ReadingAssembler
-from sonarhw.wire.codes import TraceKind
-from sonarhw.wire.limits import CHUNK
-from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk
-from sonarhw.wire.reading_messages import trace_chunks
+from sonarhw.wire.messages import (
+    CHUNK,
+    Finished,
+    Heartbeat,
+    Info,
+    ReadingMessage,
+    Settings,
+    Started,
+    TraceChunk,
+    TraceKind,
+)
+from sonarhw.wire.readings_of_frames import ReadingAssembler, trace_chunks
 
 
 def reading(number: int, fired_us: int | None = None) -> ReadingMessage:

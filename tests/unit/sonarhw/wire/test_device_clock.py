@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from sonarhw.wire.device_clock import MOST_DRIFT, DeviceClock
+from sonarhw.wire.readings_of_frames import MOST_DRIFT, DeviceClock
 
 EPOCH = 1_700_000_000.0
 

@@ -12,30 +12,38 @@ import pytest
 from cobs import cobs
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.echo_source import Ping, PingResult
-from sonarhw.readings import Trace
-from sonarhw.wire.codes import Approach, Feature, Input, Outcome, Refusal, ResetCause, State, TraceKind, Wiring, Zero
+from sonarhw.readings import Ping, PingResult, Trace
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
-from sonarhw.wire.limits import MAX_TEST
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
+    MAX_TEST,
+    Approach,
     AskCapabilities,
     AskStatistics,
     Configure,
+    Feature,
     Finished,
     Heartbeat,
     Hello,
     Home,
+    Input,
     Message,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
+    ResetCause,
     Started,
     StartScan,
+    State,
     Stop,
+    TraceKind,
     Turn,
+    Wiring,
+    Zero,
     unpack_message,
 )
 from tests.checkout import CHECKOUT

@@ -9,16 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.wire.fields import Numbers, Samples, Scalar, Text, Wire
-from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
+    MAX_ECHOES,
+    MAX_PAYLOAD,
     Message,
     MessageError,
+    Numbers,
     ReadingMessage,
+    Samples,
+    Scalar,
+    Text,
     Turn,
+    Wire,
     unpack_message,
 )
 

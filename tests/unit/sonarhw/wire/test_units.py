@@ -5,17 +5,17 @@ from collections.abc import Callable
 
 import pytest
 
-from sonarhw.wire import units
+from sonarhw.wire import messages
 
 
 @pytest.mark.parametrize(
     ("convert", "unit"),
     [
-        (units.microseconds_of, 1e-6),
-        (units.nanoseconds_of, 1e-9),
-        (units.microdegrees_of, math.radians(1e-6)),
-        (units.millimetres_per_second_of, 1e-3),
-        (units.centidegrees_of, 1e-2),
+        (messages.microseconds_of, 1e-6),
+        (messages.nanoseconds_of, 1e-9),
+        (messages.microdegrees_of, math.radians(1e-6)),
+        (messages.millimetres_per_second_of, 1e-3),
+        (messages.centidegrees_of, 1e-2),
     ],
 )
 def test_a_value_is_rounded_to_the_nearest_whole_number(convert: Callable[[float], int], unit: float) -> None:

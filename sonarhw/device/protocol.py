@@ -1,38 +1,27 @@
-"""The device side of the protocol, shared by the fake board and the replayed log.
-
-Answers, heartbeats and readings are sent at the speed of the line. A repeated command is carried out once and answered
-each time. The last readings are kept so that they can be sent again.
-"""
+"""The device side of the protocol, shared by the fake board, the replayed log and plug-ins."""
 
 import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
-from sonarhw.device.command_checks import (
-    RefusalError,
-    check_baud,
-    check_resend,
-    check_settings,
-    check_test,
-    check_turntable,
-    check_wiring,
-    readings_to_make,
-)
-from sonarhw.device.paced_line import Line
-from sonarhw.wire.codes import Input, Outcome, Refusal, ResetCause, State, Wiring, Zero
-from sonarhw.wire.frames import Frame, FrameDecoder, Rejected
-from sonarhw.wire.limits import (
+from sonarhw.wire.frames import Frame, FrameDecoder, Rejected, encode_frame
+from sonarhw.wire.messages import (
     BAUD_TIMEOUT,
+    BY_TYPE,
     HEARTBEAT,
     HOST_SILENCE,
     KEPT_READINGS,
+    MAX_ECHOES,
+    MAX_TEST,
+    MAX_TESTED,
+    MOST_READINGS,
+    PROTOCOL_MINOR,
     RECEIVE_ROOM,
-)
-from sonarhw.wire.messages import (
-    BY_TYPE,
     Accepted,
+    Approach,
     AskCapabilities,
     AskStatistics,
     Capabilities,
@@ -45,26 +34,207 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Info,
+    Input,
     LinkTested,
     Message,
     MessageError,
+    Outcome,
     ReadingMessage,
+    Refusal,
     Refused,
     Resend,
+    ResetCause,
     SetBaud,
     Settings,
     SetZero,
     Started,
     StartScan,
+    State,
     Statistics,
     Stop,
     TestLink,
     TraceChunk,
+    TraceKind,
     Turn,
     TurntableSettings,
     WhenBusy,
+    Wiring,
     WiringSettings,
+    Zero,
+    microseconds_of,
 )
+
+# Checks of commands that every device makes. A command that fails one is answered with a refusal.
+
+
+class RefusalError(Exception):
+    """The current command must be answered with a refusal."""
+
+    def __init__(self, code: Refusal, text: str) -> None:
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+def check_settings(request: Configure) -> None:
+    """Raise RefusalError for ping settings that are invalid for every device."""
+    if request.trace not in [*TraceKind]:
+        raise _out_of_range(f"trace is {request.trace}; expected 0, 1 or 2")
+    if request.trace_bits not in (0, 8, 16):
+        raise _out_of_range(f"trace_bits is {request.trace_bits}; expected 0, 8 or 16")
+    if not 1 <= request.echoes <= MAX_ECHOES:
+        raise _out_of_range(f"echoes is {request.echoes}; expected 1 to {MAX_ECHOES}")
+    if request.listen_us == 0:
+        raise _out_of_range("listen_us is 0; expected a time after blanking_us")
+    if request.speed_of_sound == 0:
+        raise _out_of_range("speed_of_sound is 0; expected mm/s above 0")
+
+
+def check_turntable(request: ConfigureTurntable) -> None:
+    """Raise RefusalError for an unknown side of approach."""
+    if request.approach not in [*Approach]:
+        raise _out_of_range(f"approach is {request.approach}; expected 0, 1 or 2")
+
+
+def check_wiring(request: ConfigureWiring) -> None:
+    """Raise RefusalError for unknown parts, and for inverted ones that do not change."""
+    if request.change > sum(Wiring) or request.inverted & ~request.change:
+        given = f"change {request.change}, inverted {request.inverted}"
+        raise _out_of_range(f"{given}; expected 0 to 15, and none beyond change")
+
+
+def check_resend(request: Resend) -> None:
+    """Raise RefusalError for more readings than a device keeps, or none."""
+    if not 1 <= request.count <= KEPT_READINGS:
+        raise _out_of_range(f"{request.count} readings; expected 1 to {KEPT_READINGS}")
+
+
+def check_baud(request: SetBaud, bauds: tuple[int, ...]) -> None:
+    """Raise RefusalError for a baud rate that the line does not have."""
+    if request.baud not in bauds:
+        reason = f"expected {', '.join(map(str, bauds))}" if bauds else "the line has no baud rate"
+        raise _out_of_range(f"{request.baud} baud; {reason}")
+
+
+def check_test(request: TestLink) -> None:
+    """Raise RefusalError for a test of the line that is too long or empty."""
+    if not 1 <= len(request.data) <= MAX_TEST or request.size > MAX_TESTED:
+        text = f"data of {len(request.data)} bytes, size {request.size}; expected 1 to {MAX_TEST} bytes"
+        raise _out_of_range(f"{text}, and a size of at most {MAX_TESTED}")
+
+
+def readings_to_make(order: StartScan, total: int) -> int:
+    """Return the number of readings that a command requests of a scan of `total`. Raises RefusalError."""
+    if total > MOST_READINGS:
+        raise _out_of_range(f"{total} readings; expected at most {MOST_READINGS}")
+    if total and order.first >= total:
+        raise _out_of_range(f"first is {order.first}; expected 0 to {total - 1}")
+    most = total - order.first
+    if order.count > most:
+        raise _out_of_range(f"count is {order.count}; expected 0 to {most}")
+    return order.count or most
+
+
+def _out_of_range(text: str) -> RefusalError:
+    return RefusalError(Refusal.OUT_OF_RANGE, text)
+
+
+# The interface that fake scanners and replayed logs share.
+#
+# A device has no threads, ports or clock. The caller passes the time and the bytes, and receives bytes.
+
+
+class Device(Protocol):
+    """A device that answers as a scanner."""
+
+    plug: int | None
+    """Number of the socket at the host into which the cable is plugged, from 0; None while it is unplugged."""
+
+    speedup: float
+    """Ratio of device time to real time. The device allows the host to be silent for this many times its usual limit,
+    because the host uses real time. Infinite: any silence is allowed."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether it homes, turns or scans. An idle device only sends heartbeats."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Process bytes from the host. `now` is in s on any monotonic clock."""
+
+    def next_event(self) -> float | None:
+        """Return the time when `advance` is next needed, s; None if nothing is due until bytes arrive."""
+
+    def advance(self, now: float) -> bytes:
+        """Do the work due by `now`, and return the bytes sent to the host since the last call."""
+
+    def hang_up(self) -> None:
+        """Handle a host that has disconnected: stop, end the conversation, wait for the next Hello."""
+
+
+# The sending side of a serial line, which takes time for each byte.
+
+
+BITS = 10  # per byte on the line: eight data bits, start and stop bit
+BYTE_TIME = BITS / 1_000_000  # s
+
+
+class Line:
+    """A line that transmits frames one after another. A frame leaves when its last byte has been transmitted.
+
+    A line with `bauds` starts at the lowest of them. A line without `bauds` has a fixed speed.
+    """
+
+    def __init__(self, byte_time: float = BYTE_TIME, bauds: tuple[int, ...] = ()) -> None:
+        self.bauds = bauds
+        self.first_baud = self.baud = self._next_baud = min(bauds, default=0)
+        self.minor = PROTOCOL_MINOR  # minor protocol version of the messages
+        self._byte_time = byte_time  # s, for a line without bauds
+        self._queue: deque[tuple[float, bytes]] = deque()
+        self._sequence = 0
+        self.idle_from = 0.0  # time when the last queued frame leaves, s
+        self.waiting = 0  # bytes in the queue
+
+    def send(self, message: Message, now: float) -> None:
+        """Queue a message. Its frame contains `now`, s."""
+        wire = encode_frame(Frame(message.TYPE, self._sequence, microseconds_of(now), message.pack(self.minor)))
+        self._sequence = (self._sequence + 1) % 0x10000
+        self.idle_from = max(now, self.idle_from) + len(wire) * (
+            BITS / self._next_baud if self._next_baud else self._byte_time
+        )
+        self._queue.append((self.idle_from, wire))
+        self.waiting += len(wire)
+
+    def change(self, baud: int) -> None:
+        """Change the baud rate after all queued frames have left."""
+        self._next_baud = baud
+        if not self._queue:
+            self.baud = baud
+
+    def departure(self) -> float | None:
+        """Return the time when the next frame leaves, s; None if the queue is empty."""
+        return self._queue[0][0] if self._queue else None
+
+    def depart(self, now: float) -> bytes:
+        """Remove and return the frames that have left by `now`."""
+        left = bytearray()
+        while self._queue and self._queue[0][0] <= now:
+            left += self._queue.popleft()[1]
+        if not self._queue:
+            self.baud = self._next_baud
+        self.waiting -= len(left)
+        return bytes(left)
+
+    def clear(self) -> None:
+        """Drop the frames that have not left yet."""
+        self._queue.clear()
+        self.idle_from, self.waiting = 0.0, 0
+        self.baud = self._next_baud
+
+
+# The device side of the protocol, shared by the fake board and the replayed log.
+#
+# Answers, heartbeats and readings are sent at the speed of the line. A repeated command is carried out once and
+# answered each time. The last readings are kept so that they can be sent again.
+
 
 BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dropped
 

@@ -1,25 +1,263 @@
-"""A byte link to a scanner at any URL that pyserial opens, with errors that say what to do.
-
-One thread may read while another thread writes or calls `wake`.
-"""
+"""Links to a scanner: serial ports, sockets and RFC 2217, with counters of their traffic."""
 
 import errno
 import os
 import re
 import select
 import socket
+import threading
 import time
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import cast
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 import serial
+from serial.rfc2217 import Serial
 from serial.serialutil import SerialException
+from serial.tools.list_ports import comports
 
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost
-from sonarhw.link.ports import holders
-from sonarhw.link.rfc2217_port import Rfc2217Port
-from sonarhw.wire.limits import FIRST_BAUD
+from sonarhw.wire.messages import FIRST_BAUD
+
+# Counters of the traffic over a link. They show a bad cable.
+
+
+_SMOOTHED = 0.2  # weight of the newest round trip in the average
+
+
+@dataclass(frozen=True)
+class LinkStatistics:
+    """Counters of the traffic over one connection or several."""
+
+    frames_received: int = 0
+    frames_sent: int = 0
+    bytes_received: int = 0
+    bytes_sent: int = 0
+    rejected_blocks: int = 0  # blocks between delimiters that are not a valid frame
+    rejected_messages: int = 0  # undamaged frames with a payload that does not match the message type
+    missing_frames: int = 0  # gaps in the device's sequence numbers
+    repeated_commands: int = 0
+    resends: int = 0  # Resend commands
+    lost_readings: int = 0  # readings that the device no longer kept for a Resend; they are measured again
+    losses: int = 0  # times the device was lost: unplugged, silent or reset
+    reopened: int = 0  # times the port was opened again
+    resets: int = 0  # times the device restarted
+    round_trip: float | None = None  # s from a command to its answer, smoothed
+
+    def more(self, **counts: int) -> "LinkStatistics":
+        """Return a copy with `counts` added."""
+        return replace(self, **{name: getattr(self, name) + count for name, count in counts.items()})
+
+    def __add__(self, later: "LinkStatistics") -> "LinkStatistics":
+        """Return the sum of both. The round trip is that of `later`, if it has one."""
+        counts = {
+            item.name: getattr(self, item.name) + getattr(later, item.name)
+            for item in fields(self)
+            if item.name != "round_trip"
+        }
+        return LinkStatistics(**counts, round_trip=self.round_trip if later.round_trip is None else later.round_trip)
+
+
+def smoothed(average: float | None, newest: float) -> float:
+    """Return the smoothed round trip, s, after one more measurement."""
+    return newest if average is None else average + _SMOOTHED * (newest - average)
+
+
+# The serial ports of this machine, the USB devices behind them, and the processes that use them.
+#
+# The functions do not open ports.
+
+
+# by vendor and product: USB adapters and boards that scanners use
+KNOWN_USB_IDS = {
+    (0x2341, 0x0010): "Arduino Mega 2560",
+    (0x2341, 0x0042): "Arduino Mega 2560",
+    (0x2341, 0x0242): "Arduino Mega 2560",
+    (0x2A03, 0x0010): "Arduino Mega 2560",
+    (0x2A03, 0x0042): "Arduino Mega 2560",
+    (0x2341, 0x0001): "Arduino Uno",
+    (0x2341, 0x0043): "Arduino Uno",
+    (0x2341, 0x0243): "Arduino Uno",
+    (0x2A03, 0x0043): "Arduino Uno",
+    (0x1A86, 0x7523): "WCH CH340",
+    (0x1A86, 0x55D4): "WCH CH9102",
+    (0x0403, 0x6001): "FTDI FT232R",
+    (0x0403, 0x6015): "FTDI FT231X",
+    (0x10C4, 0xEA60): "Silicon Labs CP210x",
+    (0x16C0, 0x0483): "PJRC Teensy",
+    (0x2E8A, 0x000A): "Raspberry Pi Pico",
+}
+_PROCESSES = Path("/proc")
+_TERMINALS = "/dev/pts/"
+
+
+@dataclass(frozen=True)
+class Usb:
+    """The identity of a USB serial device, independent of the name of its port."""
+
+    vendor: int
+    product: int
+    serial_number: str | None
+    location: str | None  # USB socket
+
+
+@dataclass(frozen=True)
+class Port:
+    """A serial port."""
+
+    device: str
+    description: str
+    usb: Usb | None = None  # None: not a USB device
+
+    @property
+    def known(self) -> str | None:
+        """Name of the USB adapter or board, if scanners use this type; otherwise None."""
+        return KNOWN_USB_IDS.get((self.usb.vendor, self.usb.product)) if self.usb else None
+
+
+def serial_ports() -> list[Port]:
+    """Return all serial ports, sorted by name."""
+    return [
+        Port(
+            port.device,
+            port.description,
+            None if port.vid is None else Usb(port.vid, port.pid, port.serial_number, port.location),
+        )
+        for port in sorted(comports())
+    ]
+
+
+class PortFinder:
+    """Finds the current port of a USB device, also after the name of its port has changed."""
+
+    def __init__(self, url: str) -> None:
+        """Remember the device at `url`. A URL with a scheme, such as `socket://`, never changes."""
+        self._url = url
+        self._usb: Usb | None = None
+        self._created: int | None = None  # ns since the epoch, of a pseudo-terminal
+
+    def __call__(self) -> str:
+        """Return the present URL of the device. Raises LinkError if another program now has the pseudo-terminal."""
+        if "://" in self._url:
+            return self._url
+        self._check_same_terminal()
+        ports = serial_ports()
+        here = _usb_of(self._url, ports)
+        if here or os.path.exists(self._url) or not self._usb:
+            self._usb = here or self._usb
+            return self._url
+        return find_port(self._usb, ports) or self._url
+
+    def _check_same_terminal(self) -> None:
+        """The system gives the number of a closed pseudo-terminal to the next program that opens one."""
+        if not self._url.startswith(_TERMINALS):
+            return
+        try:
+            created = os.stat(self._url).st_ctime_ns
+        except FileNotFoundError:
+            return
+        if self._created not in (None, created):
+            raise LinkError(f"{self._url}: the pseudo-terminal is gone, and another program has its number now")
+        self._created = created
+
+
+def _usb_of(device: str, ports: list[Port]) -> Usb | None:
+    """Return the USB device behind the name of a port or a symbolic link to it. None if there is none."""
+    real = os.path.realpath(device)
+    return next((port.usb for port in ports if os.path.realpath(port.device) == real), None)
+
+
+def find_port(usb: Usb, ports: list[Port]) -> str | None:
+    """Return the current port of a USB device, or None.
+
+    A device without a serial number is identified by vendor, product and USB socket.
+    """
+    alike = [port for port in ports if port.usb and (port.usb.vendor, port.usb.product) == (usb.vendor, usb.product)]
+    if usb.serial_number:
+        alike = [port for port in alike if port.usb and port.usb.serial_number == usb.serial_number]
+    else:
+        alike = [port for port in alike if port.usb and port.usb.location == usb.location] or alike
+    # None for several candidates, because one of them may be another scanner
+    return alike[0].device if len(alike) == 1 else None
+
+
+def holders(device: str) -> list[str]:
+    """Return name and number of each process that has a port open, if the system shows them.
+
+    If this process is the only one, the list contains "this program".
+    """
+    real = os.path.realpath(device)
+    processes = {process for process, path in _open_files() if path == real}
+    others = sorted(_named(process) for process in processes if int(process.name) != os.getpid())
+    return others or ["this program"] * bool(processes)
+
+
+def _open_files() -> Iterator[tuple[Path, str]]:
+    if not _PROCESSES.is_dir():
+        return
+    for process in _PROCESSES.iterdir():
+        if process.name.isdecimal():
+            yield from ((process, path) for path in _opened_by(process))
+
+
+def _opened_by(process: Path) -> list[str]:
+    paths = []
+    try:
+        for descriptor in (process / "fd").iterdir():
+            paths.append(os.readlink(descriptor))  # noqa: PERF401 - paths read before an error are kept
+    except OSError:  # the process has ended, or belongs to another user
+        pass
+    return paths
+
+
+def _named(process: Path) -> str:
+    try:
+        name = (process / "comm").read_text().strip()
+    except OSError:
+        name = "a process"
+    return f"{name} ({process.name})"
+
+
+# pyserial's RFC 2217 port with faster reads, and without errors after the server has closed the connection.
+#
+# pyserial itself would then leave a socket open and print a traceback from its reader thread.
+
+
+class Rfc2217Port(Serial):
+    """A serial port behind a server such as ser2net."""
+
+    def read(self, size: int = 1) -> bytes:
+        """Return the received bytes, at most `size`. Raises SerialException if the server has closed the connection."""
+        # with a timeout of 0, pyserial returns one byte per call, which is too slow for traces
+        data = bytearray()
+        while len(data) < size and (piece := super().read(1)):
+            data += piece
+        return bytes(data)
+
+    def close(self) -> None:
+        """Close the port."""
+        # pyserial leaves the socket open if the peer has closed first
+        socket: Any = getattr(self, "_socket", None)
+        super().close()
+        if socket is not None:
+            socket.close()
+
+    def _internal_raw_write(self, data: bytes) -> None:
+        try:
+            super()._internal_raw_write(data)  # type: ignore[misc]  # missing in the type stubs
+        except OSError:
+            # no caller catches errors of pyserial's reader thread; its next read fails in any case
+            if threading.current_thread() is not getattr(self, "_thread", None):
+                raise
+
+
+# A byte link to a scanner at any URL that pyserial opens, with errors that say what to do.
+#
+# One thread may read while another thread writes or calls `wake`.
+
 
 BOOTLOADER = 2.0  # s for which the bootloader runs after a reset by the opening of the port
 WRITE_WITHIN = 2.0  # s

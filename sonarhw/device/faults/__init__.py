@@ -1,1 +1,0 @@
-"""A fake board with faults: lost and damaged bytes, resets, unplugged cables, silence."""

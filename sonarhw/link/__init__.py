@@ -1,1 +1,0 @@
-"""Serial ports, and links to a scanner."""

@@ -1,1 +1,0 @@
-"""Replay of a log, for a viewer and as a live scanner."""

@@ -1,1 +1,0 @@
-"""Devices that print text: one line for each reading, with an angle and a range."""
