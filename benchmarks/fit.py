@@ -21,11 +21,9 @@ from scipy.stats import binomtest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, Quantity, X, Y
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.room.enclosures import inside
-from sonarhw_sim.room.model import Place, Room, load_room
-from sonarhw_sim.room.outside import wall_distances
+from sonarhw_sim.room.room import Place, Room, inside, load_room, wall_distances
 
 from benchmarks.cases.synthetic_scan import READINGS, THERMOMETER, synthetic_scan
 

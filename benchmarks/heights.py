@@ -21,14 +21,14 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.levels import loud_enough
+from sonarhw_sim.predict.predicted_scan import loud_enough
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
 from sonarhw_sim.rays import passing
 from sonarhw_sim.rays.paths import Paths, PathSearch
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
+from sonarhw_sim.space.sections import paths_from
 
 from tests.oracles.brute.furnished import Compared
 from tests.oracles.brute.spatial import compare_in_box, compare_in_l_shape, random_box, random_l_shape

@@ -17,7 +17,7 @@ from sonarhw_compare.plate.plate_calibration import PlateCalibration, calibrate_
 from sonarhw_compare.plate.plate_readings import PlateReadings, plate_readings
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import emulated_board

@@ -18,12 +18,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.traces import received
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.cores import core_count
+from sonarhw_sim.board.signal import received
+from sonarhw_sim.compiled import core_count
 from sonarhw_sim.predict.prediction import paths_for, predict_scan, weigh_paths
-from sonarhw_sim.room.model import Room, load_room
+from sonarhw_sim.room.room import Room, load_room
 
 from benchmarks.cases.hundred_echoes import LISTEN, RATE, SPEED, hundred_echoes
 from benchmarks.cases.image_source_table import compare_with_image_sources

@@ -29,7 +29,7 @@ from sonarhw_sim import (
     room_names,
     save_room,
 )
-from sonarhw_sim.predict.by_name import predict
+from sonarhw_sim.predict.prediction import predict
 
 from .device.fake_board import FakeBoard
 from .device.faults import FaultyDevice, read_faults

@@ -1,7 +1,7 @@
 """The echoes of the trace in the speed table: a hundred of them in 62 ms at 1 MHz."""
 
 import numpy as np
-from sonarhw_sim.board.traces import Arrivals
+from sonarhw_sim.board.signal import Arrivals
 
 SPEED = 343.987  # m/s
 LISTEN, RATE, ECHOES = 0.062, 1e6, 100

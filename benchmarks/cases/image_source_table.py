@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from sonarhw_sim.rays.paths import PathSearch, find_paths
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.room import Room, parse_room
 
 from benchmarks.cases.table_rows import Row, at_least, at_most
 from sonarhw.readings import FloatArray

@@ -7,7 +7,7 @@ measurement is in the first office.
 import math
 
 import numpy as np
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 OFFICE = 3.0  # m
 DOOR = 0.9  # m

@@ -6,11 +6,11 @@ A separate file, so that a process that measures its memory loads nothing else.
 from dataclasses import replace
 
 import numpy as np
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from benchmarks.cases.office import PLACE
 

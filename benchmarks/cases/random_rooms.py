@@ -8,7 +8,7 @@ from numpy.random import Generator
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import MAX_ECHOES, Disturbance, RoomEchoes
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.readings import FloatArray, Ping, Reading
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import Ping, Reading
 

@@ -7,7 +7,7 @@ import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
 from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from benchmarks.cases.random_rooms import RandomRoom
 

@@ -26,7 +26,7 @@ from sonarhw_gui.shell.application import WindowStart, open_application, open_wi
 from sonarhw_gui.shell.garbage import collected_between_events
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.synthetic_scan import synthetic_scan

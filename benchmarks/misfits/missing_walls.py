@@ -21,7 +21,7 @@ from sonarhw_compare.causes.cause_texts import cause_text
 from sonarhw_compare.causes.room_changes import NewPost, NewWall, RoomChange
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from benchmarks.cases.random_rooms import noisy_scan
 from sonarhw.errors import InputError

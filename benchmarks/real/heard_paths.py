@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from sonarhw_compare.matching.match import Comparison, Kind, Matched
+from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Model
 
 from benchmarks.real.judged_scans import judge, load_sensors, program_options
 

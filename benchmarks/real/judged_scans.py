@@ -15,11 +15,10 @@ from sonarhw_cli.app import run
 from sonarhw_compare.fit.plain_fit import fit_scan
 from sonarhw_compare.imports.mean_ranges import are_means, likely_pings
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, headings_of, match_readings, roc_area
+from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Model
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Room, load_room
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
+from sonarhw_sim.room.room import Room, load_room
 
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray, Reading

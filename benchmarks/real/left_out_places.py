@@ -13,7 +13,7 @@ from sonarhw_compare.locate.poses import locate_scan
 from sonarhw_compare.room_finding.evidence import REFLECTANCE
 from sonarhw_compare.room_finding.room_search import find_room
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from benchmarks.real.judged_scans import ROOM, load_scans, program_options
 from benchmarks.real.mapped_arena import MARKS, at_mark, nearest_pose

@@ -27,7 +27,7 @@ from sonarhw_compare.locate.poses import Pose
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.room_finding.unknown_poses import PlacedRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from benchmarks.real.judged_scans import ROOM, RealScan, load_scans, program_options
 from benchmarks.real.real_places import locate_real

@@ -11,7 +11,7 @@ from statistics import median
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from benchmarks.real.judged_scans import RealScan, load_scans, program_options
 

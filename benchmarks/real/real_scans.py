@@ -21,10 +21,10 @@ from pathlib import Path
 
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Comparison, Kind
+from sonarhw_sim.air import EdgeStrength, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import EdgeStrength, Model, Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.room_writing import with_material
 
 from benchmarks.real.judged_scans import (

@@ -25,9 +25,9 @@ from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.picture_file import write_picture
 from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
 from sonarhw_compare.profile_edit import Z95
+from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Model
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from benchmarks.real.judged_scans import NEARBY, ON_THE_SPOT, ROOM, Judged, RealScan, figures_of, judge, judged_of
 from sonarhw.files import atomic_file

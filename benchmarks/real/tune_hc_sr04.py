@@ -21,7 +21,7 @@ import numpy as np
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.room.model import Place, parse_room
+from sonarhw_sim.room.room import Place, parse_room
 
 from sonarhw.readings import FloatArray
 

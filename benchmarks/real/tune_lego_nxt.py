@@ -24,7 +24,7 @@ from sonarhw_compare.matching.match import headings_of, match_readings
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from benchmarks.real.judged_scans import (
     NEARBY,

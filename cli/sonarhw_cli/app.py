@@ -10,7 +10,7 @@ import sys
 from typing import Annotated
 
 import typer
-from sonarhw_sim.compilation import watch_compilation
+from sonarhw_sim.compiled import watch_compilation
 
 from sonarhw.errors import ExitStatus, SonarError
 from sonarhw_cli.bringup import doctor_command as doctor

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from sonarhw_sim.rays.first_surface import distances_ahead
-from sonarhw_sim.room.model import Room
-from sonarhw_sim.room.outside import wall_distances
+from sonarhw_sim.rays.fan import distances_ahead
+from sonarhw_sim.room.room import Room, wall_distances
 
 from sonarhw.errors import InputError
 from sonarhw.readings import BoolArray, FloatArray

@@ -10,12 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from sonarhw_sim.air import Model, Receiver
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Model, Receiver
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.doubts import place_doubts
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
+from sonarhw_sim.room.room import Place, Room, place_doubts
 
 from sonarhw.errors import InputError
 from sonarhw.files import atomic_file

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import tomlkit
-from sonarhw_sim.board.mount import OwnBodyPart
-from sonarhw_sim.board.profile import Board, parse_board
+from sonarhw_sim.board.profile import Board, OwnBodyPart, parse_board
 from tomlkit.exceptions import TOMLKitError
 
 from sonarhw.errors import InputError

@@ -9,9 +9,8 @@ from itertools import count
 from typing import Any
 
 import tomlkit
-from sonarhw_sim.room.model import Room
-from sonarhw_sim.room.room_writing import Document, changed_room, with_corners
-from sonarhw_sim.toml_comments import like_array, remove_table
+from sonarhw_sim.room.room import Room
+from sonarhw_sim.room.room_writing import Document, changed_room, like_array, remove_table, with_corners
 from tomlkit.items import Array
 
 from sonarhw.errors import InputError

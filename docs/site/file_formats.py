@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from sonarhw_sim.air import EdgeStrength, Receiver
 from sonarhw_sim.board.profile import BoardFile
-from sonarhw_sim.choices import EdgeStrength, Receiver
+from sonarhw_sim.files import MOST_BYTES, TomlModel, json_schema
 from sonarhw_sim.room.room_file import RoomFile
-from sonarhw_sim.toml_file import MOST_BYTES, TomlModel, json_schema
 
 PAGE = Path(__file__).parents[1] / "reference" / "file_formats.md"
 Schema = dict[str, Any]

@@ -1,16 +1,12 @@
 # The public names; each is loaded when it is first used.
-from .air import Air
-from .board.mount import Mount
-from .board.profile import Board, board_names, load_board, parse_board
-from .board.ring import Ring
-from .board.traces import Signal
-from .choices import EdgeStrength, Model, Receiver, Unit
-from .predict.models import predict_with
+from .air import Air, EdgeStrength, Model, Receiver, Unit
+from .board.profile import Board, Mount, Ring, board_names, load_board, parse_board
+from .board.signal import Signal
 from .predict.predicted_scan import Echo, PredictedPing, PredictedScan
-from .predict.prediction import PredictionOptions, paths_for, predict_scan
+from .predict.prediction import PredictionOptions, paths_for, predict_scan, predict_with
 from .predict.room_echoes import Disturbance, RoomEchoes
 from .rays.paths import Paths
-from .room.model import Place, Room, load_room, parse_room, room_names
+from .room.room import Place, Room, load_room, parse_room, room_names
 from .room.room_writing import save_room
 
 __all__ = [

@@ -5,7 +5,7 @@ It uses complex numbers instead of vectors, and brute force instead of rays. Bot
 
 import itertools
 
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 
 def specular_lengths(room: Room, position: tuple[float, float], order: int) -> list[float]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 Vectors = NDArray[np.float64]
 FAR = 100.0  # m: floors, ceilings and endless walls end here

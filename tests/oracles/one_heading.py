@@ -10,14 +10,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from sonarhw_sim.board.gain import NEAREST, uncompensated_db
+from sonarhw_sim.board.beam import beam, beam_table
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.weighing import beam, beam_table
+from sonarhw_sim.board.signal import NEAREST, uncompensated_db
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.rays.first_surface import first_among, reflect
+from sonarhw_sim.rays.fan import first_among, reflect
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray
 

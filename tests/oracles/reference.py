@@ -16,13 +16,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.gain import uncompensated_db
-from sonarhw_sim.board.mount import BODY_REFLECTANCE, ON_AXIS, with_faces
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Unit
+from sonarhw_sim.air import Unit
+from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.board.profile import BODY_REFLECTANCE, ON_AXIS, Board, with_faces
+from sonarhw_sim.board.signal import uncompensated_db
 from sonarhw_sim.room.edges import inside_wedge
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from tests.oracles.one_heading import FIRST_RAY, RAY_SPACING
 

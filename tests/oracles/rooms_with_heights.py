@@ -1,6 +1,6 @@
 """Rooms with floor, ceiling and low walls, and the images of a box room."""
 
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 LEVELS = """
 [floor]

@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from tests.fixtures.rooms_for_tests import room_of
 from tests.oracles.wave_equation import CELL, FLAT_WALL, WAVELENGTH, Arrival, Scene, Wall, arrival_near, matched

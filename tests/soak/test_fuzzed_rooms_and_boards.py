@@ -14,10 +14,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.board.profile import BoardFile, parse_board
-from sonarhw_sim.check.plan_check import plan_findings
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.check import plan_findings
+from sonarhw_sim.files import TomlModel, json_schema
+from sonarhw_sim.room.room import Room, parse_room
 from sonarhw_sim.room.room_file import RoomFile
-from sonarhw_sim.toml_file import TomlModel, json_schema
 
 from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT

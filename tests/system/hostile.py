@@ -20,7 +20,7 @@ from sonarhw import Reading, Scanner, ScanOrder, sector
 from sonarhw.errors import MissingExtra
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 import sonarhw_cli, sonarhw_compare, sonarhw_gui, sonarhw_rooms, sonarhw_sim
 
 room = load_room("room.toml")

@@ -10,12 +10,12 @@ import pytest
     ("modules", "heavy"),
     [
         (
-            "sonarhw_sim, sonarhw_sim.choices, sonarhw_compare, sonarhw_compare.fit, sonarhw_compare.study",
+            "sonarhw_sim, sonarhw_sim.air, sonarhw_compare, sonarhw_compare.fit, sonarhw_compare.study",
             "numpy numba",
         ),
         ("sonarhw", "numpy serial lazy_loader sonarhw_sim sonarhw_compare typer"),
         ("sonarhw_compare.fit.values.quantities", "numpy numba scipy emcee"),
-        ("sonarhw_sim.predict.models", "scipy.special scipy.spatial scipy.optimize matplotlib"),
+        ("sonarhw_sim.predict.prediction", "scipy.special scipy.spatial scipy.optimize matplotlib"),
         ("sonarhw_cli.app", "numpy numba scipy matplotlib PySide6"),
     ],
 )

@@ -6,8 +6,8 @@ import tomllib
 
 import pytest
 from sonarhw_sim.board.profile import BoardFile
+from sonarhw_sim.files import TomlModel, json_schema
 from sonarhw_sim.room.room_file import RoomFile
-from sonarhw_sim.toml_file import TomlModel, json_schema
 
 from tests.checkout import CHECKOUT
 from tests.oracles.schema_check import fits

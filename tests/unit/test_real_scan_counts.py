@@ -8,7 +8,7 @@ from scipy.stats import binom
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from benchmarks.real.heard_paths import first_echoes
 from benchmarks.real.located_scans import chance_of_agreement

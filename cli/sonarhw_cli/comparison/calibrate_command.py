@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
-from sonarhw_sim.choices import DEFAULT_BOARD
+from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.comparison.calibrate_logs import calibrate_with_plate, calibrate_with_room, profile_name
@@ -204,7 +204,7 @@ def _calibrate_scanner(
     with connect_turntable(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
     from sonarhw_compare.profile_edit import changed_profile
-    from sonarhw_sim.predict.plate_echo import plate_echo
+    from sonarhw_sim.predict.room_echoes import plate_echo
 
     from sonarhw.scanning import calibration
 
@@ -223,7 +223,7 @@ def _calibrate_scanner(
 def _arcs(board: "Board", distance: float, step: float) -> tuple[float, float]:
     """Return the smallest and the largest plausible arc of a plate, rad; its ends are known within a step."""
     from sonarhw_sim.air import Air
-    from sonarhw_sim.predict.plate_echo import plate_echo
+    from sonarhw_sim.predict.room_echoes import plate_echo
 
     faint, loud = (plate_echo(board, Air(), distance, stronger) for stronger in (-_LEVEL_DB, _LEVEL_DB))
     return faint.early_arc - math.radians(step), loud.arc + math.radians(step)

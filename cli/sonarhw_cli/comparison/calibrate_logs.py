@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.plate.plate_calibration import PlateCalibration
     from sonarhw_compare.plate.plate_readings import PlateReadings
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
 
 def calibrate_with_plate(

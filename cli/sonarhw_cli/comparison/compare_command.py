@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures.picture_file import PICTURES
-from sonarhw_sim.choices import ROOM_TOLERANCE, Model, Receiver
+from sonarhw_sim.air import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.comparison.compare_two import compare_two

@@ -17,7 +17,7 @@ from sonarhw_cli.console.output import checked_out, text_output, write_figure
 if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.two_scans.scan_difference import HeadingDifference, HeadingSeries, ScanDifference
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
 _HEADER = "heading_deg,first_m,second_m,difference_m,limit_m,change,first_pings,first_echoes,second_pings,second_echoes"
 _APART = 0.02  # m, between places that count as one

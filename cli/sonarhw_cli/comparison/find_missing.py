@@ -13,8 +13,8 @@ from sonarhw_cli.console.progress import progress_of_share
 if TYPE_CHECKING:
     from sonarhw_compare.causes.cause_search import FoundCauses
     from sonarhw_compare.matching.match import Comparison
-    from sonarhw_sim.choices import Receiver
-    from sonarhw_sim.room.model import Room
+    from sonarhw_sim.air import Receiver
+    from sonarhw_sim.room.room import Room
 
 
 def find_missing(

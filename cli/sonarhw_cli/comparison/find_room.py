@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.room_finding.room_search import FoundRoom
     from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Room
+    from sonarhw_sim.room.room import Room
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit.fit_setting import FitSetting
     from sonarhw_compare.fit.values.parameters import Parameter
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
 
 RoomOfFirstLog = Annotated[

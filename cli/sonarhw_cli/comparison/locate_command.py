@@ -19,7 +19,7 @@ from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Located, Pose
-    from sonarhw_sim.room.model import Place
+    from sonarhw_sim.room.room import Place
 
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
 _CONTRADICTION = 4.0  # standard deviations between the heading of --heading and the one found

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.locate.pose_spread import PoseSpread
     from sonarhw_compare.map import RoomMap
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
 
 PlacesOfLogs = Annotated[
@@ -153,7 +153,7 @@ def _own_body_doubts(scans: "Sequence[PlacedScan]", board: "Board") -> Iterator[
     """Yield one line for each part of the carrier's body that scans from enough places show, and the profile lacks."""
     from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
     from sonarhw_compare.map.features import CONFIRMING
-    from sonarhw_sim.board.mount import without_own_body
+    from sonarhw_sim.board.profile import without_own_body
 
     if board.ring is not None or len(set(place_numbers([scan.place.position for scan in scans]).tolist())) < CONFIRMING:
         return

@@ -5,7 +5,7 @@ import typer
 
 def complete_room(incomplete: str) -> list[str]:
     """Return the shipped rooms that begin with a text."""
-    from sonarhw_sim.room.model import SHIPPED_ROOMS
+    from sonarhw_sim.room.room import SHIPPED_ROOMS
 
     return [name for name in SHIPPED_ROOMS.names() if name.startswith(incomplete)]
 
@@ -26,7 +26,7 @@ def complete_place(context: typer.Context, incomplete: str) -> list[str]:
     room = next((name for name in given if name), None)
     if room is None:
         return []
-    from sonarhw_sim.room.model import load_room
+    from sonarhw_sim.room.room import load_room
 
     try:
         return [name for name in load_room(room).places if name.startswith(incomplete)]

@@ -55,8 +55,8 @@ def connect_turntable(url: str) -> "Iterator[Scanner]":
 
 def board_of(scanner: "ConnectedScanner", chosen: str | None) -> "Board":
     """Return the profile that --board names, else that of the scanner, else the default."""
+    from sonarhw_sim.air import DEFAULT_BOARD
     from sonarhw_sim.board.profile import board_names, load_board
-    from sonarhw_sim.choices import DEFAULT_BOARD
 
     named = scanner.info.board
     return load_board(chosen or (named if named in board_names() else DEFAULT_BOARD))
@@ -75,7 +75,7 @@ def resolve(url: str) -> "Iterator[Find]":
 def _print_fake(url: str) -> None:
     """With --verbose, print room, place and board of a `fake:` URL."""
     from sonarhw_compare.scanners.fake_url import is_fake, read_fake_url
-    from sonarhw_sim.room.model import load_room
+    from sonarhw_sim.room.room import load_room
 
     if not (is_fake(url) and prints(Verbosity.VERBOSE)):
         return

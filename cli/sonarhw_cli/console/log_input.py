@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.notes.placed_notes import PlacedNotes
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Room
+    from sonarhw_sim.room.room import Room
 
     from sonarhw.log import Log
     from sonarhw.readings import Reading

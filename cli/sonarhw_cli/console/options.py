@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_sim.choices import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
+from sonarhw_sim.air import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
 
 from sonarhw.errors import InputError
 from sonarhw.wire.messages import MOST_DEGREES

@@ -8,13 +8,12 @@ from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_detail, warn
 
 if TYPE_CHECKING:
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
 
 def open_room(name: str) -> "Room":
     """Return a shipped room by name or the room in a file, with warnings on standard error. Raises InputError."""
-    from sonarhw_sim.room.doubts import room_doubts
-    from sonarhw_sim.room.model import load_room
+    from sonarhw_sim.room.room import load_room, room_doubts
 
     room = load_room(name)
     print_detail(f"{name}: room {room.name!r}")
@@ -32,7 +31,7 @@ def chosen_place(room: "Room", wanted: str | None) -> "Place":
 
 def print_place(room: "Room", place: "Place") -> None:
     """Print the place with --verbose, and a warning if it is outside the room or inside an object."""
-    from sonarhw_sim.room.doubts import place_doubts
+    from sonarhw_sim.room.room import place_doubts
 
     print_detail(f"place {place.name!r} at {place.position[0]:g}, {place.position[1]:g} m in room {room.name!r}")
     for doubt in place_doubts(room, place):
@@ -50,7 +49,7 @@ def check_one_of_each(places: Sequence[str], poses: Sequence[str], logs: int) ->
 
 def place_of_pose(text: str) -> "Place":
     """Return the place of `X,Y,DEG`, metres and the heading of turntable step 0. Raises InputError for another form."""
-    from sonarhw_sim.room.model import Place
+    from sonarhw_sim.room.room import Place
 
     try:
         x, y, degrees = map(float, text.split(","))

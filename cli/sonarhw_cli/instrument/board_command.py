@@ -6,7 +6,7 @@ The command is not listed by --help, because it needs a checkout and compilers.
 from typing import Annotated
 
 import typer
-from sonarhw_sim.choices import DEFAULT_BOARD
+from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw_cli.console.demo_room import PLACE, ROOM
 from sonarhw_cli.console.interruption import sigterm_exits
@@ -27,7 +27,7 @@ def board(
     """Run the firmware on an emulated board. The first line of standard output is its URL."""
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.room_echoes import RoomEchoes
-    from sonarhw_sim.room.model import load_room
+    from sonarhw_sim.room.room import load_room
 
     from sonarhw.device.emulated_board import emulated_board
     from sonarhw.device.served import read_pace

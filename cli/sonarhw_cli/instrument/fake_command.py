@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Annotated
 
 import typer
-from sonarhw_sim.choices import DEFAULT_BOARD
+from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw_cli.console.interruption import sigterm_exits
 from sonarhw_cli.console.lines import print_line

@@ -251,7 +251,7 @@ def _read(file: Path, known: ImportFormat | None, meaning: "Meaning") -> "list[R
 def _metadata(room_name: str | None, place: str | None, board: str | None) -> "LogMetadata":
     """Return the metadata of the log. The place may be unknown, also in a room with several places."""
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.named_file import file_name
+    from sonarhw_sim.files import file_name
 
     from sonarhw.log import LogMetadata
 

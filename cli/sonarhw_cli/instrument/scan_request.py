@@ -17,7 +17,7 @@ from sonarhw_cli.console.room_input import chosen_place, open_room
 if TYPE_CHECKING:
     from sonarhw_sim.air import Air
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
     from sonarhw.host.scanner import ConnectedScanner, ScanPlan
     from sonarhw.log import LogMetadata
@@ -94,7 +94,7 @@ def room_and_place(room_name: str | None, place: str | None, out: Path | None) -
 
 def log_metadata(room_name: str | None, where: "tuple[Room, Place] | None") -> "LogMetadata":
     """Return the metadata of a log that begins now, with the room of `room_and_place`."""
-    from sonarhw_sim.named_file import file_name
+    from sonarhw_sim.files import file_name
 
     from sonarhw.log import LogMetadata
 

@@ -41,7 +41,7 @@ from sonarhw_cli.instrument.scan_request import (
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.rays.paths import Paths
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
     from sonarhw.export import FoxgloveServer
     from sonarhw.host.scanner import ConnectedScanner, ScanPlan

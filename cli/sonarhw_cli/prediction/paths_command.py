@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 from sonarhw_compare.headings import in_degrees
-from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength
+from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength
 
 from sonarhw_cli.console.number_format import write_rows
 from sonarhw_cli.console.options import STDOUT, EdgeStrengthChoice, Force, PlaceName, RoomName
@@ -41,7 +41,7 @@ def paths(
     """List every path of sound from a place back to it. The shortest is first."""
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.rays.paths import PathSearch
-    from sonarhw_sim.vertical.sections import paths_from
+    from sonarhw_sim.space.sections import paths_from
 
     checked_out(out, (".csv", STDOUT), force, room_name)
     room = open_room(room_name)

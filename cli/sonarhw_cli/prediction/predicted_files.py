@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarhw_sim.choices import ROOM_TOLERANCE
+from sonarhw_sim.air import ROOM_TOLERANCE
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.options import LOG
@@ -87,7 +87,7 @@ def check_trace_size(traces: TraceSettings, suffix: str, listening: float, headi
 
 def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
     """Yield the columns of HEADER, one row for each heading; None for an unknown value."""
-    from sonarhw_sim.board.mount import OWN_BODY
+    from sonarhw_sim.board.profile import OWN_BODY
 
     bounces, ranges = scan.paths.bounces, scan.ranges
     for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
@@ -106,7 +106,7 @@ def probability_rows(
     scan: "PredictedScan", pings: int | None, room_tolerance: float | None
 ) -> Iterator[tuple[float | str | None, ...]]:
     """Yield the columns of PROBABILITY_HEADER: at each heading every range that may be reported, and silence last."""
-    from sonarhw_sim.probability.reading_chances import possible_readings, range_chances
+    from sonarhw_sim.predict.probability import possible_readings, range_chances
 
     tolerance = ROOM_TOLERANCE if room_tolerance is None else room_tolerance
     for k, heading in enumerate(scan.headings):

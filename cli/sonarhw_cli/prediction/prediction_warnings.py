@@ -6,7 +6,7 @@ from sonarhw.errors import counted
 from sonarhw_cli.console.lines import warn
 
 if TYPE_CHECKING:
-    from sonarhw_sim.choices import Model
+    from sonarhw_sim.air import Model
     from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 
@@ -21,7 +21,7 @@ def warn_of_doubts(scan: "PredictedScan", model: "Model") -> None:
 def _warn_of_near_field(scan: "PredictedScan") -> None:
     """Warn about readings in the near field, where the directivity of the far field is wrong."""
     import numpy as np
-    from sonarhw_sim.board.transducer import far_field
+    from sonarhw_sim.board.beam import far_field
 
     begins = far_field(scan.board.aperture_radius, scan.board.wavelength(scan.room.air))
     near = int((scan.distances[~np.isnan(scan.distances)] < begins).sum())
@@ -35,7 +35,7 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
 def _warn_of_silence(scan: "PredictedScan") -> None:
     """Warn if no heading has an echo, with the reason; that the place is outside the room is printed already."""
     import numpy as np
-    from sonarhw_sim.check.no_echo import reason_for_silence
+    from sonarhw_sim.check import reason_for_silence
 
     if np.isnan(scan.ranges).all() and not scan.room.is_outside(scan.place.position):
         warn(f"no echo: {reason_for_silence(scan.room, scan.place, scan.board)}")

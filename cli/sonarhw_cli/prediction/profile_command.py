@@ -29,7 +29,7 @@ def new(file: NewFile) -> None:
 def schema() -> None:
     """Print the JSON Schema of board profiles, for editors."""
     from sonarhw_sim.board.profile import BoardFile
-    from sonarhw_sim.toml_file import json_schema
+    from sonarhw_sim.files import json_schema
 
     print_json(json_schema(BoardFile))
 
@@ -38,7 +38,7 @@ def schema() -> None:
 def check(profile: Profile) -> int:
     """Check a board profile. Prints one line for each error. Exit status: 0 without errors, else 2."""
     from sonarhw_sim.board.profile import SHIPPED_BOARDS, BoardFile
-    from sonarhw_sim.toml_file import parse_table, problems_of
+    from sonarhw_sim.files import parse_table, problems_of
 
     text, where = SHIPPED_BOARDS.read(profile)
     problems = problems_of(parse_table(text, where), BoardFile)

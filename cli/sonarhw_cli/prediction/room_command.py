@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
-from sonarhw_sim.choices import DEFAULT_BOARD
+from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import counted
 from sonarhw_cli.console.lines import print_json, print_line, print_note
@@ -16,8 +16,8 @@ from sonarhw_cli.console.plain_help import CommandList
 from sonarhw_cli.prediction.new_file import NewFile, write_template
 
 if TYPE_CHECKING:
-    from sonarhw_sim.check.finding import Finding
-    from sonarhw_sim.room.model import Room
+    from sonarhw_sim.check import Finding
+    from sonarhw_sim.room.room import Room
 
 REFUSED = 2  # exit status
 
@@ -27,7 +27,7 @@ app = CommandList(help="List, write and check room files.", no_args_is_help=True
 @app.command("list")
 def list_rooms() -> None:
     """List the shipped rooms with their places."""
-    from sonarhw_sim.room.model import load_room, room_names
+    from sonarhw_sim.room.room import load_room, room_names
 
     for name in room_names():
         print_line(f"{name:15} places: {', '.join(load_room(name).places) or 'none'}")
@@ -43,8 +43,8 @@ def new(file: NewFile) -> None:
 @app.command("schema")
 def schema() -> None:
     """Print the JSON Schema of room files, for editors."""
+    from sonarhw_sim.files import json_schema
     from sonarhw_sim.room.room_file import RoomFile
-    from sonarhw_sim.toml_file import json_schema
 
     print_json(json_schema(RoomFile))
 
@@ -69,8 +69,8 @@ def check(
     findings, 1 with findings, 2 if the other commands would refuse the file.
     """
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.check.room_check import check_room, refusals_of
-    from sonarhw_sim.room.model import SHIPPED_ROOMS, parse_room
+    from sonarhw_sim.check import check_room, refusals_of
+    from sonarhw_sim.room.room import SHIPPED_ROOMS, parse_room
 
     if plot is not None:
         checked_out(plot, PICTURES, force, room_name, board, option="--plot")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sonarhw_compare.sound.film_file import FILMS
-from sonarhw_sim.choices import Model, Receiver, Unit
+from sonarhw_sim.air import Model, Receiver, Unit
 
 from sonarhw.errors import InputError
 from sonarhw_cli.prediction.predicted_files import TraceForm, TraceSettings, check_trace_size, listening_time
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.predict.predicted_scan import PredictedScan
     from sonarhw_sim.predict.prediction import PredictionOptions
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
     from sonarhw.readings import FloatArray
 
@@ -31,7 +31,7 @@ class PredictionInput:
 
     def scan(self) -> "PredictedScan":
         """Return the prediction by the model."""
-        from sonarhw_sim.predict.models import predict_with
+        from sonarhw_sim.predict.prediction import predict_with
 
         return predict_with(self.model, self.room, self.place, self.board, self.headings, self.options)
 

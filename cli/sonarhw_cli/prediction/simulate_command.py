@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_compare.sound.film_file import FILMS
-from sonarhw_sim.choices import DEFAULT_BOARD, Model, Unit
+from sonarhw_sim.air import DEFAULT_BOARD, Model, Unit
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import warn
@@ -50,7 +50,7 @@ from sonarhw_cli.prediction.simulate_checks import PredictionInput, check_input,
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.predict.predicted_scan import PredictedScan
-    from sonarhw_sim.room.model import Place
+    from sonarhw_sim.room.room import Place
 
     from sonarhw.readings import FloatArray, ScanOrder
 
@@ -173,7 +173,7 @@ def simulate(
 def _write(
     scan: "PredictedScan", kind: str, out: str, force: bool, settings: TraceSettings | None, room_name: str
 ) -> None:
-    from sonarhw_sim.named_file import file_name
+    from sonarhw_sim.files import file_name
 
     match kind:
         case ".npz":
@@ -190,7 +190,7 @@ def _write(
 
 
 def _scan_of_spreads(given: PredictionInput, pings: int) -> "PredictedScan":
-    from sonarhw_sim.probability.reading_chances import check_pings, scan_with_fainter_paths
+    from sonarhw_sim.predict.probability import check_pings, scan_with_fainter_paths
 
     check_pings(pings)
     board = given.board

@@ -10,7 +10,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_sim.choices import DEFAULT_BOARD
+from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import resolve
@@ -122,8 +122,8 @@ def _kind(source: str) -> str:
 
     if is_fake(source) or is_plugin(source) or "://" in source:
         return ""
-    from sonarhw_sim.near_miss import did_you_mean
-    from sonarhw_sim.room.model import room_names
+    from sonarhw_sim.files import did_you_mean
+    from sonarhw_sim.room.room import room_names
 
     if source in room_names():
         return _ROOM
@@ -182,7 +182,7 @@ def _show(scene: "Scene", room: str | None, file: Path | None, instead: str) -> 
 
 def _used(room: str | None) -> tuple[Path, ...]:
     """Return the file of the room, for the list of recent files; nothing for a shipped room."""
-    from sonarhw_sim.named_file import is_file
+    from sonarhw_sim.files import is_file
 
     return (Path(room),) if room is not None and is_file(room) else ()
 
@@ -272,8 +272,8 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
     """
     from sonarhw_gui.scene.scene import first_place, scene_with
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.named_file import file_name
-    from sonarhw_sim.room.model import load_room
+    from sonarhw_sim.files import file_name
+    from sonarhw_sim.room.room import load_room
 
     board = load_board(request.board or DEFAULT_BOARD)
     if request.room is None:

@@ -12,10 +12,9 @@ from itertools import product
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize_scalar
-from sonarhw_sim.board.mount import of_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, of_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading

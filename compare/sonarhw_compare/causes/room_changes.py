@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.room_writing import changed_room, section
 
 from sonarhw.errors import InputError

@@ -9,8 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
-from sonarhw_sim.board.traces import is_stepped
+from sonarhw_sim.board.signal import is_stepped, path_loss_db, stepped_gain_db
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 
 from sonarhw_compare.explain.contest import WallChange, steps, wall_changes

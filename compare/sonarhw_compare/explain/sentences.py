@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw_compare.explain.contest import WallChange, change_for, contest, wall_change

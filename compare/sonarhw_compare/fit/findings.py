@@ -11,7 +11,7 @@ from typing import Any
 
 import tomlkit
 from sonarhw_sim.board.profile import Board, parse_board
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_place
 
 from sonarhw.errors import harmless

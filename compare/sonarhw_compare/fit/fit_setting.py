@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError, counted
 from sonarhw_compare.fit.values.fit_result import PlacedScan

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from sonarhw_sim.air import Receiver, Unit
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import FloatArray, Reading

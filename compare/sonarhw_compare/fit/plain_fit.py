@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Model
+from sonarhw_sim.air import Model
+from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+from sonarhw_sim.air import DEFAULT_BOARD
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import DEFAULT_BOARD
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import Log, read_log

@@ -1,8 +1,8 @@
 """The room, place and board that a log was recorded with, even if their files no longer exist."""
 
+from sonarhw_sim.air import DEFAULT_BOARD
 from sonarhw_sim.board.profile import Board, load_board, parse_board
-from sonarhw_sim.choices import DEFAULT_BOARD
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw.log import LogMetadata
 

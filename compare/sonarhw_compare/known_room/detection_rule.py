@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter
-from sonarhw_sim.board.mount import ON_AXIS, without_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import ON_AXIS, Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw.errors import InputError, harmless
 from sonarhw_compare.fit.values.quantities import REFLECTANCE, reflectance_of

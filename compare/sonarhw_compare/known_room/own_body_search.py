@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.mount import OwnBodyPart
+from sonarhw_sim.board.profile import OwnBodyPart
 
 from sonarhw.readings import BoolArray, FloatArray, Reading
 from sonarhw_compare.matching.regions import angles_and_ranges

@@ -10,9 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.mount import OwnBodyPart
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.board.profile import Board, OwnBodyPart
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError, counted, harmless
 from sonarhw_compare.fit.values.fit_result import PlacedScan, Progress

@@ -13,10 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.likelihood.objective import MODERATE, Objective, Problem, make_problem

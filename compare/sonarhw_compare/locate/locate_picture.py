@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from sonarhw_sim.predict.by_heading import standpoints
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.room.room import Place
 
 from sonarhw_compare.locate.poses import NEAR, Located, Pose
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 from sonarhw_compare.imports.foreign_csv import opened, other_separator, short_lines

@@ -19,11 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp, softmax
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.room.outside import wall_distances
+from sonarhw_sim.room.room import Place, Room, wall_distances
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

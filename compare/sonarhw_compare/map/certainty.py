@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_sim.board.mount import of_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, of_own_body
 from sonarhw_sim.compiled import compiled, compiled_part
-from sonarhw_sim.predict.by_heading import standpoints
-from sonarhw_sim.predict.models import CONE_HALF_ANGLE
+from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

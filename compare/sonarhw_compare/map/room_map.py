@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import BoolArray

@@ -1,7 +1,7 @@
 """Picture of a scan over its prediction, in the plan of the room."""
 
 from matplotlib.figure import Figure
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw_compare.matching.match import Comparison, Kind
 from sonarhw_compare.pictures.overlay_picture import draw_plan

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from sonarhw_sim.board.mount import is_own_body
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.nearest_echo import nearest_paths
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.board.profile import Board, is_own_body
+from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin, Reading
 from sonarhw_compare.headings import in_degrees

@@ -12,16 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
+from sonarhw_sim.air import ROOM_TOLERANCE, Model
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import ROOM_TOLERANCE, Model
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.probability.reading_chances import (
-    RESOLUTION,
-    PossibleReading,
-    possible_readings,
-    scan_with_fainter_paths,
-)
+from sonarhw_sim.predict.probability import RESOLUTION, PossibleReading, possible_readings, scan_with_fainter_paths
 
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind
 

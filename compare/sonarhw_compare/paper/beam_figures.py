@@ -1,7 +1,7 @@
 """Figure 5: the impulse response h_R convolved with the pulse, and the loss at each angle.
 
 The convolution is computed here in time, sample by sample, as in the paper's formula. The rest of the product uses
-spectra (`sonarhw_sim.board.transducer`).
+spectra (`sonarhw_sim.board.beam`).
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.transducer import ComplexArray, beam_gain, burst_loss, impulse_response, square_burst
+from sonarhw_sim.board.beam import ComplexArray, beam_gain, burst_loss, impulse_response, square_burst
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import GREEN, MEASURED, PREDICTED, sheet

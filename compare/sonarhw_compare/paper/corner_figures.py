@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Model
+from sonarhw_sim.air import Model
+from sonarhw_sim.board.beam import beam_gain
 
 from sonarhw_compare.paper.drawing import Bounds, label_walls, mark_silence, note, plan, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit

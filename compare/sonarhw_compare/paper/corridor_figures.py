@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sonarhw_sim.choices import Model, Receiver
+from sonarhw_sim.air import Model, Receiver
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, points, sheet

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import GREEN, MEASURED, PREDICTED, finish_plan, note, points, sheet

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
+from sonarhw_sim.air import EdgeStrength, Receiver, Unit
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, PREDICTED, WALL, sheet

@@ -8,12 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from sonarhw_sim.air import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import ScanOrder, headings_between
 

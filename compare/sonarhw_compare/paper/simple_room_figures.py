@@ -9,7 +9,7 @@ from dataclasses import replace
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from sonarhw_sim.choices import Receiver, Unit
+from sonarhw_sim.air import Receiver, Unit
 
 from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, note, plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit

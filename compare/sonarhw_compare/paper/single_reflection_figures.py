@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.special import j1
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, points, sheet

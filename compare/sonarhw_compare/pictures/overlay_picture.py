@@ -10,9 +10,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 from matplotlib.text import Annotation
-from sonarhw_sim.predict.by_heading import standpoints
-from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.pictures.colours import MEASURED, OWN_BODY, PREDICTED, WALL

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_sim.choices import ROOM_TOLERANCE
+from sonarhw_sim.air import ROOM_TOLERANCE
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.probability.reading_chances import PossibleReading, possible_readings, scan_with_fainter_paths
+from sonarhw_sim.predict.probability import PossibleReading, possible_readings, scan_with_fainter_paths
 
 from sonarhw.readings import FloatArray
 

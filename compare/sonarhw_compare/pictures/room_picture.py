@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
-from sonarhw_sim.check.finding import Finding
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.check import Finding
+from sonarhw_sim.room.room import Room
 
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.labels import names_by_position, set_apart

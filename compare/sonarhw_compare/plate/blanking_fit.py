@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.plate_echo import plate_echo
+from sonarhw_sim.predict.room_echoes import plate_echo
 
 from sonarhw_compare.plate.plate_readings import PlateReadings
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import ndtr, xlogy
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Receiver
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.plate.level_keys import LevelKey, changed_board

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.burst import covered_by_burst
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.signal import covered_by_burst
 
 from sonarhw.errors import NoPlate
 from sonarhw.readings import FloatArray, Reading

@@ -10,14 +10,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-from sonarhw_sim.air import Air
-from sonarhw_sim.board.burst import RATE, burst_of
-from sonarhw_sim.board.gain import uncompensated_db
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import charge_of_burst, kept_charge
-from sonarhw_sim.board.traces import Arrivals, before_gain, gain_at_samples, pulses
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.board.signal import RATE, Arrivals, before_gain, burst_of, gain_at_samples, pulses, uncompensated_db
 
 from sonarhw.readings import FloatArray
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 from scipy.stats import t as student
-from sonarhw_sim.board.burst import RATE
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.traces import own_burst
+from sonarhw_sim.board.signal import RATE, own_burst
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.plate.plate_readings import EchoPulse, PlateReadings, peak_of

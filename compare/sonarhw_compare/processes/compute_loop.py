@@ -6,7 +6,7 @@ import sys
 import traceback
 from typing import Any, BinaryIO
 
-from sonarhw_sim.cores import use_one_thread
+from sonarhw_sim.compiled import use_one_thread
 
 
 def run() -> None:

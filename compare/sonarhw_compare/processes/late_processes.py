@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
-from sonarhw_sim.cores import core_count
+from sonarhw_sim.compiled import core_count
 
 from sonarhw_compare.processes.compute_processes import ComputeProcesses
 

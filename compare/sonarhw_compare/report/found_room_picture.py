@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.by_heading import standpoints
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

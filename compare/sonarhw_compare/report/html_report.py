@@ -11,7 +11,7 @@ from statistics import median
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import Origin, Reading

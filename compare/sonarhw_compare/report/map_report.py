@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

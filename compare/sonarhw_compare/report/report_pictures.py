@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray, Trace
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, Matched

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.edges import find_edges
-from sonarhw_sim.room.model import Place, Room, join_ends, with_post, with_walls
+from sonarhw_sim.room.room import Place, Room, join_ends, with_post, with_walls
 
 from sonarhw.readings import FloatArray
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import tomlkit
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.room import Room, parse_room
 from tomlkit.items import AoT, Table
 
 from sonarhw.errors import counted, harmless

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space

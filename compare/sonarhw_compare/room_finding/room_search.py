@@ -6,8 +6,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, without_own_body
 
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan

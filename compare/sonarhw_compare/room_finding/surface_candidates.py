@@ -12,9 +12,8 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.fit_result import PlacedScan

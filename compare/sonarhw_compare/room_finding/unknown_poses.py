@@ -15,7 +15,7 @@ from functools import cached_property
 
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.fit_result import PlacedScan

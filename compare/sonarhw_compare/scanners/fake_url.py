@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlencode
 
+from sonarhw_sim.air import DEFAULT_BOARD
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import DEFAULT_BOARD
-from sonarhw_sim.room.doubts import place_doubts, room_doubts
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room, place_doubts, room_doubts
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires
 from sonarhw.device.faults import NO_FAULTS, Faults, FaultyDevice, faulty_identity, read_faults

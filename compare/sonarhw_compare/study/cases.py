@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Model
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.choices import Model
+from sonarhw_sim.files import parse_toml
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room, parse_room, with_air, with_material
+from sonarhw_sim.room.room import Place, Room, parse_room, with_air, with_material
 from sonarhw_sim.room.room_file import Material, RoomFile
-from sonarhw_sim.toml_file import parse_toml
 
 from sonarhw.readings import FloatArray, sector
 from sonarhw_compare.free_space import FreeSpace, find_free_space

@@ -11,12 +11,11 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from sonarhw_sim.air import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.board.profile import Board, BoardFile, board_from, load_board
-from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.named_file import is_file
-from sonarhw_sim.room.model import Room, load_room
+from sonarhw_sim.files import TomlModel, checked, is_file, parse_table, parse_toml, read_text
+from sonarhw_sim.room.room import Room, load_room
 from sonarhw_sim.room.room_file import AirSection, Material
-from sonarhw_sim.toml_file import TomlModel, checked, parse_table, parse_toml, read_text
 
 from sonarhw.errors import InputError
 from sonarhw.readings import headings_between

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-from sonarhw_sim.cores import core_count
+from sonarhw_sim.compiled import core_count
 
 from sonarhw_compare.study.arrow import check_arrow
 from sonarhw_compare.study.parts import StudyFolder, part_count

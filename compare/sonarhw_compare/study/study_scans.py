@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from sonarhw_sim.choices import Model
-from sonarhw_sim.predict.models import predict_with
+from sonarhw_sim.air import Model
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, search_for, weigh_paths
-from sonarhw_sim.rays.first_surface import distances_ahead
+from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, predict_with, search_for, weigh_paths
+from sonarhw_sim.rays.fan import distances_ahead
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.vertical.sections import cut, spanning_at
+from sonarhw_sim.space.sections import cut, spanning_at
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE

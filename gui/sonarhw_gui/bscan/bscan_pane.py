@@ -10,7 +10,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
 from sonarhw_compare.pictures.bscan import RangeCells
 from sonarhw_sim.air import Air
-from sonarhw_sim.predict.by_heading import arm
+from sonarhw_sim.predict.predicted_scan import arm
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look

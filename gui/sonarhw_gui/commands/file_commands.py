@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QMimeData, Qt, Slot
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
-from sonarhw_sim.room.model import room_names
+from sonarhw_sim.room.room import room_names
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.dialogs.import_dialog import ImportDialog

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.room_edit import remove_surface
 from sonarhw_sim.air import Air
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw_gui.finding.find_request import (
     Accuracy,

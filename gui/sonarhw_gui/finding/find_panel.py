@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 from sonarhw_compare.room_edit import remove_surface
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError, counted
 from sonarhw_gui.finding.find_control import FindState

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import Reading

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.pictures.points import points_at
-from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_gui.finding.find_control import FindState

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from sonarhw_sim.board.mount import without_own_body
+from sonarhw_sim.board.profile import without_own_body
 
 from sonarhw.readings import Reading
 from sonarhw_gui.finding.find_request import LoadedScan

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from sonarhw_compare.matching.match import compare_readings
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import Reading
 from sonarhw_gui.fitting.fit_scene import fitted

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sonarhw_compare.scanners.fake_url import FakeUrl, is_fake, moved_fake_url, read_fake_url
 from sonarhw_sim.board.profile import Board, board_names, load_board
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import InputError
 from sonarhw_gui.scene.scene import Scene, first_place, position_name

@@ -4,7 +4,7 @@ from functools import partial
 
 from PySide6.QtCore import Slot
 from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.room.room_file import Material
 from sonarhw_sim.room.room_writing import materials
 

@@ -6,9 +6,9 @@ from functools import partial
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QComboBox
+from sonarhw_sim.air import EdgeStrength, Receiver, Unit
 from sonarhw_sim.board.profile import Board, board_names, load_board
-from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw_gui.panels.room_groups import Change, Group
 from sonarhw_gui.parts.plain_label import PlainLabel

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
 )
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.room.room_writing import materials
 
 from sonarhw_gui.look.appearance import LengthUnit

@@ -15,7 +15,7 @@ from PySide6.QtGui import QFontMetrics, QKeyEvent
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.room_edit import Point
 from sonarhw_compare.sound.moments import counted_position
-from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look

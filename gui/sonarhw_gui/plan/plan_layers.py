@@ -9,7 +9,7 @@ from PySide6.QtGui import QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.room_edit import Point, corners
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look

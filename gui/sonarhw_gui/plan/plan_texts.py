@@ -4,7 +4,7 @@ import math
 
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.room_edit import Point
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.scene.grips import Grip, GripPart, surface_at

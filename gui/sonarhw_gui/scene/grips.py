@@ -9,8 +9,7 @@ from enum import Enum, auto
 
 import numpy as np
 from sonarhw_compare.room_edit import Point, corners
-from sonarhw_sim.room.model import Room
-from sonarhw_sim.room.outside import wall_distances
+from sonarhw_sim.room.room import Room, wall_distances
 
 from sonarhw_gui.scene.scene import Scene
 

@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray
 

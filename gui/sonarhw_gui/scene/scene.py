@@ -6,7 +6,7 @@ from functools import cached_property
 from sonarhw_compare.imports.recorded_setting import board_of_log
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 from sonarhw_sim.room.room_writing import with_place
 
 from sonarhw.errors import InputError

@@ -19,7 +19,7 @@ from sonarhw_compare.room_edit import (
     split_wall,
 )
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 from sonarhw_sim.room.room_writing import materials, with_air, with_material, with_place
 

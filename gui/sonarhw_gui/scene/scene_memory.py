@@ -3,7 +3,7 @@
 from pydantic import BaseModel, ConfigDict
 from sonarhw_sim.board.profile import parse_board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, parse_room
+from sonarhw_sim.room.room import Place, parse_room
 
 from sonarhw_gui.scene.scene import Scene
 

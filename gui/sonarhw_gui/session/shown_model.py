@@ -13,7 +13,7 @@ from weakref import ref
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.notes.note_file import ReadingNote
 from sonarhw_compare.notes.placed_notes import note_on
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import Reading
 from sonarhw_gui.look.appearance import Look

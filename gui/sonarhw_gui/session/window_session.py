@@ -10,7 +10,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.compilation import Quiet, watch_compilation
+from sonarhw_sim.compiled import Quiet, watch_compilation
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log

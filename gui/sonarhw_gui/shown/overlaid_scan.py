@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.two_scans.scan_difference import HeadingSeries, heading_series
-from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.scene.scene import Scene

@@ -12,7 +12,7 @@ class Compiled:
 
 
 class Preparation:
-    """Receives reports from the threads that compile. Implements `sonarhw_sim.compilation.Watcher`."""
+    """Receives reports from the threads that compile. Implements `sonarhw_sim.compiled.Watcher`."""
 
     def __init__(self) -> None:
         self.progress: Compiled | None = None  # None while nothing is compiled

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 

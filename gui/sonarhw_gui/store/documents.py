@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError

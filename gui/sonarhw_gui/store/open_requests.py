@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.named_file import file_name
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.files import file_name
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError, LogError
 from sonarhw.export import write_scan

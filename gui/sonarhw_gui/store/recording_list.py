@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import Log, read_log

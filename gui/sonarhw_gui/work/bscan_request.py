@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from sonarhw_compare.pictures.bscan import BScan, difference
 from sonarhw_compare.pictures.trace_levels import floor_of
-from sonarhw_sim.predict.by_heading import arm
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.predicted_scan import PredictedScan, arm
 
 from sonarhw.readings import Reading
 from sonarhw_gui.look.palette import Palette

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_compare.pictures.trace_levels import envelope_of, floor_of, in_db
-from sonarhw_sim.air import Air
-from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
+from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.traces import Signal, is_stepped
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.board.signal import Signal, is_stepped, path_loss_db, stepped_gain_db
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
 
 _TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft

@@ -28,7 +28,7 @@ class ChancesRequest:
         """Search the fainter paths, and weigh the possible readings at every heading of the outline."""
         # slow to load, and few boards state a spread
         from sonarhw_compare.pictures.range_shading import shading_of
-        from sonarhw_sim.probability.reading_chances import possible_readings, scan_with_fainter_paths
+        from sonarhw_sim.predict.probability import possible_readings, scan_with_fainter_paths
 
         found, scene = self.found, self.found.scene
         room, _ = room_and_place(scene)

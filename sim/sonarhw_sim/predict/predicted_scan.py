@@ -1,38 +1,367 @@
-"""The predicted scan: the paths at one place, the reading at each heading, and what the board receives there.
-
-`sonarhw_sim.predict.board_readings` makes the readings.
-"""
+"""The predicted scan: the paths at one place, the reading at each heading, and what the board receives there."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.burst import covered_by_burst
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.air import Receiver, Unit
+from sonarhw_sim.board.beam import (
+    BoolArray,
+    ComplexArray,
+    PathsAndBeam,
+    Sought,
+    Together,
+    amplitudes_at,
+    beam_table,
+    first_detected,
+    loudest_by_separation,
+    meeting_face,
+    nearest_detected,
+    sum_of_arrival,
+    sums_of_arrivals,
+    together,
+)
+from sonarhw_sim.board.profile import FACE, Board, Mount, TransducerPose, own_range, with_body, with_faces
 from sonarhw_sim.board.receiver import (
     SHARE,
     ReceivedEchoes,
+    Sound,
     counted_time,
     detect_echoes,
     detect_first_echo,
+    first_echoes,
     loudest_before,
 )
-from sonarhw_sim.board.traces import Arrivals, Noise, Response, Signal, received
-from sonarhw_sim.board.transducer import ComplexArray
-from sonarhw_sim.board.weighing import BoolArray, Together, meeting_face, sum_of_arrival, sums_of_arrivals, together
-from sonarhw_sim.choices import Receiver, Unit
-from sonarhw_sim.predict.by_heading import standpoints
-from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths
-from sonarhw_sim.predict.scattered import ScatteredSound, scattered_sound
+from sonarhw_sim.board.signal import (
+    Arrivals,
+    Noise,
+    Patches,
+    Response,
+    Signal,
+    covered_by_burst,
+    received,
+    uncompensated_db,
+)
+from sonarhw_sim.compiled import rows_in_parts
 from sonarhw_sim.rays.paths import SLACK, Paths
-from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.incidence import reflectance_factors
+from sonarhw_sim.room.room import Place, Room
+from sonarhw_sim.space.levels import reflectance_factors
+
+# Sound of rough surfaces at one heading: the mean power of all patches that the burst covers, or a speckle.
+#
+# The phases of patches are random, so their powers add up. The mean power does not depend on the size of patches. One
+# particular surface has a grain: its phases give a speckle, whose amplitude has a Rayleigh distribution.
+
+
+_PARTS_OF_BURST = 8  # least number of scatterers of a grain along the burst
+
+
+class Grain(NamedTuple):
+    """Scatterers with random phase and strength in place of patches."""
+
+    rows: NDArray[np.intp]  # (g,), their patches
+    lengths: FloatArray  # (g,), m
+    factors: ComplexArray  # (g,), to multiply the amplitude of their patches with
+
+
+@dataclass(frozen=True)
+class ScatteredSound:
+    """The patches that one heading receives, and what the burst covers."""
+
+    patches: Patches  # in order of their lengths
+    rows: NDArray[np.intp]  # (k,), of the patches among all paths
+    burst: float  # m, by how much the lengths of paths differ that are received at one instant
+    grain: Grain | None  # one particular surface; None: the mean power of all
+
+    def at(self, lengths: FloatArray) -> ComplexArray:
+        """Return the amplitude received at the instants of these path lengths (m), same shape; real for the mean."""
+        if self.grain is None:
+            return np.sqrt(self.patches.power_between(lengths - self.burst, lengths)).astype(np.complex128)
+        amplitudes = self.patches.amplitudes[self.grain.rows] * self.grain.factors
+        return _sums_between(self.grain.lengths, amplitudes, lengths - self.burst, lengths)
+
+    def level_from(self, begin: float) -> float:
+        """Return the level that this sound reaches within one burst from the path length `begin` (m) on, dB."""
+        lengths = self._changes(begin, begin + self.burst)
+        return 20 * math.log10(max(float(np.abs(self.at(lengths)).max()), 1e-300))
+
+    def reaches(self, level_db: float, before: float) -> float:
+        """Return the path length (m) at which this sound last came up to a level, `before` another one."""
+        lengths = self._changes(before - self.burst, before)
+        levels = np.abs(self.at(lengths)) ** 2
+        wanted = 10 ** (level_db / 10)
+        fainter = np.flatnonzero(levels < wanted)
+        if not len(fainter) or fainter[-1] == len(levels) - 1:
+            return before
+        last = int(fainter[-1])
+        if self.grain is not None:
+            return float(lengths[last + 1])
+        return float(np.interp(wanted, levels[last : last + 2], lengths[last : last + 2]))
+
+    def _changes(self, begin: float, end: float) -> FloatArray:
+        """Return the path lengths (m) from `begin` to `end` between which the power of this sound changes evenly."""
+        half = self.patches.spreads / 2
+        changes = np.concatenate((self.patches.lengths - half, self.patches.lengths + half))
+        if self.grain is not None:
+            changes = self.grain.lengths
+        lengths = np.concatenate((changes, changes + self.burst, [begin, end]))
+        return np.sort(lengths[(lengths >= begin) & (lengths <= end)])
+
+    def loudest_at(self, lengths: FloatArray) -> NDArray[np.intp]:
+        """Return the row of the loudest patch at these instants, same shape."""
+        in_order = np.argsort(np.abs(self.patches.amplitudes), kind="stable")
+        ranks = np.empty(len(in_order) + 1, dtype=np.intp)
+        ranks[in_order], ranks[-1] = np.arange(len(in_order)), -1
+        begins = np.searchsorted(self.patches.lengths, lengths - self.burst)
+        ends = np.searchsorted(self.patches.lengths, lengths, side="right")
+        best = np.maximum.reduceat(ranks, np.column_stack((begins, ends)).ravel())[::2]
+        return np.asarray(self.rows[in_order[best]])
+
+    def added_to(
+        self, sums: FloatArray, loudest: NDArray[np.intp], lengths: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return amplitudes and loudest rows of arrivals together with this sound.
+
+        `sums` (n,) are those of the other paths, `loudest` (n,) their rows.
+        """
+        sound = self.at(lengths)
+        both = np.hypot(sums, np.abs(sound)) if self.grain is None else np.abs(sums + sound)
+        return both, np.where(np.abs(sound) > sums, self.loudest_at(lengths), loudest)
+
+    def responsible_at(self, length: float, coherent: float) -> int:
+        """Return the row of the loudest patch if this sound is louder than `coherent` at that instant, else -1."""
+        at = np.array([length])
+        return int(self.loudest_at(at)[0]) if abs(self.at(at)[0]) > coherent else -1
+
+
+def scattered_sound(
+    lengths: FloatArray,
+    spreads: FloatArray,
+    amplitudes: FloatArray,
+    rows: NDArray[np.intp],
+    burst: float,
+    seed: tuple[int, ...],
+) -> ScatteredSound:
+    """Return the sound of patches (k,), in order of length; `rows` are theirs among all paths.
+
+    An empty `seed` selects the mean power.
+    """
+    grain = _grain_of(lengths, spreads, burst, seed) if seed else None
+    return ScatteredSound(Patches(lengths, spreads, amplitudes), rows, burst, grain)
+
+
+def _grain_of(lengths: FloatArray, spreads: FloatArray, burst: float, seed: tuple[int, ...]) -> Grain:
+    """Return scatterers that have the mean power of the patches (k,); `burst` is the result of `covered_by_burst`.
+
+    Each has a complex normal amplitude. Sums of several are then such amplitudes too, for patches of any size.
+    """
+    counts = np.ceil(spreads / burst * _PARTS_OF_BURST).astype(np.intp)
+    rows = np.repeat(np.arange(len(lengths)), counts)
+    within = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    shares = (within + 0.5) / counts[rows] - 0.5
+    normal = np.random.default_rng(seed).standard_normal((len(rows), 2)).view(np.complex128)[:, 0]
+    return Grain(rows, lengths[rows] + shares * spreads[rows], normal / np.sqrt(2.0 * counts[rows]))
+
+
+def _sums_between(lengths: FloatArray, amplitudes: ComplexArray, begins: FloatArray, ends: FloatArray) -> ComplexArray:
+    """Return the sum of the amplitudes (g,) of lengths over `begins` and up to `ends`, same shape as these."""
+    order = np.argsort(lengths, kind="stable")
+    until = np.append(0.0, np.cumsum(amplitudes[order]))
+    first, last = (np.searchsorted(lengths[order], limits, side="right") for limits in (begins, ends))
+    return np.asarray(until[last] - until[first])
+
+
+# Amplitudes of paths for a board, relative to a perfect wall straight ahead, and which paths to keep.
+#
+# The beam itself is in `sonarhw_sim.board.beam`.
+
+
+# dB. Paths farther below the threshold are dropped. Several that arrive together change a sum close to the threshold:
+# with 24 dB, those dropped change 4 of 100 000 readings of the paper's receiver in random rooms, with 36 dB none
+# (`python -m benchmarks.brute_force`). Whole signals with so many paths would take twice as long.
+KEPT_BELOW_THRESHOLD = {Receiver.FIRST_ECHO: 36.0, Receiver.BOARD: 24.0}
+
+
+def path_amplitudes(
+    room: Room,
+    board: Board,
+    heading: float,
+    paths: Paths,
+    without_beam: FloatArray,
+    sender_headings: FloatArray | None = None,
+) -> FloatArray:
+    """Return the signed amplitude of every path at a heading (rad), (p,) float; 1 is a perfect wall straight ahead.
+
+    It includes reflectances, edges and curvature, the beam at departure and arrival, and absorption beyond the ideal
+    gain, but no other path. `without_beam` (p,) are the `strengths` of the paths, which are the same at every heading.
+    `sender_headings` (p,) rad are the headings of the senders; None: that of the receiver.
+    """
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    # as if the sender had pointed along `heading`
+    leaving = paths.leaving if sender_headings is None else turned(paths.leaving, heading - sender_headings)
+    return np.asarray(amplitudes_at(heading, leaving, paths.arriving, without_beam, ka, beam_table(ka)))
+
+
+def turned(vectors: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return vectors (p, 2) turned counter-clockwise by `angles` (p,) rad, same shape."""
+    (x, y), cosines, sines = vectors.T, np.cos(angles), np.sin(angles)
+    return np.column_stack((x * cosines - y * sines, x * sines + y * cosines))
+
+
+def is_blanked(lengths: FloatArray, board: Board, room: Room) -> BoolArray:
+    """Return which paths of these lengths (m) arrive within blanking, same shape."""
+    return np.asarray(lengths / 2 < board.blanked_range(room.air))
+
+
+def strengths(room: Room, board: Board, paths: Paths) -> FloatArray:
+    """Return the amplitude of every path without the beam, (p,) float."""
+    return np.asarray(paths.gains * 10 ** (-uncompensated_db(paths.lengths, board, room.air) / 20))
+
+
+def faintest_kept(board: Board, below: float) -> float:
+    """Return the amplitude `below` dB below the threshold."""
+    return float(10 ** ((board.threshold_db - below) / 20))
+
+
+def loud_enough(room: Room, board: Board, paths: Paths, below: float) -> NDArray[np.intp]:
+    """Return the rows of the paths that are at most `below` dB below the threshold at their best heading, (k,) int.
+
+    Patches of rough surfaces are always among them, because many faint ones are loud together.
+    """
+    loudest = loudest_by_separation(board.wavenumber(room.air) * board.aperture_radius)
+    cosines = np.cos(paths.departures - paths.arrivals) * np.cos(paths.elevations).prod(axis=1)
+    # the next smaller separation, so that the bound is never too low
+    rows = (np.arccos(cosines) / math.pi * (len(loudest) - 1)).astype(np.intp)
+    loud = strengths(room, board, paths) * loudest[rows] >= faintest_kept(board, below)
+    return np.flatnonzero(loud | paths.scattered)
+
+
+# Paths heading by heading, for bodies and faces that move when the head turns.
+#
+# Every path exists at one heading only, so each heading needs its own search. If nothing but the beam turns, one
+# search serves all headings (`sonarhw_sim.predict.prediction`).
+
+
+_ON_OWN_FACE = 1e-9  # m: longest leg between a transducer and its own face
+
+
+@dataclass(frozen=True)
+class HeadingPaths:
+    """The paths of several headings, shortest first."""
+
+    room: Room  # with the body, and the faces as they are at the first heading
+    paths: Paths  # (p,)
+    only_at: NDArray[np.intp]  # (p,): row of the heading at which each path exists
+    sender_headings: FloatArray  # (p,), rad: heading of its sender
+    lateness: FloatArray  # (p,), m: apparent extra length, because its ping was sent later than the receiver's
+
+
+@dataclass(frozen=True)
+class SensorPair:
+    """One sender and one receiver, and the greatest length of paths between them."""
+
+    sender: TransducerPose
+    listener: TransducerPose
+    lateness: float  # m
+    max_length: float  # m
+
+
+Find = Callable[[Room, SensorPair], Paths]  # returns the paths of a pair in the room that are worth keeping
+
+
+def find_by_heading(
+    room: Room, place: Place, board: Board, headings: FloatArray, find: Find, face_reflectance: float | None
+) -> HeadingPaths:
+    """Return the paths received at `headings` (n,) rad, at least one, within range by the receiver's own time.
+
+    The place is at the turning axis.
+
+    Paths longer than twice that range are omitted too. `face_reflectance` is the reflectance of the faces; with None
+    sound passes them.
+    """
+    mounting, speed = board.mounting, room.air.speed_of_sound
+    room = with_body(room, place, mounting.body_radius)
+    shown, found = room, []
+    for k, heading in enumerate(headings):
+        listener, senders = mounting.pose(place, float(heading)), mounting.senders(place, float(heading))
+        room_with_faces = room
+        if face_reflectance is not None:
+            room_with_faces = with_faces(room, senders, board.aperture_radius, face_reflectance, place.height)
+        shown = shown if k else room_with_faces
+        pairs = _pairs(listener, senders, 2 * board.max_range, speed)
+        found += [(_without_own_face(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
+    return _joined(shown, found)
+
+
+def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
+    """Return the position of the receiving transducer at `headings` (n,) rad in the room, (n, 2) float, m.
+
+    For a ring, this is the position of a sensor with that heading.
+    """
+    ahead, left = arm(board)
+    cosines, sines = np.cos(headings), np.sin(headings)
+    aside = np.column_stack((ahead * cosines - left * sines, ahead * sines + left * cosines))
+    return np.asarray(aside + board.at_axis(place).position)
+
+
+def arm(board: Board) -> tuple[float, float]:
+    """Return how far the receiving transducer is ahead of the turning axis, and to its left, m."""
+    mount = board.mount if board.ring is None else Mount(ahead=board.ring.radius)
+    return mount.ahead, mount.aside - mount.separation / 2
+
+
+def _pairs(
+    listener: TransducerPose, senders: tuple[TransducerPose, ...], max_length: float, speed: float
+) -> Iterator[SensorPair]:
+    for sender in senders:
+        lateness = (sender.ping_time - listener.ping_time) * speed
+        longest = min(max_length, max_length - lateness)
+        # otherwise all sound arrives before the receiver's own ping or after its range
+        if longest > max(0.0, -lateness):
+            yield SensorPair(sender, listener, lateness, longest)
+
+
+def _without_own_face(paths: Paths, room: Room) -> Paths:
+    """Return the paths without reflections at a face where they start or end, because that sound is counted already."""
+    is_face = np.append(np.array(room.names) == FACE, False)[paths.surfaces].any(axis=1)
+    at_own_face = (_first_legs(paths) <= _ON_OWN_FACE) | (_last_legs(paths) <= _ON_OWN_FACE)
+    return paths.select(np.flatnonzero(~(at_own_face & is_face)))
+
+
+def _first_legs(paths: Paths) -> FloatArray:
+    return np.asarray(np.hypot(*(paths.points[:, 1] - paths.points[:, 0]).T))
+
+
+def _last_legs(paths: Paths) -> FloatArray:
+    rows, last = np.arange(len(paths)), (~np.isnan(paths.points[:, :, 0])).sum(axis=1) - 1
+    return np.asarray(np.hypot(*(paths.points[rows, last] - paths.points[rows, last - 1]).T))
+
+
+def _joined(room: Room, found: list[tuple[Paths, int, SensorPair]]) -> HeadingPaths:
+    counts = [len(paths) for paths, _, _ in found]
+    paths = Paths.join([paths for paths, _, _ in found])
+    lateness = np.repeat(np.array([pair.lateness for _, _, pair in found], dtype=np.float64), counts)
+    order = np.argsort(paths.lengths + lateness, kind="stable")
+    return HeadingPaths(
+        room,
+        paths.select(order),
+        np.repeat(np.array([k for _, k, _ in found], dtype=np.intp), counts)[order],
+        np.repeat(np.array([pair.sender.heading for _, _, pair in found], dtype=np.float64), counts)[order],
+        lateness[order],
+    )
+
+
+# The predicted scan: the paths at one place, the reading at each heading, and what the board receives there.
+#
+# `sonarhw_sim.predict.predicted_scan` makes the readings.
+
 
 _FREQUENCIES = 25  # at which the reflections of a path are multiplied
 
@@ -436,3 +765,164 @@ def _decibels(amplitudes: float | FloatArray) -> FloatArray:
 def whole_microdegrees(heading: float) -> int:
     """Return a heading or angle (rad) in whole microdegrees, 0 to 360 million, as part of a seed."""
     return round(math.degrees(heading) * 1e6) % 360_000_000
+
+
+# The readings of a predicted scan: by the paper's receiver, by the board's own, and of the carrier's own body.
+
+
+_LEAST_PART = 120  # headings: fewer take about as long as a thread needs to begin
+
+
+def with_readings(scan: PredictedScan) -> PredictedScan:
+    """Return the scan with the readings of its receiver."""
+    if scan.receiver is Receiver.BOARD:
+        return with_first_detected(scan)
+    return with_first_arrivals(scan) if scan.only_at is None else with_first_echoes(scan)
+
+
+def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
+    """Return what `with_first_echoes` returns, if all paths exist at all headings."""
+    board, paths = scan.board, scan.paths
+    in_time = np.flatnonzero(scan.in_time & ~paths.scattered)
+    sets = together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(scan.room.air), board)
+    weighed = paths_and_beam(scan, scan.headings, in_time, sets)
+
+    def detected(begin: int, end: int) -> tuple[NDArray[np.intp]]:
+        hidden = weighed.blocked[begin:end]
+        return (first_detected(scan.headings[begin:end], weighed._replace(blocked=hidden)),)
+
+    (first,) = rows_in_parts(detected, len(scan.headings), _LEAST_PART)
+    # row -1, "no echo", selects the appended value
+    winners = np.append(in_time, -1)[first]
+    found = replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
+    return with_first_echoes(found, with_scattered_sound(scan))
+
+
+def paths_and_beam(
+    scan: PredictedScan, headings: FloatArray, rows: NDArray[np.intp] | slice, sets: Together
+) -> PathsAndBeam:
+    """Return the paths in `rows`, which form these sets, as what the board may detect at `headings` (n,) rad."""
+    room, board, paths = scan.room, scan.board, scan.paths
+    ka, blocked = board.wavenumber(room.air) * board.aperture_radius, scan.blocked_by_face(paths, headings)
+    return PathsAndBeam(
+        paths.leaving[rows],
+        paths.arriving[rows],
+        strengths(room, board, paths)[rows],
+        sets,
+        np.ascontiguousarray(blocked[:, rows]) if len(blocked) else blocked,  # numba would compile a second layout
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
+
+
+def with_first_echoes(scan: PredictedScan, rows: NDArray[np.intp] | None = None) -> PredictedScan:
+    """Return the scan with the first of its `echoes` as its readings, at the headings in `rows`; None: at all."""
+    winners, distances = scan.winners.copy(), scan.distances.copy()
+    for k in range(len(scan.headings)) if rows is None else rows.tolist():
+        first = scan.ping(k).first_echo
+        winners[k], distances[k] = (first.path, first.length / 2) if first else (-1, np.nan)
+    return replace(scan, winners=winners, distances=distances)
+
+
+def with_first_detected(scan: PredictedScan) -> PredictedScan:
+    """Return the scan with the first echoes of the board's own receiver as its readings."""
+    times, winners = np.full(len(scan.headings), np.nan), np.full(len(scan.headings), -1, dtype=np.intp)
+    one_by_one = np.arange(len(scan.headings))
+    if not scan.noise and scan.response is None:
+        one_by_one = with_scattered_sound(scan)
+        if len(one_by_one) < len(scan.headings):
+            times, winners = _first_at_once(scan)
+    for k in one_by_one.tolist():
+        found = scan.ping(k).first_detected()
+        times[k], winners[k] = found.times[0] if len(found.times) else np.nan, found.winner
+    return replace(scan, winners=winners, distances=times * scan.room.air.speed_of_sound / 2)
+
+
+def with_scattered_sound(scan: PredictedScan) -> NDArray[np.intp]:
+    """Return the headings at which sound of rough surfaces is at most 20 dB below the threshold, (k,) rows."""
+    rough = np.flatnonzero(scan.paths.scattered)
+    if not len(rough):
+        return np.empty(0, dtype=np.intp)
+    if scan.only_at is not None:
+        return np.unique(scan.only_at[rough])
+    patches = scan.paths.select(rough)
+    powers = [(scan.amplitudes_at(k, rough, patches) ** 2).sum() for k in range(len(scan.headings))]
+    return np.flatnonzero(np.array(powers) >= scan.unheard_amplitude**2)
+
+
+def _first_at_once(scan: PredictedScan) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return time, (n,) s, NaN without an echo, and path, (n,), without noise and sound of rough surfaces."""
+    speed = scan.room.air.speed_of_sound
+    if scan.only_at is None:
+        sound = _sound(scan, scan.paths, scan.apparent_lengths, scan.paths.leaving)
+        return first_echoes(scan.headings, sound, scan.board, speed)
+    times, winners = np.full(len(scan.headings), np.nan), np.full(len(scan.headings), -1, dtype=np.intp)
+    for k, heading in enumerate(scan.headings):
+        here = scan.rows_at(k)
+        here = here[np.argsort(scan.apparent_lengths[here], kind="stable")]
+        paths, senders = scan.paths.select(here), heading
+        if scan.sender_headings is not None:
+            senders = scan.sender_headings[here]
+        sound = _sound(scan, paths, scan.apparent_lengths[here], turned(paths.leaving, heading - senders))
+        times[k : k + 1], row = first_echoes(scan.headings[k : k + 1], sound, scan.board, speed)
+        winners[k] = np.append(here, -1)[row[0]]
+    return times, winners
+
+
+def _sound(scan: PredictedScan, paths: Paths, lengths: FloatArray, leaving: FloatArray) -> Sound:
+    """Return the sound along `paths` (p,), in order of their apparent lengths (p,) m, departing along `leaving`."""
+    return Sound(
+        lengths / scan.room.air.speed_of_sound,
+        scan.phasors_of(paths),
+        leaving,
+        paths.arriving,
+        scan.blocked_by_face(paths, scan.headings),
+    )
+
+
+def with_own_body(scan: PredictedScan) -> PredictedScan:
+    """Return the scan with the echo of the carrier's own body as reading, wherever it is the nearest; without a path.
+
+    The heading of the scan's place is the actual one of the turntable's zero.
+    """
+    board, zero = scan.board, scan.place.heading
+    owned = [own_range(board.own_body, board.angle_at(heading, zero)) for heading in scan.headings.tolist()]
+    own = board.true_ranges(np.array([np.nan if found is None else found for found in owned]))
+    nearest = np.fmin(own, scan.distances)
+    is_own = nearest == own
+    return replace(scan, winners=np.where(is_own, -1, scan.winners), distances=nearest, of_own_body=is_own)
+
+
+# The predicted echo nearest to a measured range, at many headings at once.
+
+
+IntArray = NDArray[np.intp]
+
+
+def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:
+    """Return the path of the echo that is nearest to each measured range, (k,) int; -1: none within `reach` (m).
+
+    `rows` (k,) are headings of the scan, and `measured` (k,) the ranges there, m. The echoes are those of
+    `PredictedPing.echoes`.
+    """
+    if scan.only_at is not None or scan.paths.scattered.any():
+        return _one_by_one(scan, rows, measured, reach)
+    board, lengths = scan.board, scan.apparent_lengths
+    span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
+    sought = Sought(measured, reach, lengths, board.reported(lengths / 2), scan.in_time, span)
+    headings = scan.headings[rows]
+    return np.asarray(
+        nearest_detected(headings, paths_and_beam(scan, headings, slice(None), scan.all_together), sought)
+    )
+
+
+def _one_by_one(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:
+    """Return `nearest_paths` where rough surfaces, or paths of one heading only, need the sound of every heading."""
+    found = np.full(len(rows), -1, dtype=np.intp)
+    for k, (row, distance) in enumerate(zip(rows.tolist(), measured.tolist(), strict=True)):
+        echoes = scan.ping(row).echoes
+        nearest = min(echoes, key=lambda echo: abs(echo.range - distance), default=None)
+        if nearest is not None and abs(nearest.range - distance) <= reach:
+            found[k] = nearest.path
+    return found

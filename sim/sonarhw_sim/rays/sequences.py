@@ -1,23 +1,278 @@
-"""Exact solution of a sequence of surfaces: the path that touches exactly these, in this order, if it exists.
-
-Walls are solved with image sources. With a post in the sequence there is no finite image, so Newton's method finds the
-points on posts first (`rays.contacts`). A path is valid if every reflection point is on its surface and no leg is
-blocked. Compiled by numba.
-"""
+"""Exact solution of sequences of surfaces: the path that touches exactly these, in this order, if it exists."""
 
 import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled, compiled_part, inlined
-from sonarhw_sim.cores import rows_in_parts
-from sonarhw_sim.rays.candidate_table import Fan
-from sonarhw_sim.rays.contacts import mirrors_of, room_for_posts, touch_posts
-from sonarhw_sim.rays.kernel import Targets
-from sonarhw_sim.rays.passing import Climbs, fits_a_climb, no_climbs, room_for_fitting
+from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined, rows_in_parts
+from sonarhw_sim.rays.fan import Fan, PathTable, Targets, fill_rows
+from sonarhw_sim.rays.passing import Climbs, Passing, fits_a_climb, no_climbs, room_for_fitting
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
+from sonarhw_sim.room.room import Room
+
+# Where sound touches posts: on the shortest way by walls and posts in turn. Compiled by numba.
+#
+# Walls are unfolded: among posts mirrored in the walls before them, sound goes straight from post to post. Its way
+# there is the shortest of those that touch every post from outside, so Newton's method finds it without a ray to
+# begin with.
+
+
+ComplexArray = NDArray[np.complex128]
+
+_MOST_STEPS = 64
+_LARGEST_TURN = 0.3  # rad, of a normal in one step
+_SMALLEST_SHARE = 0.01  # of a step that makes the way longer
+_SETTLED = 1e-10  # m: after a smaller step, the error is that of rounding
+
+
+class Unfolded(NamedTuple):
+    """Room for the posts of a sequence, one row each; row 0 is the start of the way, the one after the posts its end.
+
+    The point z of the plane, as a complex number, is mirrored to `turns` z plus a shift, or so is its conjugate.
+    """
+
+    circles: FloatArray  # (p, 3), m: centre and radius of each post, mirrored in all walls before
+    turns: ComplexArray  # (p,)
+    conjugated: NDArray[np.bool_]  # (p,)
+    normals: FloatArray  # (p, 2): from the centre to the point that sound touches
+    earlier: FloatArray  # (p, 2): the normals before the last step
+    angles: FloatArray  # (p,), rad: by which that step turns them
+    cosines: FloatArray  # (p,): of the incidence
+    system: FloatArray  # (p, 3): equations for a step: diagonal, right-hand side, the element before the diagonal
+
+
+@array_part
+def room_for_posts(points: int) -> Unfolded:
+    """Return room for the posts of paths with up to so many points."""
+    circles, system = np.empty((points, 3)), np.empty((points, 3))
+    normals, earlier = np.empty((points, 2)), np.empty((points, 2))
+    turns, conjugated = np.empty(points, np.complex128), np.empty(points, np.bool_)
+    return Unfolded(circles, turns, conjugated, normals, earlier, np.empty(points), np.empty(points), system)
+
+
+@array_part
+def mirrors_of(walls: FloatArray) -> ComplexArray:
+    """Return the factors a and b of each wall (n, 4), whose mirror image of z is a times conjugate z plus b, (n, 2)."""
+    mirrors = np.empty((walls.shape[0], 2), np.complex128)
+    for k in range(walls.shape[0]):
+        begin, along = complex(walls[k, 0], walls[k, 1]), complex(walls[k, 2], walls[k, 3])
+        along -= begin
+        mirrors[k, 0] = along * along / (along.real * along.real + along.imag * along.imag)
+        mirrors[k, 1] = begin - mirrors[k, 0] * begin.conjugate()
+    return mirrors
+
+
+@compiled_part
+def touch_posts(
+    path: FloatArray, sequence: IntArray, mirrors: ComplexArray, posts: FloatArray, longest: float, room: Unfolded
+) -> tuple[bool, float]:
+    """Fill in the points of a path on posts; return whether there is one up to `longest` (m), and its divergence.
+
+    Walls are endless lines here, and nothing blocks.
+    """
+    count = _unfold(path, sequence, mirrors, posts, room)
+    if _least_length(count, room.circles) > longest or not _find_touches(count, room):
+        return False, 1.0
+    width, length = _tube(count, room)
+    if length > longest:
+        return False, 1.0
+    row = 0
+    for k in range(sequence.shape[0]):
+        if sequence[k] >= mirrors.shape[0]:
+            row += 1
+            # from the mirrored post back to the post
+            normal = room.turns[row].conjugate() * complex(room.normals[row, 0], room.normals[row, 1])
+            if room.conjugated[row]:
+                normal = normal.conjugate()
+            post = posts[sequence[k] - mirrors.shape[0]]
+            path[k + 1, 0], path[k + 1, 1] = post[0] + post[2] * normal.real, post[1] + post[2] * normal.imag
+    return True, width / length
+
+
+@inlined
+def _unfold(path: FloatArray, sequence: IntArray, mirrors: ComplexArray, posts: FloatArray, room: Unfolded) -> int:
+    """Fill in the mirrored posts of a sequence, and both ends of the path; return the number of posts."""
+    row, last = 0, sequence.shape[0]
+    turn, shift, conjugated = complex(1.0, 0.0), complex(0.0, 0.0), False
+    room.circles[0, 0], room.circles[0, 1], room.circles[0, 2] = path[0, 0], path[0, 1], 0.0
+    for k in range(last + 1):
+        if k < last and sequence[k] < mirrors.shape[0]:
+            factor, more = mirrors[sequence[k], 0], mirrors[sequence[k], 1]
+            if conjugated:
+                factor, more = factor.conjugate(), more.conjugate()
+            turn, shift, conjugated = turn * factor, turn * more + shift, not conjugated
+            continue
+        x, y, radius = path[last + 1, 0], path[last + 1, 1], 0.0
+        if k < last:
+            post = posts[sequence[k] - mirrors.shape[0]]
+            x, y, radius = post[0], post[1], post[2]
+        image = turn * complex(x, -y if conjugated else y) + shift
+        row += 1
+        room.circles[row, 0], room.circles[row, 1], room.circles[row, 2] = image.real, image.imag, radius
+        room.turns[row], room.conjugated[row] = turn, conjugated
+    return row - 1
+
+
+@inlined
+def _least_length(count: int, circles: FloatArray) -> float:
+    """Return a length that no way by so many posts falls below, m."""
+    least = 0.0
+    for k in range(count + 1):
+        dx, dy = circles[k + 1, 0] - circles[k, 0], circles[k + 1, 1] - circles[k, 1]
+        least += math.sqrt(dx * dx + dy * dy) - 2.0 * circles[k, 2]
+    return least
+
+
+@inlined
+def _find_touches(count: int, room: Unfolded) -> bool:
+    """Turn the normals to where sound touches the posts; return whether there is a way that touches all."""
+    if count == 1:
+        return _face_ends(room.circles, room.normals) and _settle(1, room)
+    # a post nearly on the straight line between its neighbours may be touched on the other side: begin there, too
+    for other in range(count + 1):
+        _face_neighbours(count, other, room.circles, room.normals)
+        if _settle(count, room):
+            return True
+    return False
+
+
+@inlined
+def _face_ends(circles: FloatArray, normals: FloatArray) -> bool:
+    """Turn the normal of a single post to the straight line between both ends; return whether the post is beside it."""
+    dx, dy = circles[2, 0] - circles[0, 0], circles[2, 1] - circles[0, 1]
+    cx, cy = circles[1, 0] - circles[0, 0], circles[1, 1] - circles[0, 1]
+    share = min(max((cx * dx + cy * dy) / max(dx * dx + dy * dy, 1e-300), 0.0), 1.0)
+    ax, ay = share * dx - cx, share * dy - cy
+    aside = math.sqrt(ax * ax + ay * ay)
+    normals[1, 0], normals[1, 1] = ax / aside, ay / aside
+    beside: bool = aside > circles[1, 2]
+    return beside
+
+
+@inlined
+def _face_neighbours(count: int, other: int, circles: FloatArray, normals: FloatArray) -> None:
+    """Turn each normal between the directions to the circles before and behind, that of post `other` away from them."""
+    dx, dy = _unit(circles[1, 0] - circles[0, 0], circles[1, 1] - circles[0, 1])
+    for k in range(1, count + 1):
+        next_x, next_y = _unit(circles[k + 1, 0] - circles[k, 0], circles[k + 1, 1] - circles[k, 1])
+        side = -1.0 if k == other else 1.0
+        normals[k, 0], normals[k, 1] = _unit(side * (next_x - dx), side * (next_y - dy))
+        dx, dy = next_x, next_y
+
+
+@compiled_part
+def _settle(count: int, room: Unfolded) -> bool:
+    """Turn the normals until the way is the shortest; return whether it touches all posts from outside."""
+    shortest, share = np.inf, 1.0
+    for _ in range(_MOST_STEPS):
+        outside, length = _measure(count, room)
+        if length > shortest + _SETTLED and share > _SMALLEST_SHARE:
+            share /= 2.0
+            _turn(count, share, room)
+            continue
+        shortest, share = length, 1.0
+        moved = _solve_contacts(count, room)
+        _turn(count, 1.0, room)
+        if moved < _SETTLED:
+            return outside
+    return False
+
+
+@inlined
+def _measure(count: int, room: Unfolded) -> tuple[bool, float]:
+    """Fill in the system of equations, from the first and second derivatives of the length of the way.
+
+    The unknowns are steps along the posts, m. Returns whether the way touches all posts from outside, and its length.
+    """
+    circles, normals, cosines, system = room.circles, room.normals, room.cosines, room.system
+    x, y, length, outside = circles[0, 0], circles[0, 1], 0.0, True
+    nx, ny, next_nx, next_ny = 0.0, 0.0, 0.0, 0.0
+    for k in range(count + 1):
+        if k < count:
+            next_nx, next_ny = normals[k + 1, 0], normals[k + 1, 1]
+        next_x, next_y = (
+            circles[k + 1, 0] + circles[k + 1, 2] * next_nx,
+            circles[k + 1, 1] + circles[k + 1, 2] * next_ny,
+        )
+        dx, dy = next_x - x, next_y - y
+        distance = math.sqrt(dx * dx + dy * dy)
+        near = 1.0 / distance
+        dx, dy, length = dx * near, dy * near, length + distance
+        leaving, arriving = nx * dx + ny * dy, -next_nx * dx - next_ny * dy
+        if k > 0:
+            # not negative, so that a step makes the way shorter
+            bend = abs(cosines[k] + leaving) / circles[k, 2]
+            system[k, 0] += leaving * leaving * near + bend
+            system[k, 1] += nx * dy - ny * dx
+            outside &= leaving > 0.0
+        if k < count:
+            system[k + 1, 0], system[k + 1, 2] = arriving * arriving * near, arriving * leaving * near
+            system[k + 1, 1] = next_ny * dx - next_nx * dy
+            cosines[k + 1] = arriving
+            outside &= arriving > 0.0
+        x, y, nx, ny = next_x, next_y, next_nx, next_ny
+    return outside, length
+
+
+@inlined
+def _solve_contacts(count: int, room: Unfolded) -> float:
+    """Solve the system of equations for the angles of a step; return the longest way along a post, m."""
+    system = room.system
+    for k in range(2, count + 1):
+        factor = system[k, 2] / system[k - 1, 0]
+        system[k, 0] -= factor * system[k, 2]
+        system[k, 1] -= factor * system[k - 1, 1]
+    moved, step = 0.0, 0.0
+    for k in range(count, 0, -1):
+        step = (system[k, 1] - (system[k + 1, 2] * step if k < count else 0.0)) / system[k, 0]
+        moved = max(moved, abs(step))
+        room.angles[k] = min(max(step / room.circles[k, 2], -_LARGEST_TURN), _LARGEST_TURN)
+        room.earlier[k, 0], room.earlier[k, 1] = room.normals[k, 0], room.normals[k, 1]
+    return moved
+
+
+@compiled_part
+def _turn(count: int, share: float, room: Unfolded) -> None:
+    """Turn the normals from the earlier ones by a share of the angles."""
+    for k in range(1, count + 1):
+        turn, nx, ny = share * room.angles[k], room.earlier[k, 0], room.earlier[k, 1]
+        room.normals[k, 0], room.normals[k, 1] = _unit(nx - turn * ny, ny + turn * nx)
+
+
+@compiled_part
+def _tube(count: int, room: Unfolded) -> tuple[float, float]:
+    """Return the width of the tube of a ray at the end of its way, m per radian of departure, and its length, m."""
+    x, y = room.circles[0, 0], room.circles[0, 1]
+    length, width, opening = 0.0, 0.0, 1.0
+    for k in range(1, count + 2):
+        next_x, next_y, radius = room.circles[k]
+        if k <= count:
+            next_x, next_y = next_x + radius * room.normals[k, 0], next_y + radius * room.normals[k, 1]
+        distance = math.sqrt((next_x - x) * (next_x - x) + (next_y - y) * (next_y - y))
+        length, width = length + distance, width + opening * distance
+        if k <= count:
+            opening += 2.0 / (radius * room.cosines[k]) * width
+        x, y = next_x, next_y
+    return width, length
+
+
+@compiled_part
+def _unit(x: float, y: float) -> tuple[float, float]:
+    size = max(math.sqrt(x * x + y * y), 1e-300)
+    return x / size, y / size
+
+
+# Exact solution of a sequence of surfaces: the path that touches exactly these, in this order, if it exists.
+#
+# Walls are solved with image sources. With a post in the sequence there is no finite image, so Newton's method finds
+# the points on posts first (`rays.contacts`). A path is valid if every reflection point is on its surface and no leg
+# is blocked. Compiled by numba.
+
 
 BoolArray = NDArray[np.bool_]
 
@@ -245,3 +500,272 @@ def _crosses_post(start: FloatArray, dx: float, dy: float, length: float, post: 
     gap = math.hypot(start[0] + ahead * dx - post[0], start[1] + ahead * dy - post[1])
     inside: bool = gap < post[2] - 1e-7
     return inside
+
+
+# Paths from a place to the receiver or to an edge, each solved exactly, without duplicates.
+
+
+NEARLY = 1e-9  # m: lengths that differ less, by rounding, are equal
+_SAME = 1e-7  # m and rad: paths that differ less in length, departure and arrival are the same path
+
+
+@dataclass(frozen=True)
+class PartialPaths(PathTable):
+    """Paths from a place to the receiver or to an edge, or, diffracted, past an edge to the receiver."""
+
+    gains: FloatArray  # (n,)
+    phases: FloatArray  # (n,), rad
+    surfaces: IntArray  # (n, b)
+    edges: IntArray  # (n,): the edge that the path leads to or past; -1: none
+    bends: IntArray  # (n,)
+    points: FloatArray  # (n, b + 3, 2)
+
+    @staticmethod
+    def none() -> "PartialPaths":
+        """Return an empty table."""
+        no = np.empty(0)
+        whole = no.astype(np.int32)
+        return PartialPaths(no, no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
+
+
+def solved_paths(
+    room: Room,
+    place: FloatArray,
+    fan: Fan,
+    targets: Targets,
+    leads_to: IntArray,
+    passing: Passing | None,
+) -> PartialPaths:
+    """Return those candidates of a fan that are real paths; `leads_to` (t,) is the edge at each target or -1."""
+    blocking = room.surfaces if passing is None else passing.blocking
+    # the height of a path to an edge is not known yet
+    climbs = passing.to_receiver if passing is not None and leads_to[0] < 0 else None
+    real, points, lengths, divergences = solve_candidates(place, fan, targets, blocking, climbs)
+    # contiguous also if there are several: numba would compile both layouts
+    ray, bounces, target = np.ascontiguousarray(fan.candidates[real].T)
+    most = points.shape[1] - 3
+    surfaces, gains = np.empty((len(ray), most), np.int32), np.empty(len(ray))
+    _fill_touched(fan.touched, ray, bounces, room.reflectances, surfaces, gains)
+    gains /= np.sqrt(divergences)
+    bends = bounces.astype(np.int32)
+    paths = PartialPaths(lengths, gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points)
+    return paths if (gains > 0).all() else paths.select(np.flatnonzero(gains > 0))
+
+
+@compiled
+def _fill_touched(
+    touched: IntArray,
+    rays: IntArray,
+    bounces: IntArray,
+    reflectances: FloatArray,
+    surfaces: IntArray,
+    gains: FloatArray,
+) -> None:
+    """Fill in the surfaces (n, b) of paths, padded with -1, and the products of their reflectances (n,)."""
+    for row in range(surfaces.shape[0]):
+        gain = 1.0
+        for k in range(bounces[row]):
+            surfaces[row, k] = touched[rays[row], k]
+            gain *= reflectances[surfaces[row, k]]
+        surfaces[row, bounces[row] :] = -1
+        gains[row] = gain
+
+
+def shortest_first(paths: PartialPaths) -> PartialPaths:
+    """Sort paths by length and drop duplicates.
+
+    These are paths with equal points: through a vertex, several sequences describe one path.
+    """
+    order = _in_order(paths)
+    return paths.select(order[first_of_kind(paths.lengths, paths.edges, paths.points, order)])
+
+
+def sequences_once(paths: PartialPaths, both_ways: bool) -> PartialPaths:
+    """Sort paths by length and drop those with the surfaces of another one.
+
+    With `both_ways`, paths between one place and itself are listed in the reverse direction, too.
+    """
+    paths = paths.select(first_of_equal(_sequences(paths)))
+    if both_ways:
+        paths = PartialPaths.join([paths, missing_reverses(paths)])
+    return paths.select(_in_order(paths))
+
+
+def missing_reverses(paths: PartialPaths) -> PartialPaths:
+    """Return the reverses of paths between one place and itself that have the surfaces of none of these paths."""
+    count = (paths.surfaces >= 0).sum(axis=1)
+    back = np.column_stack((paths.edges, _bends_back(paths, count), _turned(paths.surfaces, count)))
+    # most reverses are known
+    missing = np.flatnonzero(~np.isin(hashes_of(back), hashes_of(_sequences(paths))))
+    return _reversed(paths.select(missing))
+
+
+def _sequences(paths: PartialPaths) -> IntArray:
+    """Return what distinguishes each path from the others: its edges, bends and surfaces, (p, k)."""
+    return np.column_stack((paths.edges, paths.bends, paths.surfaces))
+
+
+def first_of_equal(table: IntArray) -> NDArray[np.intp]:
+    """Return the first of each set of equal rows (n, k), in order."""
+    hashes = hashes_of(table)
+    order = np.argsort(hashes, kind="stable")
+    near = np.flatnonzero(np.diff(hashes[order]) == 0)
+    repeated = near[(table[order[near]] == table[order[near + 1]]).all(axis=1)] + 1
+    return np.sort(np.delete(order, repeated))
+
+
+def hashes_of(table: IntArray) -> NDArray[np.int64]:
+    """Return a hash of each row (n, k): to sort whole rows takes longer than all else."""
+    hashes = np.empty(len(table), np.int64)
+    _fill_hashes(table, _weights(table.shape[1]), hashes)
+    return hashes
+
+
+@compiled
+def _fill_hashes(table: IntArray, weights: NDArray[np.int64], hashes: NDArray[np.int64]) -> None:
+    for row in range(table.shape[0]):
+        hashes[row] = 0
+        for k in range(table.shape[1]):
+            hashes[row] += table[row, k] * weights[k]
+
+
+@lru_cache(maxsize=128)
+def _weights(columns: int) -> NDArray[np.int64]:
+    """Return the weight of each column in a hash, (columns,)."""
+    return np.random.default_rng(0).integers(1, 2**62, columns)
+
+
+def _reversed(paths: PartialPaths) -> PartialPaths:
+    """Return paths between one place and itself in the reverse direction."""
+    count = (paths.surfaces >= 0).sum(axis=1)
+    points = np.isfinite(paths.points[:, :, 0]).sum(axis=1)
+    return replace(
+        paths,
+        surfaces=_turned(paths.surfaces, count),
+        bends=_bends_back(paths, count),
+        points=_turned(paths.points, points),
+    )
+
+
+def _bends_back(paths: PartialPaths, count: NDArray[np.intp]) -> IntArray:
+    """Return `bends` of the reversed paths, which have `count` (n,) surfaces."""
+    return np.asarray(count - np.where(paths.edges < 0, 0, paths.bends), dtype=np.int32)
+
+
+def _turned(table: NDArray[Any], count: NDArray[np.intp]) -> NDArray[Any]:
+    """Return a table with the first `count` (n,) columns of each row in reverse order."""
+    turned, rows = np.empty_like(table), np.arange(len(table))
+    fill_rows(turned, table, rows, 0 * count, table, rows, count)
+    return turned
+
+
+def _in_order(paths: PartialPaths) -> NDArray[np.intp]:
+    """Return the rows by length, and those of equal length as in the room file."""
+    order = np.argsort(paths.lengths, kind="stable")
+    _sort_equals(order, paths.lengths[order], paths.edges, paths.surfaces)
+    return order
+
+
+@compiled
+def _sort_equals(order: NDArray[np.intp], lengths: FloatArray, edges: IntArray, surfaces: IntArray) -> None:
+    """Sort each run of rows of nearly equal `lengths` (n,) m in `order` (n,) by edge, then by surfaces; stable."""
+    begin = 0
+    for k in range(1, order.shape[0]):
+        if lengths[k] - lengths[k - 1] > NEARLY:
+            begin = k
+        row, at = order[k], k
+        while at > begin and _comes_before(row, order[at - 1], edges, surfaces):
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = row
+
+
+@inlined
+def _comes_before(one: int, other: int, edges: IntArray, surfaces: IntArray) -> bool:
+    """Return whether the edge and the surfaces of row `one` come before those of the other."""
+    if edges[one] != edges[other]:
+        return bool(edges[one] < edges[other])
+    for k in range(surfaces.shape[1]):
+        if surfaces[one, k] != surfaces[other, k]:
+            return bool(surfaces[one, k] < surfaces[other, k])
+    return False
+
+
+def first_of_kind(
+    lengths: FloatArray,
+    kinds: NDArray[np.integer],
+    points: FloatArray,
+    order: NDArray[np.intp] | None = None,
+    rows: NDArray[np.intp] | None = None,
+) -> NDArray[np.bool_]:
+    """Return which paths have no earlier one of equal length, departure, arrival and kind, in this order, (n,).
+
+    `kinds` (n,) are their edges, or numbers that distinguish more. `lengths` (p,) m and `points` (p, b, 2) m, padded
+    with NaN, belong to `rows` (n,) of these tables, by default to all in turn. Without an `order` (n,), paths are in
+    order of length.
+    """
+    each, kept = np.arange(len(kinds)), np.ones(len(kinds), dtype=np.bool_)
+    order, rows = (each if chosen is None else chosen for chosen in (order, rows))
+    _drop_repeated(order, rows, lengths, kinds.astype(np.int64), points, kept)
+    return kept
+
+
+def last_points(points: FloatArray) -> NDArray[np.intp]:
+    """Return the number of the last point of each path (n, p, 2), padded with NaN, (n,)."""
+    last = np.empty(len(points), dtype=np.intp)
+    _find_last(points, last)
+    return last
+
+
+@compiled
+def _find_last(points: FloatArray, last: NDArray[np.intp]) -> None:
+    for row in range(points.shape[0]):
+        last[row] = _last(points[row])
+
+
+@compiled
+def _drop_repeated(
+    order: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    lengths: FloatArray,
+    kinds: NDArray[np.int64],
+    points: FloatArray,
+    kept: NDArray[np.bool_],
+) -> None:
+    """Set `kept` (n,) to False where the path is equal to an earlier one in `order` (n,) that is kept."""
+    for k in range(order.shape[0]):
+        path, before = order[k], k - 1
+        row = rows[path]
+        while before >= 0 and lengths[row] - lengths[rows[order[before]]] <= _SAME:
+            other = order[before]
+            if kept[before] and kinds[path] == kinds[other] and _ends_alike(points[row], points[rows[other]]):
+                kept[k] = False
+                break
+            before -= 1
+
+
+@compiled_part
+def _ends_alike(one: FloatArray, other: FloatArray) -> bool:
+    """Return whether the first and the last legs of two paths (p, 2) have the same directions."""
+    last = _last(one) - 1, _last(other) - 1
+    return _are_parallel(one, 0, other, 0) and _are_parallel(one, last[0], other, last[1])
+
+
+@compiled_part
+def _last(path: FloatArray) -> int:
+    """Return the number of the last point of a path (p, 2), padded with NaN."""
+    k = path.shape[0] - 1
+    while k > 0 and math.isnan(path[k, 0]):
+        k -= 1
+    return int(k)
+
+
+@compiled_part
+def _are_parallel(one: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
+    """Return whether a leg of one path and a leg of another one have the same direction."""
+    x, y = one[leg + 1, 0] - one[leg, 0], one[leg + 1, 1] - one[leg, 1]
+    other_x = other[other_leg + 1, 0] - other[other_leg, 0]
+    other_y = other[other_leg + 1, 1] - other[other_leg, 1]
+    both = math.hypot(x, y) * math.hypot(other_x, other_y)
+    alike: bool = abs(x * other_y - y * other_x) <= _SAME * both and x * other_x + y * other_y >= 0.0
+    return alike

@@ -1,6 +1,6 @@
 """Format of room files, and the checks of their values.
 
-The format is public and stays compatible. `sonarhw_sim.room.model` converts it to arrays.
+The format is public and stays compatible. `sonarhw_sim.room.room` converts it to arrays.
 """
 
 import math
@@ -10,8 +10,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from sonarhw_sim.near_miss import did_you_mean
-from sonarhw_sim.toml_file import TomlModel, about, quoted
+from sonarhw_sim.files import TomlModel, about, did_you_mean, quoted
 
 MEETING = 1e-6  # m; wall ends closer than this meet
 MAX_COORDINATE = 1e6  # m; beyond, rounding would move walls

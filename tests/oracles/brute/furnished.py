@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from tests.fixtures.rooms_for_tests import room_of
 from tests.oracles.brute.exhaustive import Floats, Scene

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 from tests.oracles.brute.exhaustive import Floats
 from tests.oracles.brute.furnished import BOARD, MOST, Compared, sensor_of

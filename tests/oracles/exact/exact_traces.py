@@ -10,10 +10,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jvp
-from sonarhw_sim.board.burst import RATE
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.traces import Arrivals, received
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.board.signal import RATE, Arrivals, received
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 
 from tests.fixtures.rooms_for_tests import room_of

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_sim.toml_file import MOST_BYTES
+from sonarhw_sim.files import MOST_BYTES
 
 from tests.fixtures.example_logs import write_example
 

@@ -20,11 +20,10 @@ from sonarhw_compare.fit import (
 )
 from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Receiver, Unit
+from sonarhw_sim.air import Receiver, Unit
+from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from benchmarks.cases.synthetic_scan import ERRORS, synthetic_scan
 from benchmarks.fit import board_of

@@ -15,7 +15,7 @@ from sonarhw_compare.locate.poses import Located, Pose, locate_scan
 from sonarhw_compare.room_finding.evidence import FOLLOWED
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 import sonarhw
 from benchmarks.real.judged_scans import DEFAULT_FOLDER, load_scans

@@ -17,7 +17,7 @@ from sonarhw_compare.map.features import find_features
 from sonarhw_compare.map.rejection import room_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

@@ -22,7 +22,7 @@ from sonarhw_compare.room_finding.refining.refinement import refined
 from sonarhw_compare.room_finding.room_search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import Cancelled, WorkersLost
 from sonarhw.readings import Reading

@@ -11,9 +11,9 @@ import sonarhw_compare.known_room.room_calibration as calibration
 from sonarhw_compare.fit.plain_fit import fit_scan
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.known_room.starting_turntable import StartingTurntable
+from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Model
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from benchmarks.real.judged_scans import (
     DEFAULT_FOLDER,

@@ -22,7 +22,7 @@ from sonarhw_compare.report.html_report import Report, report_html, report_of
 from sonarhw_compare.report.report_regions import regions_table
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import load_room, parse_room
+from sonarhw_sim.room.room import load_room, parse_room
 
 from sonarhw.log import read_log
 

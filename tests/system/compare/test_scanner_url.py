@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from sonarhw_compare.scanners.scanner_url import SCHEMES
 from sonarhw_sim.predict.room_echoes import RoomEchoes
-from sonarhw_sim.rays import path_table
+from sonarhw_sim.rays import fan
 
 import sonarhw
 from sonarhw.device.fake_board import FakeBoard
@@ -62,7 +62,7 @@ def test_only_a_scan_prepares_the_room(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_scan_reports_a_room_with_too_many_paths(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_table, "MOST_POINTS", 80)
+    monkeypatch.setattr(fan, "MOST_POINTS", 80)
     with sonarhw.open_scanner(FAKE) as scanner:
         scanner.home()
         with pytest.raises(DeviceError, match="too many paths: "):

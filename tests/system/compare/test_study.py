@@ -20,8 +20,8 @@ from sonarhw_compare.study.cases import Cases
 from sonarhw_compare.study.parts import Part, StudyFolder, make_part, part_count, scans_per_part
 from sonarhw_compare.study.spec import OptionValues, Study
 from sonarhw_compare.study.study_scans import PathCache, columns_of, predict_case, predict_scans
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.predict.prediction import predict_with
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError, MissingExtra, SonarError
 from tests.hang_guard import HANG, wait_until

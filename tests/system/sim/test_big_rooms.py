@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
 random, count = np.random.default_rng(0), int(sys.argv[2])

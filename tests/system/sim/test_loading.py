@@ -17,7 +17,7 @@ def test_all_kernels_are_compiled_after_prepare() -> None:
     program = """
 import math, sys
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.compiled import Kernel
 from sonarhw.readings import Ping
@@ -72,6 +72,6 @@ for command in (
 
 
 def test_choices_load_neither_numpy_nor_pydantic() -> None:
-    program = "import sys, sonarhw_sim.choices; print({'numpy', 'pydantic'} & set(sys.modules))"
+    program = "import sys, sonarhw_sim.air; print({'numpy', 'pydantic'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Unit
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Room, load_room
+from sonarhw_sim.room.room import Room, load_room
 
 from tests.conftest import Count
 from tests.oracles import one_heading, reference

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.special import hankel1
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
 
 from benchmarks.wave_equation import DISTANCES, show_exact
 from tests.conftest import Count

@@ -7,7 +7,7 @@ import pytest
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room

@@ -20,9 +20,9 @@ from sonarhw_compare.paper import single_reflection_figures as single_reflection
 from sonarhw_compare.paper.drawing import label_walls, sheet
 from sonarhw_compare.paper.exhibit import Claim
 from sonarhw_compare.paper.setting import PaperScene
+from sonarhw_sim.air import Model, Unit
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Model, Unit
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 from sonarhw.readings import FloatArray
 from tests.checkout import CHECKOUT

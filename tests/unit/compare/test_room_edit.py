@@ -21,7 +21,7 @@ from sonarhw_compare.room_edit import (
 )
 from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import PathSearch, find_paths
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 from sonarhw_sim.room.room_writing import with_air, with_material, with_place
 
 from sonarhw.errors import InputError

@@ -35,11 +35,10 @@ from sonarhw_gui.work.bscan_picture import (
 )
 from sonarhw_gui.work.bscan_request import BScanRequest
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.predict.by_heading import arm
+from sonarhw_sim.board.profile import Mount, load_board
+from sonarhw_sim.predict.predicted_scan import arm
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import NotALog
 from sonarhw.readings import FloatArray, Reading, Trace

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.chosen_trace import chosen_trace
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.traces import CONVERTER_RATE
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.board.signal import CONVERTER_RATE
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Reading, Trace
 from tests.fixtures.window_scene import ROOM

@@ -5,7 +5,7 @@ from sonarhw_gui.echo_list.echo_list import EchoList
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 ROOM = load_room("rooms/simple.toml")
 

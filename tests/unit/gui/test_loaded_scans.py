@@ -10,9 +10,8 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.overlaid_scan import overlaid
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import OwnBodyPart
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.board.profile import OwnBodyPart, load_board
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Reading
 from tests.checkout import CHECKOUT

@@ -14,10 +14,10 @@ from sonarhw_gui.scene.plan_geometry import bounce_losses
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned, with_material_values
 from sonarhw_gui.store.new_recording import start_recording
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board, parse_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log

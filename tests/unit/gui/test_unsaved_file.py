@@ -8,7 +8,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_sensor_at
 from sonarhw_gui.session.unsaved_file import is_changed, room_text
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 ROOM = load_room("rooms/simple.toml")
 SCENE = Scene(ROOM, ROOM.places["figure9"], load_board("polaroid-6500"))

@@ -6,12 +6,12 @@ from threading import Event, get_ident
 
 import numpy as np
 import pytest
-from sonarhw_sim import cores
+from sonarhw_sim import compiled
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.cores import in_parts
+from sonarhw_sim.compiled import in_parts
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 HEADINGS = np.radians(np.arange(360.0))
 Part = tuple[int, int, int]
@@ -26,7 +26,7 @@ def _bounds(parts: list[Part]) -> list[tuple[int, int]]:
 
 
 def _use(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cores, "core_count", lambda: count)
+    monkeypatch.setattr(compiled, "core_count", lambda: count)
 
 
 @pytest.mark.parametrize(("room_name", "place_name"), [("laboratory", "bench"), ("doorstep", "robot")])
@@ -76,8 +76,8 @@ def test_a_process_of_a_pool_has_no_threads(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_process_that_computes_beside_others_has_no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     _use(2, monkeypatch)
-    monkeypatch.setattr(cores, "_one_thread", Event())
-    cores.use_one_thread()
+    monkeypatch.setattr(compiled, "_one_thread", Event())
+    compiled.use_one_thread()
     assert in_parts(_part, 10, 1) == [(0, 10, get_ident())]
 
 

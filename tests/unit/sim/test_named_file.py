@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room, room_names
+from sonarhw_sim.room.room import load_room, room_names
 
 from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from sonarhw_sim.room.model import Room, parse_room, with_material
-from sonarhw_sim.room.reflectance_table import ReflectanceTable
+from sonarhw_sim.room.room import ReflectanceTable, Room, parse_room, with_material
 from sonarhw_sim.room.room_writing import materials
 from sonarhw_sim.room.room_writing import with_material as with_written_material
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_sim.board.profile import MOST_NAME, load_board, parse_board
-from sonarhw_sim.near_miss import near_miss
-from sonarhw_sim.room.model import load_room, parse_room
-from sonarhw_sim.toml_file import MOST_BYTES
+from sonarhw_sim.files import MOST_BYTES, near_miss
+from sonarhw_sim.room.room import load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.wire.messages import MAX_TEXT

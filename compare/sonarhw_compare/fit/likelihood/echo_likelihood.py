@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.weighing import FAINT_DB, beam
+from sonarhw_sim.board.beam import FAINT_DB, beam
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 
 from sonarhw.readings import FloatArray
@@ -93,7 +93,7 @@ def log_likelihoods(
     table: FloatArray,
     lateness: FloatArray,
 ) -> FloatArray:
-    """Return the log-likelihood of each reading, (n,); `table` is the beam table (`sonarhw_sim.board.weighing`).
+    """Return the log-likelihood of each reading, (n,); `table` is the beam table (`sonarhw_sim.board.beam`).
 
     The place has moved by the vector `by` (m) since `paths` were searched.
     `lateness` (l,) m is the error in range of late detection at 0, 0.5, 1, ... dB over the threshold; empty for none.

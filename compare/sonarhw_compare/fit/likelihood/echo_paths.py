@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from sonarhw_sim.board.beam import SAME_LENGTH
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.weighing import SAME_LENGTH
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.grid import whole_numbers
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.values.free_walls import corner_moves, left_normals

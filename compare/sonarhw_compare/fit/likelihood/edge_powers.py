@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from sonarhw_sim.rays.diffraction import amplitudes_at_edges
 from sonarhw_sim.rays.paths import Paths, PathSearch
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.quantities import REFLECTANCE

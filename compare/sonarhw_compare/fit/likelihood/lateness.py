@@ -8,10 +8,9 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from sonarhw_sim.board.burst import RATE, burst_of
-from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import echo_times
+from sonarhw_sim.board.signal import RATE, burst_of, path_loss_db, stepped_gain_db
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import LATENESS_STEP

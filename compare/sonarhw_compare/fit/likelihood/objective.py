@@ -11,15 +11,14 @@ from functools import cached_property
 from itertools import repeat
 
 import numpy as np
-from sonarhw_sim.board.gain import uncompensated_db
-from sonarhw_sim.board.mount import without_own_body
-from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.weighing import beam_table
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.levels import loud_enough
+from sonarhw_sim.air import Receiver
+from sonarhw_sim.board.beam import beam_table
+from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.board.signal import uncompensated_db
+from sonarhw_sim.predict.predicted_scan import loud_enough
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
-from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room
+from sonarhw_sim.space.sections import paths_from
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.likelihood.echo_likelihood import (

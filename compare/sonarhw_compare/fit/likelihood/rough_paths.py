@@ -3,12 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from sonarhw_sim.board.burst import covered_by_burst
+from sonarhw_sim.board.beam import amplitudes_at, beam_table
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.traces import Patches
-from sonarhw_sim.board.weighing import amplitudes_at, beam_table
+from sonarhw_sim.board.signal import Patches, covered_by_burst
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 _EVERY = 4  # patch is kept: they are then 2° apart, and the beam is wider
 _IN_BEAM = 0.3  # least amplitude by the beam of a transducer that points at a patch in the plan

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, axis_beside
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import BoardValues

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
+from sonarhw_sim.board.beam import beam, beam_table
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.weighing import beam, beam_table
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.predict.levels import is_blanked, strengths
+from sonarhw_sim.predict.predicted_scan import is_blanked, strengths
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
-from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room
+from sonarhw_sim.space.sections import paths_from
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ScanArrays

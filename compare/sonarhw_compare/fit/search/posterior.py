@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.random import RandomState
-from sonarhw_sim.cores import in_parts
+from sonarhw_sim.compiled import in_parts
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.objective import Objective

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.values.parameters import Parameter

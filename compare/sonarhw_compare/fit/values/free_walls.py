@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.room.edges import find_edges
-from sonarhw_sim.room.model import Room
-from sonarhw_sim.room.outside import wall_distances
+from sonarhw_sim.room.room import Room, wall_distances
 from sonarhw_sim.room.room_file import MEETING
 from sonarhw_sim.room.room_writing import with_corners
 

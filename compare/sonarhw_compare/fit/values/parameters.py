@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.near_miss import did_you_mean
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.files import did_you_mean
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw_compare.fit.values.quantities import (

@@ -13,7 +13,7 @@ from sonarhw_sim.air import Air
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.room.model import Place, Room
+    from sonarhw_sim.room.room import Place, Room
 
 _COLDEST, _WARMEST = -40.0, 60.0  # °C, limits of a room file
 _REACH = 0.06  # m, largest difference of a length from the board profile

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters, present_value
 from sonarhw_compare.fit.values.quantities import QUANTITIES, WALL, PartQuantity, Quantity

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 from scipy.special import softmax
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.values.parameters import free_parameters

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import Evidence

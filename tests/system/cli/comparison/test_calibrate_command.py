@@ -10,7 +10,7 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.predict.plate_echo import plate_echo
+from sonarhw_sim.predict.room_echoes import plate_echo
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve

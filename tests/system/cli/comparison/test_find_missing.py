@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from tests.fixtures.rooms_for_tests import write_yard
 

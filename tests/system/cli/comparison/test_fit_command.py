@@ -11,7 +11,7 @@ from sonarhw_compare.fit.findings import fitted_board
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import OFFSET, THRESHOLD
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 QUICKLY = ["--samples", "200", "--exact"]
 # this board hears only loud echoes, so a fit of its scans is quick

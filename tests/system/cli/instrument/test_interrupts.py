@@ -76,7 +76,7 @@ finally:
 CONVERTED = """
 import signal
 from numba.core import serialize
-from sonarhw_sim.rays.candidate_table import no_candidates, with_other
+from sonarhw_sim.rays.fan import no_candidates, with_other
 class Types(dict):
     def __getitem__(self, key):
         signal.raise_signal(signal.SIGINT)

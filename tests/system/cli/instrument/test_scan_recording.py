@@ -10,7 +10,7 @@ from sonarhw_gui.live.live_device import LiveDevice
 from sonarhw_gui.live.scanner_jobs import WHOLE_TURN, ScanJob, ScanSettings
 from sonarhw_gui.scene.scene import scene_with
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve

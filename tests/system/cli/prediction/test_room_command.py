@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from tests.checkout import CHECKOUT
 

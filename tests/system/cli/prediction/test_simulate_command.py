@@ -136,7 +136,7 @@ def test_traces_that_are_too_large_are_refused_before_the_prediction(
     def refuse(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("sonarhw_sim.predict.models.predict_with", refuse)
+    monkeypatch.setattr("sonarhw_sim.predict.prediction.predict_with", refuse)
     fine = ["simulate", *FIGURE_9, "--step", "0.01", "--traces", form, "--out", str(tmp_path / out)]
     assert run(fine) == 2
     assert capsys.readouterr().err == (

@@ -7,7 +7,7 @@ import pytest
 from sonarhw_cli.console.demo_room import PLACE, ROOM
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw import sector
 from sonarhw.errors import DeviceError

@@ -9,7 +9,7 @@ from sonarhw_compare.plate.plate_calibration import calibrate_with_plates
 from sonarhw_compare.plate.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import EmulatedBoard

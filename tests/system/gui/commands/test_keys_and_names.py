@@ -13,7 +13,7 @@ from sonarhw_gui.commands.undo_list import UndoList
 from sonarhw_gui.shell.accessible_names import spoken_name
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.work.prediction_requests import PathsRequest
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM

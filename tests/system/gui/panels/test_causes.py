@@ -12,7 +12,7 @@ from sonarhw_gui.scene.scene import scene_with
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.reading_rows import CLASSES
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.log import read_log
 from tests.fixtures.rooms_for_tests import write_yard

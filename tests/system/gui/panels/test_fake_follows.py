@@ -17,7 +17,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_sensor_at
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.log import Log, read_log
 from sonarhw.readings import ScanOrder

@@ -14,10 +14,9 @@ from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.application import open_application
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, EdgeStrength, Receiver, Unit
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 from sonarhw_sim.room.room_writing import materials, with_air
 
 from sonarhw.log import read_log

@@ -16,9 +16,9 @@ from sonarhw_gui.scene.scene_memory import SceneMemory
 from sonarhw_gui.session.memory import Memory, read_memory, write_memory
 from sonarhw_gui.session.scanner_choice import ScannerTarget
 from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board, parse_board
-from sonarhw_sim.choices import Unit
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw.host.scanner import Scanner

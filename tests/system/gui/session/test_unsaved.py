@@ -15,7 +15,7 @@ from sonarhw_gui.session.unsaved_rooms import RestoreRoom, UnsavedRooms
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.open_requests import OpenRoomRequest
 from sonarhw_sim.board.profile import load_board, parse_board
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM

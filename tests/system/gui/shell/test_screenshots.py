@@ -28,7 +28,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.work.port_list import PortList
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import Pace, serve

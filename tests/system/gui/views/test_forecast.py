@@ -17,8 +17,8 @@ from sonarhw_gui.work.effort import Effort, EffortChoice
 from sonarhw_gui.work.forecast import LATE, REST, SHORT_REST, Forecast
 from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import InputError

@@ -10,7 +10,7 @@ from sonarhw_compare.causes.cause_texts import cause_text
 from sonarhw_compare.causes.room_changes import MovedWall, NewPost, NewWall, OtherReflectance
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

@@ -11,7 +11,7 @@ from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_wal
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Reading
 

@@ -11,7 +11,7 @@ from sonarhw_compare.matching.assign import assigned_echoes
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan, weigh_paths
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Reading
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, compare_readings
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import FloatArray, Reading
 

@@ -6,7 +6,7 @@ import pytest
 from sonarhw_compare.fit.findings import fitted_room, with_listed_findings
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place, load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room, parse_room
 
 ROOM = load_room("rooms/simple.toml")
 BOARD = load_board("paper")

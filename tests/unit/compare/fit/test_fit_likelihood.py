@@ -28,15 +28,14 @@ from sonarhw_compare.fit.likelihood.echo_paths import (
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
 from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.weighing import beam_table
-from sonarhw_sim.choices import EdgeStrength, Receiver
+from sonarhw_sim.air import EdgeStrength, Receiver
+from sonarhw_sim.board.beam import beam_table
+from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Place, Room, load_room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room, load_room
+from sonarhw_sim.space.sections import paths_from
 
 from benchmarks.cases.synthetic_scan import synthetic_scan
 from sonarhw.readings import FloatArray, Reading

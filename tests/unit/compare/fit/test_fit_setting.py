@@ -8,7 +8,7 @@ import pytest
 from sonarhw_compare.fit.fit_setting import fit_setting, placed_scans
 from sonarhw_compare.fit.likelihood.objective import scan_arrays
 from sonarhw_compare.imports.given_scan import GivenScan
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

@@ -5,7 +5,7 @@ from dataclasses import replace
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.fit.fit_warnings import unexplained
 from sonarhw_compare.matching.match import Summary
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 ADVICE = (
     "of 10 echoes are within 5 cm of the prediction; check the room, the place and the board; "

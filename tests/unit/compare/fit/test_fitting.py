@@ -13,8 +13,8 @@ from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.search.starting_poses import ScoredValues
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import HEADING, WORDS, X
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.air import Receiver
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import Cancelled
 from tests.unit.compare.fit.test_starting_poses import BOARD, ROOM, exact_scan, problem_at

@@ -14,7 +14,7 @@ from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import HEADING, WORDS, X, Y
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.readings import FloatArray, Reading
 from tests.fixtures.rooms_for_tests import polygon_room

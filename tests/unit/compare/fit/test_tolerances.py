@@ -14,7 +14,7 @@ from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import REFLECTANCE, SCALE, THRESHOLD, WALL, X
 from sonarhw_compare.fit.values.tolerances import tolerated_parameters
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import FloatArray
 

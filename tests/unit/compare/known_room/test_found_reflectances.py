@@ -10,7 +10,7 @@ from sonarhw_compare.known_room.found_reflectances import (
     with_reflectances,
 )
 from sonarhw_compare.profile_edit import CalibratedValue
-from sonarhw_sim.room.model import Room, load_room, parse_room
+from sonarhw_sim.room.room import Room, load_room, parse_room
 
 from sonarhw.errors import InputError
 

@@ -8,7 +8,7 @@ import sonarhw_compare.known_room.room_calibration as calibration
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.known_room.turntable_fit import SharedValue, TurntableFit
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 
 @pytest.mark.parametrize(

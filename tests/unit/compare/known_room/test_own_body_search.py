@@ -13,7 +13,7 @@ from sonarhw_compare.known_room.starting_turntable import StartingTurntable
 from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Reading
 

@@ -10,7 +10,7 @@ from sonarhw_compare.fit.search.refine import Peak
 from sonarhw_compare.locate.locate_picture import draw_located
 from sonarhw_compare.locate.poses import Located, Pose, _bagged, _clear, _different, _within, locate_scan
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room, parse_room
+from sonarhw_sim.room.room import load_room, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sonarhw_compare.locate.pose_file import HEADER, read_poses
 from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 

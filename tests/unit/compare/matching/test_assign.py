@@ -10,7 +10,7 @@ from sonarhw_compare.matching.assign import assigned, assigned_echoes, echo_stat
 from sonarhw_compare.matching.match import TOLERANCE, compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Reading
 

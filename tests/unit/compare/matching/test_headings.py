@@ -17,7 +17,7 @@ from sonarhw_compare.imports.given_scan import GivenScan
 from sonarhw_compare.report.html_report import report_html, report_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Reading
 

@@ -8,10 +8,10 @@ import pytest
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit.plain_fit import Fit, all_round, best_agreement, fit_scan
 from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

@@ -16,10 +16,9 @@ from sonarhw_compare.matching.assign import echo_statistics
 from sonarhw_compare.matching.match import Kind, compare_readings
 from sonarhw_compare.matching.region_match import compare_regions
 from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
-from sonarhw_sim.board.mount import OwnBodyPart
-from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.board.profile import OwnBodyPart, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Reading
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from sonarhw_compare.matching.match import Comparison, compare_readings, match_readings
 from sonarhw_compare.matching.probability_score import calibration, score_comparison
+from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Model
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
-from sonarhw_sim.room.model import Place, parse_room
+from sonarhw_sim.room.room import Place, parse_room
 
 from sonarhw.readings import Origin, Ping, Reading
 

@@ -9,7 +9,7 @@ from sonarhw_compare.matching.region_match import compare_regions, match_regions
 from sonarhw_compare.matching.regions import Region, regions_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Reading
 

@@ -8,7 +8,7 @@ from scipy.special import j1
 from sonarhw_compare.matching.regions import mean_run, regions_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from tests.fixtures.rooms_for_tests import polygon_room
 

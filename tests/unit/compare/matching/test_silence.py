@@ -7,7 +7,7 @@ import pytest
 from sonarhw_compare.matching.match import roc_area
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 
 def test_area_is_the_share_of_correctly_ordered_pairs() -> None:

@@ -11,11 +11,10 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.map.certainty import headings_and_ranges
 from sonarhw_compare.matching.match import compare_readings
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Ping, Reading
 

@@ -7,7 +7,7 @@ from sonarhw_compare.known_room.calibration_picture import draw_calibration
 from sonarhw_compare.known_room.room_calibration import RoomCalibration, ScanFigures
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Origin, Reading
 

@@ -10,7 +10,7 @@ from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.report.found_room_picture import draw_found_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Reading
 from tests.fixtures.rooms_for_tests import polygon_room

@@ -13,7 +13,7 @@ from sonarhw_compare.map.certainty import CertaintyGrid
 from sonarhw_compare.map.features import Features, Point, Wall
 from sonarhw_compare.map.map_picture import draw_map
 from sonarhw_compare.map.room_map import Layer, RoomMap
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from tests.fixtures.rooms_for_tests import room_of
 

@@ -8,7 +8,7 @@ from sonarhw_compare.pictures.overlay_picture import draw_plan, draw_room
 from sonarhw_compare.room_edit import add_post, add_wall, move_wall
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room, parse_room
+from sonarhw_sim.room.room import load_room, parse_room
 
 
 # plans of nearly equal width and height, whose labels and legends were cut off; a wide one; and a tall one

@@ -14,7 +14,7 @@ from sonarhw_compare.pictures.range_shading import shading_around
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, parse_room
+from sonarhw_sim.room.room import Place, parse_room
 
 WALL = parse_room(
     'name = "wall"\n[materials.hard]\nreflectance = 0.9\n'

@@ -12,7 +12,7 @@ from sonarhw_compare.report import report_pictures
 from sonarhw_compare.report.report_pictures import CLASSES, bscan_png, plan_svg, ranges_svg
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Reading, Trace
 

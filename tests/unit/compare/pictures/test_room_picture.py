@@ -5,8 +5,8 @@ from itertools import combinations
 
 import pytest
 from sonarhw_compare.pictures.room_picture import draw_checked_room
-from sonarhw_sim.check.finding import Finding
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.check import Finding
+from sonarhw_sim.room.room import parse_room
 
 ROOM = """
 name = "square"

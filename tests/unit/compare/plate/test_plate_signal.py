@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.special import j1
 from sonarhw_compare.plate.plate_signal import plate_envelopes, plate_levels
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from tests.unit.compare.plate.plate_scans import start_board, wall_room
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
 from sonarhw_sim.air import Air
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 FLAT = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(0.5, 1)))
 UPRIGHT = DraftWall((2.0, 1.0), math.pi / 2, (DraftEnd(-0.5, 0), DraftEnd(1.0)))

@@ -22,7 +22,7 @@ from sonarhw_compare.room_finding.evidence import (
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import Reading
 

@@ -12,7 +12,7 @@ from sonarhw_compare.room_finding.room_search import FoundRoom
 from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 BOARD = load_board("polaroid-6500")
 PLACES = Place("scan", (1.0, 0.5)), Place("scan", (2.0, 0.7), math.radians(10))

@@ -15,7 +15,7 @@ from sonarhw_compare.room_finding.growth import grown
 from sonarhw_compare.room_finding.room_search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

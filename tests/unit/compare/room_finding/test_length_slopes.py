@@ -9,7 +9,7 @@ from sonarhw_compare.room_finding.refining.moves import Move
 from sonarhw_compare.room_finding.refining.range_errors import LengthSlopes
 from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Room
 
 STANDS = (2.1, 1.0)
 SEARCH = PathSearch(max_length=8.0, wavelength=0.007, max_bounces=3, rays=1440)

@@ -10,7 +10,7 @@ from sonarhw_compare.room_finding.room_search import FoundRoom
 from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 BOARD = load_board("polaroid-6500")
 EAST, NORTH, WEST, SOUTH = 0, 1, 2, 3

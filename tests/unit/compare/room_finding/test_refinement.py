@@ -23,10 +23,10 @@ from sonarhw_compare.room_finding.refining.moves import Move, moves_of
 from sonarhw_compare.room_finding.refining.range_errors import RANGE, range_errors
 from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
 from sonarhw_compare.room_finding.refining.threshold_search import threshold_deviation, with_threshold
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.readings import Reading
 

@@ -20,7 +20,7 @@ from sonarhw_compare.room_finding.wall_ends import with_gaps
 from sonarhw_compare.search_progress import SearchProgress
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.readings import Reading
 

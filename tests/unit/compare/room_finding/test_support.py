@@ -10,7 +10,7 @@ from sonarhw_compare.room_finding.evidence import ROUGH, evidence_of
 from sonarhw_compare.room_finding.support import Support, support_of
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.readings import Reading
 

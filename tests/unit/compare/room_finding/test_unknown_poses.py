@@ -20,7 +20,7 @@ from sonarhw_compare.room_finding.touches import Touches
 from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

@@ -12,7 +12,7 @@ from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
 from sonarhw_compare.room_finding.evidence import Evidence, Scored
 from sonarhw_compare.room_finding.touches import Touches, trimmed
 from sonarhw_compare.room_finding.wall_ends import continued, cornered, with_better_ends, with_free_ends_moved
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 SOUTH = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(1.0)))  # from x = 0 to 2 m
 

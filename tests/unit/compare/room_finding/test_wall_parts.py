@@ -13,7 +13,7 @@ from sonarhw_compare.room_finding.wall_ends import with_end_moved, with_gaps
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place, parse_room
+from sonarhw_sim.room.room import Place, parse_room
 
 from sonarhw.readings import Reading
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.scanners.fake_url import fake_device, moved_fake_url, read_fake_url
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.device.faults import NO_FAULTS, read_faults
 from sonarhw.errors import InputError

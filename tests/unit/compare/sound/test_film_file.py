@@ -11,7 +11,7 @@ from sonarhw_compare.sound.film_file import FILMS, check_film, write_film
 from sonarhw_compare.sound.moments import PlayedPing
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import MissingExtra
 

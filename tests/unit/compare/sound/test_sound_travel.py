@@ -10,7 +10,7 @@ from sonarhw_compare.sound.moments import PlayedPing, counted_position, moment_a
 from sonarhw_compare.sound.travel import front_at, position_at, stretch_between
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 ROOM = load_room("rooms/simple.toml")
 PLACE = ROOM.place("figure9")

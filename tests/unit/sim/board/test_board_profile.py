@@ -5,9 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Tone, load_board, parse_board
-from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
 

@@ -8,16 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import j1
-from sonarhw_sim.board.burst import burst_of
-from sonarhw_sim.board.first_echo import Sound, first_echoes
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.pulse_table import pulse_table
-from sonarhw_sim.board.receiver import detect_echoes
-from sonarhw_sim.board.traces import Arrivals, pulses
-from sonarhw_sim.choices import Receiver, Unit
+from sonarhw_sim.air import Receiver, Unit
+from sonarhw_sim.board.profile import Board, Mount, load_board
+from sonarhw_sim.board.receiver import Sound, detect_echoes, first_echoes
+from sonarhw_sim.board.signal import Arrivals, burst_of, pulse_table, pulses
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 SPEED = 343.987
 BOARD = load_board("polaroid-6500")

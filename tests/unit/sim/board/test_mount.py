@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.board.mount import BODY_REFLECTANCE, Mount
-from sonarhw_sim.board.profile import Board, load_board, parse_board
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Unit
+from sonarhw_sim.air import Unit
+from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.board.profile import BODY_REFLECTANCE, Board, Mount, load_board, parse_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.board.mount import is_own_body, own_range
-from sonarhw_sim.board.profile import load_board, parse_board
+from sonarhw_sim.board.profile import is_own_body, load_board, own_range, parse_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.errors import InputError
 

@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.ring import Ring
-from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.board.profile import Mount, Ring, load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import Place
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
 
 from tests.oracles.exact.exact_traces import peak_by_paths, peak_by_wave, post_at, strip_at, wall_end_at
 

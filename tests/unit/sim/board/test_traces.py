@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import fftconvolve, hilbert
-from sonarhw_sim.board.burst import burst_of
+from sonarhw_sim.air import Receiver
+from sonarhw_sim.board.beam import impulse_response
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.traces import CONVERTER_RATE, Arrivals, Noise, Signal, received
-from sonarhw_sim.board.transducer import impulse_response
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.board.signal import CONVERTER_RATE, Arrivals, Noise, Signal, burst_of, received
 
 from sonarhw.readings import FloatArray
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import fftconvolve
 from scipy.special import j1, jv
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import board_names, load_board
-from sonarhw_sim.board.transducer import (
+from sonarhw_sim.board.beam import (
     beam_gain,
     burst_loss,
     convolved,
@@ -18,6 +17,7 @@ from sonarhw_sim.board.transducer import (
     impulse_response,
     square_burst,
 )
+from sonarhw_sim.board.profile import board_names, load_board
 
 SPEED = 343.987
 RADIUS = 0.0192

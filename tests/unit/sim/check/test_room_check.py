@@ -1,13 +1,11 @@
 """Each probable mistake in a room gets a finding, and the shipped rooms have none."""
 
 import pytest
+from sonarhw_sim import check
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.check import room_check
-from sonarhw_sim.check.no_echo import reason_for_silence
-from sonarhw_sim.check.plan_check import extent, plan_findings
-from sonarhw_sim.check.room_check import check_room, refusals_of
-from sonarhw_sim.rays import path_table
-from sonarhw_sim.room.model import load_room, parse_room, room_names
+from sonarhw_sim.check import check_room, extent, plan_findings, reason_for_silence, refusals_of
+from sonarhw_sim.rays import fan
+from sonarhw_sim.room.room import load_room, parse_room, room_names
 
 BOX = """
 name = "box"
@@ -155,14 +153,14 @@ def test_paths_of_a_place_in_a_closed_box_are_not_searched(monkeypatch: pytest.M
     """In a box with lids, of strongly reflecting walls, a search takes a minute and ends with too many paths."""
     levels = '[floor]\nheight = 0.0\nmaterial = "m"\n[ceiling]\nheight = 2.5\nmaterial = "m"\n'
     inside = BOX.replace("[2.0, 1.2]", "[2.8, 0.7]\nheight = 0.3")
-    monkeypatch.setattr(room_check, "predict_scan", lambda *_: pytest.fail("a prediction"))
+    monkeypatch.setattr(check, "predict_scan", lambda *_: pytest.fail("a prediction"))
     box = walls.replace("]]", "]]\nclosed = true\nheight = [0.0, 0.5]\nlids = true")
     (found,) = lines(f"{inside}{WALL}{box}\n{levels}")
     assert found.startswith("place 'here': is inside the object of walls 'v[0]' to 'v[3]', at 2.8, 0.7 m")
 
 
 def test_a_place_with_too_many_paths_is_named_and_the_other_places_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_table, "MOST_POINTS", 50)
+    monkeypatch.setattr(fan, "MOST_POINTS", 50)
     first, second = lines(BOX + "[places.there]\nposition = [3.0, 2.0]")
     assert first.startswith("place 'here': its echoes cannot be predicted: too many paths: ")
     assert second.startswith("place 'there': its echoes cannot be predicted: too many paths: ")

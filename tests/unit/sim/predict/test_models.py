@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import exponnorm, kstest
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Model, Receiver
-from sonarhw_sim.predict.models import FAR_TAIL, SPREAD, SPREAD_BY_RANGE, predict_with
+from sonarhw_sim.air import Model, Receiver
+from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.predict.prediction import FAR_TAIL, SPREAD, SPREAD_BY_RANGE, PredictionOptions, predict_with
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import polygon_room

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Unit
-from sonarhw_sim.predict.nearest_echo import nearest_paths
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import load_room, with_material
+from sonarhw_sim.room.room import load_room, with_material
 
 REACH = 0.05
 ROOM, BOARD = load_room("rooms/simple.toml"), load_board("polaroid-6500")

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.beam import BoolArray
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.weighing import BoolArray
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.plate_echo import plate_echo
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.predict.room_echoes import plate_echo
+from sonarhw_sim.room.room import parse_room
 
 DISTANCE = 1.3
 ROOM = f"""

@@ -6,16 +6,12 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from sonarhw_sim.air import absorption
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import board_names, load_board
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.board.weighing import beam, beam_table
-from sonarhw_sim.choices import Model, Receiver, Unit
-from sonarhw_sim.predict.models import predict_with
+from sonarhw_sim.air import Model, Receiver, Unit, absorption
+from sonarhw_sim.board.beam import beam, beam_gain, beam_table
+from sonarhw_sim.board.profile import Mount, board_names, load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of

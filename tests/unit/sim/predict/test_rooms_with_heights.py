@@ -8,14 +8,12 @@ from operator import itemgetter
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_sim.air import Air
+from sonarhw_sim.air import Air, Model, Receiver, Unit
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.choices import Model, Receiver, Unit
-from sonarhw_sim.predict.models import predict_with
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, predict_with
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
-from sonarhw_sim.room.model import Place, load_room
-from sonarhw_sim.vertical.sections import cut, spanning_at
+from sonarhw_sim.room.room import Place, load_room
+from sonarhw_sim.space.sections import cut, spanning_at
 
 from sonarhw.readings import FloatArray, Ping
 from tests.oracles.rooms_with_heights import BOX, HERE, image_at, image_gain, room_of

@@ -8,17 +8,14 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import kstest
-from sonarhw_sim.board.burst import RATE, burst_of
+from sonarhw_sim.air import Receiver
+from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.traces import Arrivals, pulses
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.board_readings import with_first_echoes, with_scattered_sound
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.board.signal import RATE, Arrivals, burst_of, pulses
+from sonarhw_sim.predict.predicted_scan import PredictedScan, with_first_echoes, with_scattered_sound
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, search_for, weigh_paths
-from sonarhw_sim.rays.paths import Paths, find_paths
-from sonarhw_sim.rays.scatter import PATCH, scattered_paths
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.rays.paths import PATCH, Paths, find_paths, scattered_paths
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from tests.unit.sim.rays.test_scatter import wall_room
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sonarhw_sim.air import EdgeStrength, Receiver
+from sonarhw_sim.board.beam import sums_of_arrivals, together
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.weighing import sums_of_arrivals, together
-from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.room import Place, Room, load_room
 
 from tests.fixtures.rooms_for_tests import room_of
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.traces import Signal, received
+from sonarhw_sim.board.signal import Signal, received
 from sonarhw_sim.predict import room_echoes
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, MAX_ECHOES, RoomEchoes, with_furniture
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.readings import Ping, PingResult
 from tests.fixtures.rooms_for_tests import polygon_room

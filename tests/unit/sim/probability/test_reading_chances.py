@@ -9,8 +9,7 @@ import pytest
 from scipy.stats import binom
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
-from sonarhw_sim.probability.reading_chances import (
+from sonarhw_sim.predict.probability import (
     PossibleReading,
     median_chances,
     median_spread,
@@ -18,7 +17,8 @@ from sonarhw_sim.probability.reading_chances import (
     range_chances,
     scan_with_fainter_paths,
 )
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 
 from sonarhw.readings import FloatArray, Ping
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import EdgeStrength
-from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
-from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
+from sonarhw_sim.air import EdgeStrength
+from sonarhw_sim.board.beam import beam_gain
+from sonarhw_sim.rays.fan import Targets, TransducerAxes, all_rays, fan, follow_fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Room, load_room, with_post
+from sonarhw_sim.room.room import Room, load_room, with_post
 
 from tests.fixtures.rooms_for_tests import polygon_room
 

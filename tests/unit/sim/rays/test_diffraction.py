@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, edge_gain, keller
 from sonarhw_sim.rays.paths import PathSearch, find_paths
-from sonarhw_sim.room.model import Room, load_room
+from sonarhw_sim.room.room import Room, load_room
 
 from tests.fixtures.rooms_for_tests import polygon_room
 from tests.oracles.image_sources import specular_lengths

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.rays.paths import Paths, PathSearch
-from sonarhw_sim.room.model import Place, Room, parse_room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room, parse_room
+from sonarhw_sim.space.sections import paths_from
 
 FREQUENCY = 50e3
 

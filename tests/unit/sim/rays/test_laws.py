@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room import Place, Room
 
 from tests.fixtures.rooms_for_tests import room_of
 

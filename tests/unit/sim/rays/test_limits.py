@@ -4,12 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sonarhw_sim.rays import candidate_table, path_table, paths
-from sonarhw_sim.rays.candidate_table import Fan
+from sonarhw_sim.rays import fan as candidate_table
+from sonarhw_sim.rays import fan as path_table
+from sonarhw_sim.rays import paths
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, EdgePaths, join_at_edges
-from sonarhw_sim.rays.kernel import follow_fan
-from sonarhw_sim.rays.partial_paths import PartialPaths
+from sonarhw_sim.rays.fan import Fan, follow_fan
 from sonarhw_sim.rays.paths import PathSearch, find_paths
+from sonarhw_sim.rays.sequences import PartialPaths
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import room_of

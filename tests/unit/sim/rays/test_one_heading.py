@@ -4,9 +4,9 @@ import math
 from dataclasses import replace
 
 import pytest
+from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Unit
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from tests.conftest import Count
 from tests.oracles import one_heading, reference

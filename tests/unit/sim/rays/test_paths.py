@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.rays.paths import PathSearch, find_paths
-from sonarhw_sim.room.model import Room, load_room
+from sonarhw_sim.room.room import Room, load_room
 
 from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
 from tests.oracles.image_sources import specular_lengths

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import h1vp, hankel1, jv, jvp
 from sonarhw_sim.rays.paths import PathSearch, find_paths
-from sonarhw_sim.rays.posts.cylinder import cylinder_factor
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.rays.posts import cylinder_factor
+from sonarhw_sim.room.room import Room, parse_room
 
 from tests.fixtures.rooms_for_tests import room_of
 from tests.oracles.brute.exhaustive import Scene, all_ways

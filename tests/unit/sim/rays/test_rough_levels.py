@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
+from sonarhw_sim.air import Receiver
+from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.rays.paths import PathSearch
-from sonarhw_sim.room.model import Place, Room, parse_room
-from sonarhw_sim.vertical.rough_levels import rough_level_paths
+from sonarhw_sim.room.room import Place, Room, parse_room
+from sonarhw_sim.space.levels import rough_level_paths
 
 BOARD = replace(load_board("polaroid-6500"), threshold_db=-60.0, own_burst_db=-200.0)
 SEARCH = PathSearch(8.0, 0.00696, diffraction=False)

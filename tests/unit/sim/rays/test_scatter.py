@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from sonarhw_sim.board.profile import board_names, load_board
-from sonarhw_sim.predict.levels import path_amplitudes, strengths
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.predicted_scan import PredictedScan, path_amplitudes, strengths
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.rays.scatter import PATCH, patch_gain, scattered_paths
-from sonarhw_sim.room.model import Place, Room, parse_room, with_material
+from sonarhw_sim.rays.paths import PATCH, Paths, PathSearch, find_paths, patch_gain, scattered_paths
+from sonarhw_sim.room.room import Place, Room, parse_room, with_material
 
 from tests.fixtures.rooms_for_tests import room_of
 

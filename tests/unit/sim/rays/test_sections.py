@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Place, Room, load_room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room, load_room
+from sonarhw_sim.space.sections import paths_from
 
 from tests.oracles.images_in_space import bent_in_space, faces_of, images_in_space
 from tests.oracles.rooms_with_heights import BOX, HERE, LEVELS, image_at, image_gain, post, room_of, wall

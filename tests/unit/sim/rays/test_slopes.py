@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.rays.detectable import all_rays
-from sonarhw_sim.rays.kernel import Targets, fan, follow_fan
+from sonarhw_sim.rays.fan import Targets, all_rays, fan, follow_fan
 from sonarhw_sim.rays.passing import Passing
 from sonarhw_sim.rays.paths import Paths, PathSearch
-from sonarhw_sim.room.model import Place, Room, parse_room
-from sonarhw_sim.vertical.in_space import loudest_at
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room, parse_room
+from sonarhw_sim.space.folding import loudest_at
+from sonarhw_sim.space.sections import paths_from
 
 from tests.oracles.rooms_with_heights import BOX, room_of, wall
 

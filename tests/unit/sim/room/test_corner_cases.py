@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.profile import load_board, parse_board
-from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.rays.candidate_table import _hash
-from sonarhw_sim.rays.kernel import fan
+from sonarhw_sim.rays.fan import _hash, fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.model import Place, Room, parse_room
+from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.errors import InputError
 from tests.conftest import Count

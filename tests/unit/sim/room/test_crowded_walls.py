@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from sonarhw_sim.room import edges
 from sonarhw_sim.room.edges import _pairs_near
 from sonarhw_sim.room.grid import lay_grid
-from sonarhw_sim.room.model import _meeting, join_ends, parse_room
+from sonarhw_sim.room.room import _meeting, join_ends, parse_room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray

@@ -5,9 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 import sonarhw
 from tests.checkout import CHECKOUT

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.edges import edges_on_walls, find_edges
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room
 
 from sonarhw.readings import FloatArray
 from tests.oracles import one_heading, reference

@@ -6,8 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.room.enclosures import Enclosures, find_enclosures
-from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room import Enclosures, Room, find_enclosures
 
 from tests.fixtures.rooms_for_tests import polygon_room, room_of, star_room
 

@@ -9,8 +9,7 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.room.facets import facets_of
-from sonarhw_sim.room.model import Room, load_room, parse_room
+from sonarhw_sim.room.room import Room, facets_of, load_room, parse_room
 
 from benchmarks.cases.office import office_floor
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sonarhw_sim.rays.first_surface import distance_to, first_hit
+from sonarhw_sim.rays.fan import distance_to, first_hit
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room.grid import lay_grid, list_points
 

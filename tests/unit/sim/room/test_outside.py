@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_sim.room.enclosures import inside
-from sonarhw_sim.room.model import load_room
-from sonarhw_sim.room.outside import walls_enclose
+from sonarhw_sim.room.room import inside, load_room, walls_enclose
 
 from tests.fixtures.rooms_for_tests import star_room
 

@@ -1,8 +1,7 @@
 """Warnings about places where no scanner can be: outside the room, and inside an object of walls."""
 
 import pytest
-from sonarhw_sim.room.doubts import place_doubts
-from sonarhw_sim.room.model import parse_room
+from sonarhw_sim.room.room import parse_room, place_doubts
 
 import sonarhw
 

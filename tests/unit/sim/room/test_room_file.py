@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room, parse_room
+from sonarhw_sim.room.room import load_room, parse_room
 
 from sonarhw.errors import InputError
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.air import Air
-from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room
 from sonarhw_sim.room.room_writing import save_room, with_air, with_material, with_place
 
 from sonarhw.errors import InputError, OutputError

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sonarhw_sim.vertical.rims.rim_pairs import Halves, pairs_of
+from sonarhw_sim.space.rim_paths import Halves, pairs_of
 
 LONGEST, MOST = 9.0, 8
 

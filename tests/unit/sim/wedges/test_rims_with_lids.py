@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from sonarhw_sim.rays.diffraction import by_wedge
 from sonarhw_sim.rays.paths import Paths, PathSearch
-from sonarhw_sim.room.model import Room, parse_room
-from sonarhw_sim.vertical.sections import paths_from
-from sonarhw_sim.wedges.wedge import by_wedge
+from sonarhw_sim.room.room import Room, parse_room
+from sonarhw_sim.space.sections import paths_from
 
 WAVELENGTH = 0.00695
 TOP, SHARE = 0.5, 0.9

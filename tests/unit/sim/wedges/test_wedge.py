@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from scipy.special import fresnel, modfresnelm
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.air import EdgeStrength
+from sonarhw_sim.rays.diffraction import by_wedge, most_by_wedge, transition
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
-from sonarhw_sim.wedges.wedge import by_wedge, most_by_wedge, transition
 
 from sonarhw.readings import FloatArray
 from tests.fixtures.rooms_for_tests import room_of

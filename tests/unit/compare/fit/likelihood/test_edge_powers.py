@@ -7,11 +7,11 @@ from sonarhw_compare.fit import free_parameters
 from sonarhw_compare.fit.likelihood.edge_powers import edge_powers
 from sonarhw_compare.fit.likelihood.objective import make_problem
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
+from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
 from sonarhw_sim.rays.paths import find_paths
-from sonarhw_sim.room.model import Place, load_room
+from sonarhw_sim.room.room import Place, load_room
 
 from sonarhw.readings import FloatArray, Reading
 

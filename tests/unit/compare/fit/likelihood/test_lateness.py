@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood.echo_likelihood import LATENESS_STEP
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
-from sonarhw_sim.board.burst import RATE
+from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.receiver import detect_echoes
-from sonarhw_sim.board.traces import Arrivals, received
-from sonarhw_sim.choices import Receiver
+from sonarhw_sim.board.signal import RATE, Arrivals, received
 
 SPEED = 343.987
 BOARD = load_board("polaroid-6500")

@@ -12,8 +12,8 @@ from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.rays.paths import Paths
-from sonarhw_sim.room.model import Place, Room, load_room
-from sonarhw_sim.vertical.sections import paths_from
+from sonarhw_sim.room.room import Place, Room, load_room
+from sonarhw_sim.space.sections import paths_from
 
 from sonarhw.readings import Reading
 

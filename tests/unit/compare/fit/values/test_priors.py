@@ -6,7 +6,7 @@ import pytest
 from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
 from sonarhw_compare.fit.values.priors import check_words, with_priors
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.errors import InputError
 

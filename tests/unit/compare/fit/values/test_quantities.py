@@ -17,10 +17,8 @@ from sonarhw_compare.fit.values.quantities import (
     words_of,
 )
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.model import Place
-from sonarhw_sim.room.reflectance_table import ReflectanceTable
+from sonarhw_sim.board.profile import Mount, load_board
+from sonarhw_sim.room.room import Place, ReflectanceTable
 
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import room_of

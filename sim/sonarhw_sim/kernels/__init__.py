@@ -1,1 +1,0 @@
-"""The compiler of kernels, and the storage of compiled code."""

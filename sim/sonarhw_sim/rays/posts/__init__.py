@@ -1,1 +1,0 @@
-"""Paths by posts: every chain of up to three reflections, and how strongly a thin post reflects."""

@@ -1,1 +1,0 @@
-"""Paths over and under surfaces: horizontal and vertical sections of a room."""

@@ -1,1 +1,0 @@
-"""Paths that the level ends of walls and posts bend, in space."""

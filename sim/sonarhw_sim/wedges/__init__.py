@@ -1,1 +1,0 @@
-"""Strength of diffraction: one wedge, and the two wedges at the ends of a narrow wall."""
