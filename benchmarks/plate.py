@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_compare.plate.plate_calibration import PlateCalibration, calibrate_with_plates
-from sonarhw_compare.plate.plate_readings import PlateReadings, plate_readings
+from sonarhw_compare.calibration.plate import PlateCalibration, calibrate_with_plates
+from sonarhw_compare.calibration.plate_readings import PlateReadings, plate_readings
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import Place

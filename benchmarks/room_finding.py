@@ -25,10 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_compare.map import map_scans
-from sonarhw_compare.matching.match import compare_readings
-from sonarhw_compare.room_finding.evidence import REFLECTANCE
-from sonarhw_compare.room_finding.room_search import find_room
-from sonarhw_compare.room_finding.unknown_poses import PlacedRoom, find_room_and_poses
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.rooms.evidence import REFLECTANCE
+from sonarhw_compare.rooms.search import PlacedRoom, find_room, find_room_and_poses
 from sonarhw_sim.board.profile import Board, load_board
 
 from benchmarks.cases.random_rooms import RandomRoom, random_room

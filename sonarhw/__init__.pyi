@@ -13,9 +13,8 @@ from sonarhw_compare import (
     explain_reading,
     map_scans,
 )
-from sonarhw_compare.in_one_call import compare, fit, locate, write_report
-from sonarhw_compare.matching.comparison_picture import draw_comparison
-from sonarhw_compare.scanners.scanner_url import open_scanner
+from sonarhw_compare.drawings import draw_comparison
+from sonarhw_compare.one_call import compare, fit, locate, open_scanner, write_report
 from sonarhw_compare.study import load_study, read_study, run_study
 from sonarhw_sim import (
     Board,

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from sonarhw_compare.map.certainty import CertaintyGrid
-from sonarhw_compare.matching.match import compare_readings
-from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.room_search import FoundRoom
+from sonarhw_compare.map import CertaintyGrid
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.rooms.search import FoundRoom, Move
 from sonarhw_sim.board.profile import Board
 
 from benchmarks.cases.random_rooms import RandomRoom

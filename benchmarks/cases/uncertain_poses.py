@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
-from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
+from sonarhw_compare.locate import UNKNOWN, PoseSpread
+from sonarhw_compare.rooms.search import PlacedRoom
 from sonarhw_sim.room.room import Place
 
 from benchmarks.cases.random_rooms import RandomRoom

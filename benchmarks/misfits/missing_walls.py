@@ -16,10 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_compare.causes.cause_search import MISFITS, FoundCauses, find_causes
-from sonarhw_compare.causes.cause_texts import cause_text
-from sonarhw_compare.causes.room_changes import NewPost, NewWall, RoomChange
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.rooms.causes import MISFITS, FoundCauses, NewPost, NewWall, RoomChange, cause_text, find_causes
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, Room, load_room
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from sonarhw_compare.matching.match import Comparison, Kind, Matched
+from sonarhw_compare.match import Comparison, Kind, Matched
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
 

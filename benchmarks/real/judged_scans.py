@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_cli.app import run
-from sonarhw_compare.fit.plain_fit import fit_scan
-from sonarhw_compare.imports.mean_ranges import are_means, likely_pings
-from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, headings_of, match_readings, roc_area
+from sonarhw_compare.fit.starting import fit_scan
+from sonarhw_compare.imports import are_means, likely_pings
+from sonarhw_compare.match import TOLERANCE, Comparison, Kind, headings_of, match_readings, roc_area
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_with

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.poses import locate_scan
-from sonarhw_compare.room_finding.evidence import REFLECTANCE
-from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_compare.locate import locate_scan
+from sonarhw_compare.rooms.evidence import REFLECTANCE
+from sonarhw_compare.rooms.search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Room
 

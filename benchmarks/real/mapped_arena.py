@@ -22,10 +22,9 @@ from statistics import median
 
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
-from sonarhw_compare.locate.poses import Pose
+from sonarhw_compare.locate import UNKNOWN, Pose, PoseSpread
 from sonarhw_compare.map import map_scans
-from sonarhw_compare.room_finding.unknown_poses import PlacedRoom, find_room_and_poses
+from sonarhw_compare.rooms.search import PlacedRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place
 

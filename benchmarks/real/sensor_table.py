@@ -16,15 +16,14 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.fit.values.quantities import REFLECTANCE
-from sonarhw_compare.known_room.room_calibration import calibrate_board_and_room
-from sonarhw_compare.matching.block_bootstrap import drawn_blocks
-from sonarhw_compare.matching.probability_score import CalibrationBin, calibration_text, score_comparison
-from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
-from sonarhw_compare.pictures.picture_file import write_picture
-from sonarhw_compare.pictures.shown_figure import laid_out, new_figure
-from sonarhw_compare.profile_edit import Z95
+from sonarhw_compare.calibration.room import calibrate_board_and_room
+from sonarhw_compare.drawings import laid_out, new_figure
+from sonarhw_compare.edits import Z95
+from sonarhw_compare.fit.quantities import REFLECTANCE
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.match import drawn_blocks
+from sonarhw_compare.pictures import MEASURED, PREDICTED, write_picture
+from sonarhw_compare.score import CalibrationBin, calibration_text, score_comparison
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, Room

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import uniform_filter
-from sonarhw_compare.fit.plain_fit import all_round, best_agreement, places_near
-from sonarhw_compare.matching.match import headings_of, match_readings
+from sonarhw_compare.fit.starting import all_round, best_agreement, places_near
+from sonarhw_compare.match import headings_of, match_readings
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths

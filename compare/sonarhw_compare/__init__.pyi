@@ -1,20 +1,16 @@
 # The public names; each is loaded when it is first used.
-from .explain.details import details
-from .explain.sentences import describe_path, explain_reading
+from .drawings import draw_located, draw_map, draw_plan
+from .explain import describe_path, details, explain_reading
 from .fit import Estimate, FitOptions, FitResult, Parameter, PlacedScan, fit_scan, fit_scans, free_parameters
-from .fit.findings import fitted_board, fitted_room
-from .fit.values.quantities import QUANTITIES, Quantity
-from .imports.foreign_csv import CsvColumns, guess_columns, read_foreign_scan
-from .imports.foreign_rows import Meaning
-from .locate.locate_picture import draw_located
-from .locate.poses import Located, Pose, locate_scan
-from .map.map_picture import draw_map
-from .map.room_map import RoomMap, map_scans
-from .matching.match import Comparison, Matched, Summary, compare_readings
-from .matching.region_match import RegionMatch, RegionPair, compare_regions
-from .matching.regions import Region
-from .pictures.overlay_picture import draw_plan
-from .report.html_report import Report, report_html, report_of
+from .fit.fitting import fitted_board, fitted_room
+from .fit.quantities import QUANTITIES, Quantity
+from .foreign_csv import CsvColumns, Meaning, guess_columns, read_foreign_scan
+from .locate import Located, Pose, locate_scan
+from .map import RoomMap, map_scans
+from .match import Comparison, Matched, Summary, compare_readings
+from .regions import Region
+from .report import Report, report_html, report_of
+from .score import RegionMatch, RegionPair, compare_regions
 
 __all__ = [
     "QUANTITIES",

@@ -7,19 +7,19 @@ _OF_READINGS = "topics.get(item.channel) == READINGS"
 # path, line, changes of it, reason
 _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
     (
-        "compare/sonarhw_compare/fit/likelihood/echo_likelihood.py",
+        "compare/sonarhw_compare/fit/likelihood.py",
         "return 1.0 if x > 0.0 else 0.0",
         ("0.0 → (1.0)", "x > 0.0 → (x >= 0.0)"),
         "x is farther than _FAR from 0 (the second 0.0 of the line is left out too)",
     ),
     (
-        "compare/sonarhw_compare/imports/given_scan.py",
+        "compare/sonarhw_compare/scans.py",
         "return boards[0]",
         ("0 → (-1)",),
         "all boards are equal here",
     ),
     (
-        "compare/sonarhw_compare/paper/laboratory_figures.py",
+        "compare/sonarhw_compare/paper/figures.py",
         "seen > 1.2 * wide and level > scenes[0].scan.board.threshold_db + 12,",
         ("0 → (1)", "0 → (-1)"),
         "all scenes have the same board",
@@ -79,7 +79,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "a wrapper that nothing uses; without it, compilation takes less time",
     ),
     (
-        "compare/sonarhw_compare/paper/corner_figures.py",
+        "compare/sonarhw_compare/paper/figures.py",
         f"{_LARGEST} and not others and bool(np.isnan(scan.ranges).any()),",
         (
             f"{_LARGEST} → (critical - 2 * scene.degrees[2] <= largest < critical)",
@@ -88,13 +88,13 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "all are computed real numbers",
     ),
     (
-        "compare/sonarhw_compare/locate/poses.py",
+        "compare/sonarhw_compare/locate.py",
         "shares[name] += pose.probability",
         ("shares[name] += pose.probability → shares[name] -= pose.probability",),
         "the sign cancels when the shares are divided by their sum",
     ),
     (
-        "compare/sonarhw_compare/map/rejection.py",
+        "compare/sonarhw_compare/map.py",
         "if before * behind >= 0 or abs(behind) < _BEYOND:",
         ("before * behind → (before / behind)",),
         "only the sign matters; a small divisor is excluded by the other condition",
@@ -167,7 +167,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "an array of one dimension",
     ),
     (
-        "compare/sonarhw_compare/pictures/bscan.py",
+        "compare/sonarhw_compare/pictures.py",
         "above = np.searchsorted(round_, wanted).clip(1, len(round_) - 1)",
         (
             "len(round_) - 1 → (len(round_) + 1)",
@@ -176,13 +176,13 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "the first and the last element are below 0 and above all headings",
     ),
     (
-        "compare/sonarhw_compare/paper/corner_figures.py",
+        "compare/sonarhw_compare/paper/figures.py",
         "for axes, (scene, title) in zip(figure.subplots(1, 2), places, strict=True):",
         ("True → (False)",),
         "two of each",
     ),
     (
-        "compare/sonarhw_compare/fit/search/pose_search.py",
+        "compare/sonarhw_compare/fit/starting.py",
         "if chosen[h, c] < 0 or math.isnan(ranges[i]):",
         ("0 → (-1)",),
         "where no path is chosen, the chance is 0",
@@ -230,7 +230,7 @@ _EQUIVALENTS: list[tuple[str, str, tuple[str, ...], str]] = [
         "the same bytes a little later",
     ),
     (
-        "compare/sonarhw_compare/fit/likelihood/echo_likelihood.py",
+        "compare/sonarhw_compare/fit/likelihood.py",
         "break",
         ("break → continue",),
         "all paths after this one are too long, too",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.pictures import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import InputError, counted
@@ -28,11 +28,11 @@ from sonarhw_cli.console.options import (
 from sonarhw_cli.console.output import checked_out, write_text
 
 if TYPE_CHECKING:
+    from sonarhw_compare.calibration.plate_readings import Calibration
     from sonarhw_sim.board.profile import Board
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.readings import Reading, ScanOrder
-    from sonarhw.scanning.calibration import Calibration
 
 PROFILE = ROOM = ".toml"
 _OF_A_SCAN = {name: f"--{name}" for name in ("width", "step", "pings", "temperature")}
@@ -203,12 +203,11 @@ def _calibrate_scanner(
     _check_sector(order, width, step)
     with connect_turntable(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
-    from sonarhw_compare.profile_edit import changed_profile
+    from sonarhw_compare.calibration import plate_readings
+    from sonarhw_compare.edits import changed_profile
     from sonarhw_sim.predict.room_echoes import plate_echo
 
-    from sonarhw.scanning import calibration
-
-    found = calibration.calibrate(
+    found = plate_readings.calibrate(
         readings,
         distance,
         math.radians(direction),
@@ -230,7 +229,7 @@ def _arcs(board: "Board", distance: float, step: float) -> tuple[float, float]:
 
 
 def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
-    from sonarhw.scanning.calibration import FEWEST
+    from sonarhw_compare.calibration.plate_readings import FEWEST
 
     needed = FEWEST + 2
     if order.headings < needed:
@@ -251,7 +250,7 @@ def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: f
 
 def _set_calibration(start: "Board", found: "Calibration", profile: Any) -> None:
     """Set the two measured keys in the document of a profile."""
-    from sonarhw_compare.profile_edit import set_marked
+    from sonarhw_compare.edits import set_marked
 
     # + 0.0 turns -0.0 into 0.0
     offset, home = round(found.range_offset, 5) + 0.0, round(math.degrees(found.home_angle), 3) + 0.0

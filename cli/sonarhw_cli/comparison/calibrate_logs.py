@@ -15,10 +15,10 @@ from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_of_pose, print_place
 
 if TYPE_CHECKING:
-    from sonarhw_compare.imports.given_scan import GivenScan
-    from sonarhw_compare.known_room.room_calibration import RoomCalibration
-    from sonarhw_compare.plate.plate_calibration import PlateCalibration
-    from sonarhw_compare.plate.plate_readings import PlateReadings
+    from sonarhw_compare.calibration.plate import PlateCalibration
+    from sonarhw_compare.calibration.plate_readings import PlateReadings
+    from sonarhw_compare.calibration.room import RoomCalibration
+    from sonarhw_compare.scans import GivenScan
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Place, Room
 
@@ -36,8 +36,8 @@ def calibrate_with_plate(
     The calibration begins with the board of the logs if `board_name` is None.
     Raises InputError, and NoPlate if a log shows no plate, or if the logs determine no value.
     """
-    from sonarhw_compare.imports.given_scan import common_board
-    from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
+    from sonarhw_compare.calibration.plate import calibrate_with_plates, plate_profile
+    from sonarhw_compare.scans import common_board
 
     given = [open_scan(log, board_name) for log in logs]
     board = common_board(given, board_name)
@@ -74,14 +74,14 @@ def calibrate_with_room(
     The calibration begins with the board of the logs if `board_name` is None.
     With `room_out`, the reflectances of the room are calibrated too, and the room is written there.
     """
-    from sonarhw_compare.fit.fit_setting import placed_scans
-    from sonarhw_compare.imports.given_scan import common_board
-    from sonarhw_compare.known_room.found_reflectances import with_provenance
-    from sonarhw_compare.known_room.room_calibration import (
+    from sonarhw_compare.calibration.room import (
         calibrate_board_and_room,
         calibrate_in_room,
         room_profile,
+        with_provenance,
     )
+    from sonarhw_compare.fit.fitting import placed_scans
+    from sonarhw_compare.scans import common_board
 
     room, given = open_room(room_name), [open_scan(log, board_name) for log in logs]
     board = common_board(given, board_name)
@@ -94,7 +94,7 @@ def calibrate_with_room(
         titles = [scan.title for scan in scans]
         write_text(room_out, with_provenance(found.room, found.reflectances, profile_name(out), titles).text, force)
     if plot is not None:
-        from sonarhw_compare.known_room.calibration_picture import draw_calibration
+        from sonarhw_compare.drawings import draw_calibration
 
         write_figure(plot, draw_calibration(found, scans), force)
     for line in [*_value_lines(found), *_own_body_lines(found), *_kept_lines(found, board), *_room_lines(found)]:
@@ -134,7 +134,7 @@ def _check_plates(
 
 
 def _plate_readings(log: Path, scan: "GivenScan", distance: float, direction: float, board: "Board") -> "PlateReadings":
-    from sonarhw_compare.plate.plate_readings import plate_readings
+    from sonarhw_compare.calibration.plate_readings import plate_readings
 
     return plate_readings(log.name, scan.readings, distance, math.radians(direction), board, _blanked_until(scan))
 
@@ -179,7 +179,7 @@ def _own_body_lines(found: "RoomCalibration") -> list[str]:
 
 def _room_lines(found: "RoomCalibration") -> list[str]:
     """Return what the scans give for the room, and to which room the profile belongs."""
-    from sonarhw_compare.known_room.found_reflectances import reflectance_text
+    from sonarhw_compare.calibration.room import reflectance_text
 
     used = (
         "used, and written with the room" if found.room_is_changed else "not used; the profile belongs to the room file"
@@ -188,7 +188,7 @@ def _room_lines(found: "RoomCalibration") -> list[str]:
 
 
 def _room_doubts(found: "RoomCalibration", room_name: str) -> list[str]:
-    from sonarhw_compare.known_room.found_reflectances import is_contradicted
+    from sonarhw_compare.calibration.room import is_contradicted
 
     if found.room_is_changed:
         return []

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.headings import heading_text
-from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.pictures import PICTURES
+from sonarhw_compare.scans import heading_text
 from sonarhw_sim.air import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError, counted
@@ -33,12 +33,12 @@ from sonarhw_cli.console.progress import progress_of_fit
 from sonarhw_cli.console.room_input import print_place
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit.plain_fit import Fit
-    from sonarhw_compare.matching.match import Comparison, Summary
-    from sonarhw_compare.matching.probability_score import ProbabilityScore
-    from sonarhw_compare.matching.regions import Region
-    from sonarhw_compare.notes.placed_notes import PlacedNotes
-    from sonarhw_compare.pictures.range_shading import RangeShading
+    from sonarhw_compare.fit.starting import Fit
+    from sonarhw_compare.match import Comparison, Summary
+    from sonarhw_compare.pictures import RangeShading
+    from sonarhw_compare.regions import Region
+    from sonarhw_compare.scans import PlacedNotes
+    from sonarhw_compare.score import ProbabilityScore
 
 
 Explained = Annotated[
@@ -131,7 +131,7 @@ def compare(
     probabilities = _Probabilities(model, receiver, pings or 1, tolerance)
     changed = find_missing(comparison, receiver, as_json=as_json, out=out, force=force) if missing else None
     if plot is not None:
-        from sonarhw_compare.matching.comparison_picture import draw_comparison
+        from sonarhw_compare.drawings import draw_comparison
 
         write_figure(plot, draw_comparison(comparison, probabilities.shading(comparison), changed), force)
     if missing:
@@ -167,7 +167,7 @@ def compare_log(
     Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
     """
     scan, room, chosen = open_in_room(log_file, room_name, board)
-    from sonarhw_compare.in_one_call import fitted_comparison
+    from sonarhw_compare.one_call import fitted_comparison
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     here = scan.place(room, place)
@@ -191,7 +191,7 @@ class _Probabilities:
 
     def score(self, comparison: "Comparison") -> "ProbabilityScore":
         """Return how well the probabilities predict the readings."""
-        from sonarhw_compare.matching.probability_score import score_comparison
+        from sonarhw_compare.score import score_comparison
         from sonarhw_sim.predict.prediction import PredictionOptions
 
         options = PredictionOptions(receiver=self.receiver)
@@ -201,7 +201,7 @@ class _Probabilities:
 
     def shading(self, comparison: "Comparison") -> "RangeShading | None":
         """Return the shading of the ranges; None without a spread, and for models that find no fainter paths."""
-        from sonarhw_compare.pictures.range_shading import shading_around
+        from sonarhw_compare.pictures import shading_around
         from sonarhw_sim.predict.prediction import PredictionOptions
 
         if self.model is not Model.RAY_FOLLOWING or not comparison.prediction.board.states_spread:
@@ -212,7 +212,7 @@ class _Probabilities:
 
 def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
     """Warn if the prediction explains few echoes, as with a wrong room or place."""
-    from sonarhw_compare.matching.few_explained import few_explained
+    from sonarhw_compare.match import few_explained
 
     summary = comparison.summary()
     for doubt in few_explained(str(log_file), summary.within_5cm, summary.n_echo):
@@ -220,7 +220,7 @@ def warn_of_few_explained(log_file: Path, comparison: "Comparison") -> None:
 
 
 def _figures(comparison: "Comparison", found: "Fit | None", explained: bool, notes: "PlacedNotes") -> dict[str, object]:
-    from sonarhw_compare.explain.details import details
+    from sonarhw_compare.explain import details
 
     fitted = None
     if found is not None:
@@ -229,7 +229,7 @@ def _figures(comparison: "Comparison", found: "Fit | None", explained: bool, not
 
 
 def _print(comparison: "Comparison", found: "Fit | None", score: "ProbabilityScore", notes: "PlacedNotes") -> None:
-    from sonarhw_compare.explain.sentences import explain_reading
+    from sonarhw_compare.explain import explain_reading
 
     for row in comparison.rows:
         print_line(f"{row.kind.label:11}  {explain_reading(comparison, row.index)}")
@@ -248,7 +248,7 @@ def _print(comparison: "Comparison", found: "Fit | None", score: "ProbabilitySco
 
 def _more_lines(comparison: "Comparison") -> list[str]:
     """Return lines about later echoes, the bias of the echoes, and the regions of constant depth."""
-    from sonarhw_compare.matching.assign import echo_statistics
+    from sonarhw_compare.score import echo_statistics
 
     lines, echoes = [], echo_statistics(comparison)
     if echoes.explained is not None and echoes.echoes > comparison.summary().n_echo:
@@ -262,7 +262,7 @@ def _more_lines(comparison: "Comparison") -> list[str]:
 
 
 def _score_lines(score: "ProbabilityScore") -> list[str]:
-    from sonarhw_compare.matching.probability_score import calibration_text
+    from sonarhw_compare.score import calibration_text
 
     if score.log_score is None:
         return []
@@ -275,8 +275,8 @@ def _score_lines(score: "ProbabilityScore") -> list[str]:
 
 def region_lines(comparison: "Comparison") -> list[str]:
     """Return the counts of regions of constant depth in both scans, then a line for each region, counter-clockwise."""
-    from sonarhw_compare.explain.region_words import path_suffix, region_counts
-    from sonarhw_compare.matching.region_match import compare_regions
+    from sonarhw_compare.explain import path_suffix, region_counts
+    from sonarhw_compare.score import compare_regions
 
     found = compare_regions(comparison)
     lines = [f"regions of constant depth: {region_counts(found)}"]

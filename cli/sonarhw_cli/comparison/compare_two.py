@@ -5,8 +5,8 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from sonarhw_compare.headings import heading_text, in_degrees
-from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.pictures import PICTURES
+from sonarhw_compare.scans import heading_text, in_degrees
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_json, print_line, warn
@@ -15,8 +15,8 @@ from sonarhw_cli.console.number_format import write_rows
 from sonarhw_cli.console.output import checked_out, text_output, write_figure
 
 if TYPE_CHECKING:
-    from sonarhw_compare.imports.given_scan import GivenScan
-    from sonarhw_compare.two_scans.scan_difference import HeadingDifference, HeadingSeries, ScanDifference
+    from sonarhw_compare.scans import GivenScan
+    from sonarhw_compare.two_scans import HeadingDifference, HeadingSeries, ScanDifference
     from sonarhw_sim.room.room import Place, Room
 
 _HEADER = "heading_deg,first_m,second_m,difference_m,limit_m,change,first_pings,first_echoes,second_pings,second_echoes"
@@ -34,8 +34,8 @@ def compare_two(
     force: bool,
 ) -> None:
     """Print the differences of two scans by heading. `sweeps` selects one sweep of each, by default all of them."""
-    from sonarhw_compare.two_scans.difference_picture import draw_difference
-    from sonarhw_compare.two_scans.scan_difference import scan_difference
+    from sonarhw_compare.drawings import draw_difference
+    from sonarhw_compare.two_scans import scan_difference
 
     if plot is not None:
         checked_out(plot, PICTURES, force, first_file, second_file, option="--plot")
@@ -85,7 +85,7 @@ def _place(scan: "GivenScan", room: "Room | None") -> "Place | None":
 
 
 def _series_of(scan: "GivenScan", heading: float, sweep: int | None) -> "HeadingSeries":
-    from sonarhw_compare.two_scans.scan_difference import heading_series
+    from sonarhw_compare.two_scans import heading_series
 
     readings = [reading for reading in scan.readings if sweep is None or reading.sweep == sweep - 1]
     if not readings:

@@ -4,15 +4,15 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.scans import in_degrees
 
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.output import write_text
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
-    from sonarhw_compare.causes.cause_search import FoundCauses
-    from sonarhw_compare.matching.match import Comparison
+    from sonarhw_compare.match import Comparison
+    from sonarhw_compare.rooms.causes import FoundCauses
     from sonarhw_sim.air import Receiver
     from sonarhw_sim.room.room import Room
 
@@ -34,7 +34,7 @@ def find_missing(
 
 
 def _found(comparison: "Comparison", receiver: "Receiver | None") -> "FoundCauses":
-    from sonarhw_compare.causes.cause_search import find_causes
+    from sonarhw_compare.rooms.causes import find_causes
 
     prediction = comparison.prediction
     board = prediction.board
@@ -47,7 +47,7 @@ def _found(comparison: "Comparison", receiver: "Receiver | None") -> "FoundCause
 
 
 def _print(found: "FoundCauses") -> None:
-    from sonarhw_compare.causes.cause_texts import cause_text, explained_text, left_text
+    from sonarhw_compare.rooms.causes import cause_text, explained_text, left_text
 
     if not found.causes:
         print_line("no change of the room explains misfits")
@@ -58,7 +58,7 @@ def _print(found: "FoundCauses") -> None:
 
 
 def _figures(found: "FoundCauses") -> dict[str, Any]:
-    from sonarhw_compare.causes.cause_texts import cause_text
+    from sonarhw_compare.rooms.causes import cause_text
 
     after = found.after.summary()
     return {

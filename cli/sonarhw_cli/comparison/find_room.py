@@ -4,18 +4,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.scans import in_degrees
 
 from sonarhw.errors import counted
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan
-    from sonarhw_compare.imports.given_scan import GivenScan
-    from sonarhw_compare.locate.pose_spread import PoseSpread
-    from sonarhw_compare.locate.poses import Pose
-    from sonarhw_compare.room_finding.next_place import NextPlace
-    from sonarhw_compare.room_finding.room_search import FoundRoom
-    from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
+    from sonarhw_compare.locate import Pose, PoseSpread
+    from sonarhw_compare.rooms.outcome import NextPlace
+    from sonarhw_compare.rooms.search import FoundRoom, PlacedRoom
+    from sonarhw_compare.scans import GivenScan
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Room
 
@@ -43,7 +41,7 @@ class RoomOfScans:
     @property
     def lines(self) -> list[str]:
         """What was found, as lines to print."""
-        from sonarhw_compare.room_finding.found_room_file import assumptions, open_ends, pose_text
+        from sonarhw_compare.rooms.outcome import assumptions, open_ends, pose_text
 
         found = self.found
         return [
@@ -58,7 +56,7 @@ class RoomOfScans:
     @property
     def figures(self) -> dict[str, Any]:
         """What was found, as figures for JSON."""
-        from sonarhw_compare.room_finding.found_room_file import found_room_figures
+        from sonarhw_compare.rooms.outcome import found_room_figures
 
         poses = {title: list(map(_pose_figures, several)) for title, several in self.placed.poses.items()}
         figures = found_room_figures(self.found) | {"poses": poses, "left_out": list(self.placed.left_out)}
@@ -76,10 +74,9 @@ def room_of_scans(
     show: Callable[[float, str], None],
 ) -> RoomOfScans:
     """Return the room that scans show, with the places to scan next if wanted. `show` receives share and step."""
-    from sonarhw_compare.room_finding.evidence import as_found
-    from sonarhw_compare.room_finding.found_room_file import found_room
-    from sonarhw_compare.room_finding.next_place import next_places
-    from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+    from sonarhw_compare.rooms.evidence import as_found
+    from sonarhw_compare.rooms.outcome import found_room, next_places
+    from sonarhw_compare.rooms.search import find_room_and_poses
     from sonarhw_sim.air import Air
 
     recorded = given[0].recorded_room

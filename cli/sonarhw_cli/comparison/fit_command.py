@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.fit.values.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, PlaceQuantity, words_of
+from sonarhw_compare.fit.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, PlaceQuantity, words_of
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.fit_table import fit_figures, fit_lines
@@ -19,8 +19,8 @@ from sonarhw_cli.console.room_input import open_room, print_place
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitOptions, FitResult
-    from sonarhw_compare.fit.fit_setting import FitSetting
-    from sonarhw_compare.fit.values.parameters import Parameter
+    from sonarhw_compare.fit.fitting import FitSetting
+    from sonarhw_compare.fit.quantities import Parameter
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Place, Room
 
@@ -134,7 +134,7 @@ class FittedLogs:
 
     def constrained(self) -> "dict[Parameter, float]":
         """Return the fitted values, without those that the scans hardly constrain and that have a former value."""
-        from sonarhw_compare.fit.fit_warnings import is_unconstrained
+        from sonarhw_compare.fit.fitting import is_unconstrained
 
         estimates = self.result.estimates
         return {
@@ -145,7 +145,7 @@ class FittedLogs:
 
     def before(self, parameter: "Parameter") -> float | None:
         """Return the value before the fit; None for the pose of a scan whose place is unknown."""
-        from sonarhw_compare.fit.values.parameters import present_value
+        from sonarhw_compare.fit.quantities import present_value
 
         place = self.setting.scans[parameter.scan or 0].place
         if isinstance(parameter.quantity, PlaceQuantity) and not place.name:
@@ -154,7 +154,7 @@ class FittedLogs:
 
     def places(self, values: "Mapping[Parameter, float]") -> "tuple[Place, ...]":
         """Return the place of each scan with these values."""
-        from sonarhw_compare.fit.values.parameters import applied
+        from sonarhw_compare.fit.quantities import applied
 
         given = [scan.place for scan in self.setting.scans]
         poses = {one: value for one, value in values.items() if isinstance(one.quantity, PlaceQuantity)}
@@ -172,8 +172,8 @@ def _fitted(
 ) -> FittedLogs:
     """Fit logs. Room, places and board that are not given are taken from them. Raises InputError if they have none."""
     from sonarhw_compare.fit import fit_scans
-    from sonarhw_compare.fit.fit_setting import check_count, fit_setting
-    from sonarhw_compare.fit.values.priors import check_words
+    from sonarhw_compare.fit.fitting import check_count, fit_setting
+    from sonarhw_compare.fit.quantities import check_words
     from sonarhw_sim.board.profile import load_board
 
     words = [word for word in free.split(",") if word.strip()]
@@ -199,7 +199,7 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
     """Raise InputError if a file cannot be written, or would contain no fitted value."""
     if out is None and board_out is None:
         return
-    from sonarhw_compare.fit.values.parameters import quantities_of
+    from sonarhw_compare.fit.quantities import quantities_of
 
     if out is not None and board_out is not None and out.resolve() == board_out.resolve():
         raise InputError(f"--out and --board-out: both are {out}; give each a file of its own")
@@ -235,7 +235,7 @@ def _fitted_room(fitted: FittedLogs) -> "Room":
     A place of the room keeps its name. A place that is not in the room, or that several logs have, gets the name of its
     log.
     """
-    from sonarhw_compare.fit.findings import finding, fitted_room, kept, with_listed_findings
+    from sonarhw_compare.fit.fitting import finding, fitted_room, kept, with_listed_findings
 
     setting, values = fitted.setting, fitted.constrained()
     names = [scan.place.name for scan in setting.scans]
@@ -257,7 +257,7 @@ def _fitted_room(fitted: FittedLogs) -> "Room":
 
 
 def _fitted_board(fitted: FittedLogs, name: str) -> "Board":
-    from sonarhw_compare.fit.findings import fitted_board
+    from sonarhw_compare.fit.fitting import fitted_board
 
     values, estimates = fitted.constrained(), fitted.result.estimates
     deviations = {one: estimates[one.name].deviation for one in values}

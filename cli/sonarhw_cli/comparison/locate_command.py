@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.headings import estimate_degrees
-from sonarhw_compare.matching.few_explained import explains_few, few_explained
-from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.match import explains_few, few_explained
+from sonarhw_compare.pictures import PICTURES
+from sonarhw_compare.scans import estimate_degrees
 
 from sonarhw_cli.console.lines import print_json, print_line, warn
 from sonarhw_cli.console.log_input import LogFile, open_in_room
@@ -18,7 +18,7 @@ from sonarhw_cli.console.output import checked_out, write_figure
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
-    from sonarhw_compare.locate.poses import Located, Pose
+    from sonarhw_compare.locate import Located, Pose
     from sonarhw_sim.room.room import Place
 
 _ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
@@ -58,8 +58,7 @@ def locate(
     if out is not None:
         checked_out(out, PICTURES, force, log_file, room_name, board)
     scan, room, chosen = open_in_room(log_file, room_name, board)
-    from sonarhw_compare.locate.pose_spread import known_heading
-    from sonarhw_compare.locate.poses import locate_scan
+    from sonarhw_compare.locate import known_heading, locate_scan
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     prediction = PredictionOptions(receiver=receiver)
@@ -76,7 +75,7 @@ def locate(
             tick=lambda share: show(share, "locating"),
         )
     if out is not None:
-        from sonarhw_compare.locate.locate_picture import draw_located
+        from sonarhw_compare.drawings import draw_located
 
         write_figure(out, draw_located(located), force)
     if as_json:

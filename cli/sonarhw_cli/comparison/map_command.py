@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.headings import in_degrees
-from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.pictures import PICTURES
+from sonarhw_compare.scans import in_degrees
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.comparison.find_room import RoomOfScans, room_of_scans, rounded_point
@@ -21,9 +21,9 @@ from sonarhw_cli.console.room_input import check_one_of_each, open_room, place_o
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from sonarhw_compare.fit import PlacedScan
-    from sonarhw_compare.imports.given_scan import GivenScan
-    from sonarhw_compare.locate.pose_spread import PoseSpread
+    from sonarhw_compare.locate import PoseSpread
     from sonarhw_compare.map import RoomMap
+    from sonarhw_compare.scans import GivenScan
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Place, Room
 
@@ -82,8 +82,8 @@ def map_logs(
     With --out ROOM.toml or --out FILE.html, the room is found: walls and posts that explain all echoes and silences, by
     the model of a fit, with their uncertainties. Sound is then followed in this room, and a picture shows it.
     """
-    from sonarhw_compare.imports.given_scan import common_board
     from sonarhw_compare.map import map_scans
+    from sonarhw_compare.scans import common_board
 
     files = _outputs(out or [], force, room_name, board, poses_file, *log_files)
     found_for = _option_that_finds(files, plan_next)
@@ -123,7 +123,7 @@ def map_logs(
 
 def _doubts(mapped: "RoomMap", is_given: bool, found: RoomOfScans | None) -> Iterator[str]:
     """Yield one line for each reason to doubt a map."""
-    from sonarhw_compare.map.features import CONFIRMING
+    from sonarhw_compare.map import CONFIRMING
 
     if mapped.places < CONFIRMING:
         yield (
@@ -151,8 +151,8 @@ def _doubts(mapped: "RoomMap", is_given: bool, found: RoomOfScans | None) -> Ite
 
 def _own_body_doubts(scans: "Sequence[PlacedScan]", board: "Board") -> Iterator[str]:
     """Yield one line for each part of the carrier's body that scans from enough places show, and the profile lacks."""
-    from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
-    from sonarhw_compare.map.features import CONFIRMING
+    from sonarhw_compare.calibration.room import ScanAtPlace, find_own_body, place_numbers
+    from sonarhw_compare.map import CONFIRMING
     from sonarhw_sim.board.profile import without_own_body
 
     if board.ring is not None or len(set(place_numbers([scan.place.position for scan in scans]).tolist())) < CONFIRMING:
@@ -210,7 +210,7 @@ def _write(
     if found and files.room:
         write_text(files.room, found.room.text, force)
     if found and files.report:
-        from sonarhw_compare.report.map_report import MapReport, map_report_html
+        from sonarhw_compare.report import MapReport, map_report_html
 
         report = MapReport(
             found.found, found.room, found.scans, found.board, mapped, known, tuple(found.lines), tuple(doubts)
@@ -222,11 +222,11 @@ def _write(
 
 def _figure(mapped: "RoomMap", room: "Room | None", found: RoomOfScans | None, known: "Room | None") -> "Figure":
     if found is None:
-        from sonarhw_compare.map.map_picture import draw_map
+        from sonarhw_compare.drawings import draw_map
 
         return draw_map(mapped, room)
-    from sonarhw_compare.report.found_room_picture import draw_found_room
-    from sonarhw_compare.room_finding.found_room_file import open_ends
+    from sonarhw_compare.drawings import draw_found_room
+    from sonarhw_compare.rooms.outcome import open_ends
 
     return draw_found_room(found.scans, found.room, found.board, open_ends(found.found), known)
 
@@ -239,8 +239,8 @@ def _with_poses(
     poses_file: Path | None,
 ) -> "tuple[Sequence[PlacedScan], list[PoseSpread]]":
     """Return the scans at their places, and how uncertain these are."""
-    from sonarhw_compare.fit.fit_setting import placed_scans
-    from sonarhw_compare.locate.pose_file import read_poses
+    from sonarhw_compare.fit.fitting import placed_scans
+    from sonarhw_compare.locate import read_poses
 
     if poses_file is None:
         return placed_scans(given, _places(given, room, places, poses)), []
@@ -340,7 +340,7 @@ def _print(mapped: "RoomMap", where: str) -> None:
 
 def _multipath_lines(mapped: "RoomMap", where: str) -> Iterator[str]:
     """Yield what is known about readings by several reflections, and what is not; `where`: the followed room."""
-    from sonarhw_compare.map.features import CONFIRMING
+    from sonarhw_compare.map import CONFIRMING
 
     if mapped.followed_room is None:
         yield (

@@ -26,8 +26,8 @@ def report(
     """Write one HTML file about a scan. It has pictures, a summary, notes, every reading and the settings."""
     checked_out(out, (".html",), force, log_file, room_name, board)
     scan, room, chosen = open_in_room(log_file, room_name, board)
-    from sonarhw_compare.in_one_call import fitted_report
-    from sonarhw_compare.report.html_report import report_html
+    from sonarhw_compare.one_call import fitted_report
+    from sonarhw_compare.report import report_html
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     here = scan.place(room, place)

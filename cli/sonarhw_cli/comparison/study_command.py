@@ -35,8 +35,7 @@ def study(
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted study.")] = False,
 ) -> None:
     """Predict every scan of a study. The results do not depend on the number of workers."""
-    from sonarhw_compare.study import load_study, run_study
-    from sonarhw_compare.study.parts import part_count, unfinished_of
+    from sonarhw_compare.study import load_study, part_count, run_study, unfinished_of
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers, --scheduler: a cluster has its own workers; give only one of them")

@@ -10,7 +10,7 @@ from sonarhw.errors import InputError
 from sonarhw_cli.console.lines import Verbosity, print_detail, prints, warn
 
 if TYPE_CHECKING:
-    from sonarhw_compare.scanners.scanner_url import Find
+    from sonarhw_compare.one_call import Find
     from sonarhw_sim.board.profile import Board
 
     from sonarhw.host.scanner import ConnectedScanner, Scanner
@@ -34,7 +34,7 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner | Plugi
 
     Raises InputError for an invalid URL, LinkError, DeviceError.
     """
-    from sonarhw_compare.scanners.scanner_url import open_scanner
+    from sonarhw_compare.one_call import open_scanner
 
     with open_scanner(url, reconnect=reconnect, warn=warn) as scanner:
         _print_fake(url)
@@ -65,16 +65,16 @@ def board_of(scanner: "ConnectedScanner", chosen: str | None) -> "Board":
 @contextmanager
 def resolve(url: str) -> "Iterator[Find]":
     """Yield a function that returns the URL to open with pyserial now. Raises InputError for an invalid URL."""
-    from sonarhw_compare.scanners import scanner_url
+    from sonarhw_compare import one_call
 
-    with scanner_url.resolve(url, warn) as find:
+    with one_call.resolve(url, warn) as find:
         _print_fake(url)
         yield find
 
 
 def _print_fake(url: str) -> None:
     """With --verbose, print room, place and board of a `fake:` URL."""
-    from sonarhw_compare.scanners.fake_url import is_fake, read_fake_url
+    from sonarhw_compare.one_call import is_fake, read_fake_url
     from sonarhw_sim.room.room import load_room
 
     if not (is_fake(url) and prints(Verbosity.VERBOSE)):

@@ -11,8 +11,7 @@ from sonarhw_cli.console.lines import print_detail, warn
 from sonarhw_cli.console.room_input import open_room
 
 if TYPE_CHECKING:
-    from sonarhw_compare.imports.given_scan import GivenScan
-    from sonarhw_compare.notes.placed_notes import PlacedNotes
+    from sonarhw_compare.scans import GivenScan, PlacedNotes
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Room
 
@@ -41,7 +40,7 @@ def load_log(path: Path) -> "Log":
 
 def notes_beside(log_file: Path, readings: "Sequence[Reading]") -> "PlacedNotes":
     """Return the notes on the readings of a log, and warn of those that are not shown."""
-    from sonarhw_compare.notes.placed_notes import notes_of_log
+    from sonarhw_compare.scans import notes_of_log
 
     notes = notes_of_log(log_file, readings)
     for doubt in notes.doubts:
@@ -55,7 +54,7 @@ def open_scan(log_file: Path, board: str | None = None) -> "GivenScan":
     If `board` is None, the log should name the board.
     """
     log = open_log(log_file)  # before the import, which takes a second, so that a wrong name is reported at once
-    from sonarhw_compare.imports.given_scan import GivenScan
+    from sonarhw_compare.scans import GivenScan
 
     scan = GivenScan(str(log_file), log.readings, log)
     for doubt in scan.board_doubts if board is None else ():

@@ -11,7 +11,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.imports.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
+from sonarhw_compare.imports import ImportFormat, formats_text, import_format, is_bag, is_raw
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.console.lines import print_note, warn
@@ -20,8 +20,7 @@ from sonarhw_cli.console.output import checked_out
 from sonarhw_cli.console.room_input import chosen_place, open_room
 
 if TYPE_CHECKING:
-    from sonarhw_compare.imports.foreign_csv import CsvColumns
-    from sonarhw_compare.imports.foreign_rows import Meaning
+    from sonarhw_compare.foreign_csv import CsvColumns, Meaning
 
     from sonarhw.log import LogMetadata
     from sonarhw.readings import Reading
@@ -111,8 +110,7 @@ def import_scan(
 
     With --room, --place and --board, compare, report and fit need no options for them.
     """
-    from sonarhw_compare.imports.foreign_csv import likely_no_echo, read_foreign_scan
-    from sonarhw_compare.imports.foreign_rows import Meaning
+    from sonarhw_compare.foreign_csv import Meaning, likely_no_echo, read_foreign_scan
 
     from sonarhw.export import write_scan
 
@@ -160,7 +158,7 @@ def _columns(
     mean_of: int | None,
 ) -> "CsvColumns | None":
     """Return the columns of a CSV file; None for another format. Raises InputError for options of the other kind."""
-    from sonarhw_compare.imports.foreign_csv import CsvColumns, read_head
+    from sonarhw_compare.foreign_csv import CsvColumns, read_head
 
     if known is None:
         if heading is None or distance is None:
@@ -180,7 +178,7 @@ def _columns(
 def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", mean_of: int | None) -> "list[Reading]":
     """Return the readings without means of different ranges. Warns if there likely are some and `mean_of` is None."""
     import numpy as np
-    from sonarhw_compare.imports.mean_ranges import MOST_PINGS, are_means, likely_pings, unit_of
+    from sonarhw_compare.imports import MOST_PINGS, are_means, likely_pings, unit_of
 
     silent = math.nan if meaning.no_echo is None else meaning.no_echo * meaning.scale
     ranges = np.array([silent if reading.range is None else reading.range for reading in readings])

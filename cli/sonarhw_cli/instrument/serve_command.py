@@ -156,7 +156,7 @@ class _Prediction:
 
     def ranges(self, readings: "Sequence[Reading]") -> list[float | None]:
         """Return the predicted range at the heading of each reading, m; None: no echo."""
-        from sonarhw_compare.matching.match import headings_of
+        from sonarhw_compare.match import headings_of
         from sonarhw_sim.predict.prediction import predict_scan
 
         headings = headings_of(readings, self._place, self._board)

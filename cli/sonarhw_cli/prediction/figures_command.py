@@ -15,7 +15,7 @@ from sonarhw_cli.console.progress import progress
 
 
 class PictureFormat(StrEnum):
-    """The formats of `sonarhw_compare.pictures.picture_file.PICTURES`."""
+    """The formats of `sonarhw_compare.pictures.PICTURES`."""
 
     PNG = "png"
     PDF = "pdf"
@@ -30,7 +30,7 @@ def figures(
     force: ForceFiles = False,
 ) -> None:
     """Draw the paper's figures again and check each. DIR/figures.md states whether each agrees with the paper."""
-    from sonarhw_compare.paper.page import EXHIBITS, PAGE, claims, page, picture, picture_name
+    from sonarhw_compare.paper.figures import EXHIBITS, PAGE, claims, page, picture, picture_name
 
     suffix = f".{picture_format.value}"
     text = folder / PAGE

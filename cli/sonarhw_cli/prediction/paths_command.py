@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import typer
-from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.scans import in_degrees
 from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength
 
 from sonarhw_cli.console.number_format import write_rows

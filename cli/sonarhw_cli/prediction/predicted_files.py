@@ -164,7 +164,7 @@ def _listening(scan: "PredictedScan") -> float:
 
 def write_predicted_picture(scan: "PredictedScan", out: Path, force: bool) -> None:
     """Write the plan of the room with the prediction as a picture."""
-    from sonarhw_compare.pictures.overlay_picture import draw_plan
+    from sonarhw_compare.drawings import draw_plan
 
     title = f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}"
     write_figure(out, draw_plan(scan, title=title), force)
@@ -172,9 +172,9 @@ def write_predicted_picture(scan: "PredictedScan", out: Path, force: bool) -> No
 
 def write_film_of_sound(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:
     """Write a film of the sound at the first heading."""
-    from sonarhw_compare.sound.film import FilmTiming
-    from sonarhw_compare.sound.film_file import write_film
-    from sonarhw_compare.sound.moments import PlayedPing
+    from sonarhw_compare.film import FilmTiming
+    from sonarhw_compare.film_file import write_film
+    from sonarhw_compare.sound import PlayedPing
 
     with written_file(out, overwrite=force) as file:
         write_film(PlayedPing(scan, 0), FilmTiming(), file, suffix)

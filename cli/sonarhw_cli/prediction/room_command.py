@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.pictures.picture_file import PICTURES
+from sonarhw_compare.pictures import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import counted
@@ -82,7 +82,7 @@ def check(
     room = parse_room(text, where)
     findings = check_room(room, profile)
     if plot is not None:
-        from sonarhw_compare.pictures.room_picture import draw_checked_room
+        from sonarhw_compare.drawings import draw_checked_room
 
         write_figure(plot, draw_checked_room(room, findings), force)
     if as_json:

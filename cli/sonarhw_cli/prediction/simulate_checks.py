@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sonarhw_compare.sound.film_file import FILMS
+from sonarhw_compare.film_file import FILMS
 from sonarhw_sim.air import Model, Receiver, Unit
 
 from sonarhw.errors import InputError
@@ -48,7 +48,7 @@ def check_input(given: PredictionInput, kind: str, traces: TraceSettings | None)
 
 def _check_film(given: PredictionInput, suffix: str) -> None:
     """Raise InputError if a film is not possible, MissingExtra if it needs PyAV."""
-    from sonarhw_compare.sound.film_file import check_film
+    from sonarhw_compare.film_file import check_film
 
     if not given.model.follows_sound:
         raise InputError(f"--model {given.model}: a film needs a model that follows sound")

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.pictures.picture_file import PICTURES
-from sonarhw_compare.sound.film_file import FILMS
+from sonarhw_compare.film_file import FILMS
+from sonarhw_compare.pictures import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD, Model, Unit
 
 from sonarhw.errors import InputError

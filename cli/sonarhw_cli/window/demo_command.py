@@ -68,9 +68,9 @@ def _can_open_window() -> bool:
 
 
 def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
-    from sonarhw_compare.matching.comparison_picture import draw_comparison
-    from sonarhw_compare.matching.probability_score import score_comparison
-    from sonarhw_compare.pictures.picture_file import write_picture
+    from sonarhw_compare.drawings import draw_comparison
+    from sonarhw_compare.pictures import write_picture
+    from sonarhw_compare.score import score_comparison
 
     from sonarhw_cli.comparison.compare_command import compare_log, summary_lines
     from sonarhw_cli.instrument.scan_command import scan

@@ -18,7 +18,7 @@ from sonarhw_cli.console.demo_room import demo_url
 from sonarhw_cli.console.options import LOG, ROOM_NAME, PlaceName
 
 if TYPE_CHECKING:
-    from sonarhw_compare.scanners.scanner_url import Find
+    from sonarhw_compare.one_call import Find
     from sonarhw_gui.live.scanner_jobs import ScannerOpener
     from sonarhw_gui.scene.scene import Scene
     from sonarhw_gui.session.scanner_choice import ScannerTarget
@@ -116,7 +116,7 @@ def _source_and_room(sources: list[str], room: str | None) -> tuple[str | None, 
 
 def _kind(source: str) -> str:
     """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for anything else."""
-    from sonarhw_compare.scanners.fake_url import is_fake
+    from sonarhw_compare.one_call import is_fake
 
     from sonarhw.plugins.device_plugin import is_plugin
 
@@ -157,7 +157,7 @@ def _replay(path: Path, request: _Request) -> int:
 
 
 def _show_csv(path: Path, request: _Request) -> int:
-    from sonarhw_compare.imports.foreign_csv import guess_columns, read_foreign_scan
+    from sonarhw_compare.foreign_csv import guess_columns, read_foreign_scan
 
     scene = _scene(request, begin_at="")
     read_foreign_scan(path, *guess_columns(path))  # raises InputError before the window opens
@@ -188,7 +188,7 @@ def _used(room: str | None) -> tuple[Path, ...]:
 
 
 def _scan(url: str, request: _Request, resume: bool = False) -> int:
-    from sonarhw_compare.scanners.fake_url import is_fake
+    from sonarhw_compare.one_call import is_fake
     from sonarhw_gui.shell.display import DEMO, check_display
 
     fake = is_fake(url)
@@ -233,7 +233,7 @@ class _Scanners:
 
     def find(self, url: str) -> "ScannerTarget":
         """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL."""
-        from sonarhw_compare.scanners.fake_url import is_fake
+        from sonarhw_compare.one_call import is_fake
         from sonarhw_gui.session.scanner_choice import ScannerTarget
 
         from sonarhw.plugins.device_plugin import is_plugin, make_plugin
@@ -248,7 +248,7 @@ class _Scanners:
         found: list[Find] = []
 
         def open_it() -> "Scanner | PluginScanner":
-            from sonarhw_compare.scanners.scanner_url import open_scanner
+            from sonarhw_compare.one_call import open_scanner
 
             from sonarhw.host.scanner import Scanner
             from sonarhw.plugins.device_plugin import is_plugin
@@ -290,7 +290,7 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
 
 def _fake_scene(url: str, request: _Request) -> "Scene":
     """Return the scene of the fake scanner, or that with the requested room. Check every part of the URL."""
-    from sonarhw_compare.scanners.fake_url import read_fake_url
+    from sonarhw_compare.one_call import read_fake_url
 
     fake = read_fake_url(url)
     own = _Request(fake.room, fake.place, fake.board)
@@ -303,7 +303,7 @@ def _fake_scene(url: str, request: _Request) -> "Scene":
 
 
 def _log_scene(log: "Log", request: _Request) -> "Scene":
-    from sonarhw_compare.imports.recorded_setting import board_of_log
+    from sonarhw_compare.scans import board_of_log
     from sonarhw_gui.scene.scene import scene_of_log
     from sonarhw_sim.board.profile import load_board
 

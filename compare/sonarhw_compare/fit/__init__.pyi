@@ -1,18 +1,21 @@
 from .fitting import fit_scans
-from .plain_fit import Fit, fit_scan
-from .values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan
-from .values.parameters import Parameter, free_parameters
-from .values.quantities import QUANTITIES, Quantity
-from .values.warning_kinds import (
+from .quantities import QUANTITIES, Parameter, Quantity, free_parameters
+from .result import (
     AtBound,
+    Estimate,
     FewExplained,
+    FitOptions,
+    FitResult,
     KnownTogether,
     ManyStrays,
     Mismatch,
+    Mode,
+    PlacedScan,
     SeveralSolutions,
     Unconstrained,
     Underestimated,
 )
+from .starting import Fit, fit_scan
 
 __all__ = [
     "QUANTITIES",

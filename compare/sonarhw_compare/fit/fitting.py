@@ -1,31 +1,283 @@
 """A complete fit: starting poses, refinement, several solutions, uncertainties and warnings."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tomlkit
 from sonarhw_sim.air import Receiver, Unit
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, parse_board
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.room import Room
+from sonarhw_sim.room.room import Place, Room, parse_room
+from sonarhw_sim.room.room_writing import with_air, with_place
 
-from sonarhw.errors import Cancelled, InputError
+from sonarhw.errors import Cancelled, InputError, counted, harmless
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
-from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Problem, make_problem
-from sonarhw_compare.fit.marginals import Marginals, marginals_of
-from sonarhw_compare.fit.mismatches import shown_mismatches
-from sonarhw_compare.fit.search.refine import Peak, highest, peak_at, refined
-from sonarhw_compare.fit.search.ridges import underestimated
-from sonarhw_compare.fit.search.starting_poses import ScoredValues, is_same, starting_poses
-from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
-from sonarhw_compare.fit.values.parameters import Parameter
-from sonarhw_compare.fit.values.quantities import AirQuantity
-from sonarhw_compare.headings import turned_near
-from sonarhw_compare.matching.match import Summary, compare_readings
-from sonarhw_compare.matching.regions import mean_run
+from sonarhw_compare.edits import below_header, set_marked
+from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem
+from sonarhw_compare.fit.quantities import (
+    HEADING,
+    AirQuantity,
+    BoardQuantity,
+    Parameter,
+    PlaceQuantity,
+    Quantity,
+    X,
+    Y,
+    check_words,
+    free_parameters,
+    values_by_part,
+    with_priors,
+)
+from sonarhw_compare.fit.result import (
+    AtBound,
+    Estimate,
+    FewExplained,
+    FitOptions,
+    FitResult,
+    FitWarning,
+    KnownTogether,
+    ManyStrays,
+    Mismatch,
+    Mode,
+    PlacedScan,
+    Progress,
+    SeveralSolutions,
+    Unconstrained,
+    Underestimated,
+    pose_text,
+)
+from sonarhw_compare.fit.search import Marginals, Peak, highest, marginals_of, peak_at, refined, underestimated
+from sonarhw_compare.fit.starting import ScoredValues, is_same, starting_poses
+from sonarhw_compare.match import Summary, compare_readings, explains_few
+from sonarhw_compare.regions import mean_run
+from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board, turned_near
+
+# What a fit of given scans begins with: their room, board and places, and the parameters.
+
+
+NEAR = 0.25  # m; a free position is searched within this distance of a given place
+
+
+@dataclass(frozen=True)
+class FitSetting:
+    """The arguments of `fit_scans`."""
+
+    room: Room
+    board: Board
+    scans: tuple[PlacedScan, ...]
+    parameters: tuple[Parameter, ...]
+
+
+def fit_setting(
+    scans: Sequence[GivenScan],
+    room: RoomInput | None,
+    places: Sequence[PlaceInput],
+    board: BoardInput | None,
+    words: Sequence[str],
+    priors: Sequence[str],
+) -> FitSetting:
+    """Return the setting of a fit of the quantities in `words`, with their `priors`.
+
+    Room, places (none, or one for each scan) and board that are not given are taken from the logs. Raises InputError if
+    the logs do not contain them, or contain different ones.
+    """
+    check_count(places, len(scans))
+    check_words(words, priors)
+    room = _common_room(scans) if room is None else scans[0].room(room)
+    board = common_board(scans, board)
+    names = _names(scans)
+    parameters = free_parameters(words, names, room, board)
+    fixed = [name for name in ("x", "y") if all(parameter.quantity.name != name for parameter in parameters)]
+    at = [room.place(place) for place in places] or [_recorded(scan, room, fixed) for scan in scans]
+    placed = placed_scans(scans, at)
+    if places:
+        parameters = tuple(_near(parameter, placed) for parameter in parameters)
+    return FitSetting(room, board, placed, with_priors(parameters, priors))
+
+
+def placed_scans(scans: Sequence[GivenScan], places: Sequence[Place]) -> tuple[PlacedScan, ...]:
+    """Return scans at these places, each with a name of its own: that of its log, numbered if several have it."""
+    return tuple(
+        PlacedScan(scan.readings, place, name, scan.where)
+        for scan, place, name in zip(scans, places, _names(scans), strict=True)
+    )
+
+
+def check_count(places: Sequence[PlaceInput], scans: int) -> None:
+    """Raise InputError unless there is no place, or one for each scan."""
+    if places and len(places) != scans:
+        raise InputError(f"places: expected one for each of {counted(scans, 'log')}, got {len(places)}")
+
+
+def _common_room(scans: Sequence[GivenScan]) -> Room:
+    """Return the room inside the logs. Raises InputError if there is none, or if they have different ones."""
+    first = scans[0]
+    room = first.room()
+    for scan in scans:
+        if scan.room_text not in ("", room.text):
+            raise InputError(f"{first.where} and {scan.where} contain different rooms; give one room for both")
+    return room
+
+
+def _names(scans: Sequence[GivenScan]) -> list[str]:
+    stems = [Path(scan.where).stem for scan in scans]
+    return stems if len(set(stems)) == len(stems) else [f"{stem}{k + 1}" for k, stem in enumerate(stems)]
+
+
+def _recorded(scan: GivenScan, room: Room, fixed: Sequence[str]) -> Place:
+    """Return the place of a log. Raises InputError if it is unknown although a coordinate is fixed."""
+    recorded = scan.recorded_place(room)
+    if recorded is not None:
+        return room.place(recorded)
+    if not fixed:
+        # the whole room is searched, so the place may be unknown
+        return Place("", _middle(room))
+    if len(room.places) == 1:
+        return room.place(None)
+    reason = f"{' and '.join(fixed)} {'is' if len(fixed) == 1 else 'are'} fixed"
+    raise InputError(f"{scan.where}: its place is unknown, and {reason}; give a place, or free the position")
+
+
+def _middle(room: Room) -> tuple[float, float]:
+    ends = room.walls.reshape(-1, 2)
+    x, y = ((ends.min(axis=0) + ends.max(axis=0)) / 2).tolist()
+    return x, y
+
+
+def _near(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
+    if parameter.quantity not in (X, Y):
+        return parameter
+    at = scans[parameter.scan or 0].place.position[0 if parameter.quantity is X else 1]
+    return replace(parameter, lower=at - NEAR, upper=at + NEAR)
+
+
+# Warnings of a fit: several solutions, parameters that the data do not determine, values at their bounds.
+
+
+_INSEPARABLE = 0.95  # smallest correlation that is reported
+_SAYS_NOTHING = 0.6  # of the standard deviation of the prior
+_AT_BOUND = 0.01  # of the range between the bounds
+_MANY_STRAYS = 0.3  # per metre
+
+
+def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = ()) -> tuple[FitWarning, ...]:
+    """Return a warning for each limit of a fit; `underestimated` are parameters whose deviations are too small."""
+    warnings: list[FitWarning] = [*_several_solutions(result)]
+    if underestimated:
+        warnings.append(Underestimated(tuple(underestimated)))
+    for parameter in result.parameters:
+        warnings += _undetermined(parameter, result.estimates[parameter.name])
+    names = list(result.estimates)
+    for i in range(len(names)):
+        warnings += [
+            KnownTogether((names[i], names[j]), float(result.correlations[i, j]))
+            for j in range(i)
+            if abs(result.correlations[i, j]) > _INSEPARABLE
+        ]
+    warnings += result.mismatches
+    if result.noise["stray_per_m"] > _MANY_STRAYS:
+        warnings.append(ManyStrays())
+    return tuple(warnings)
+
+
+def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[FewExplained, ...]:
+    """Return a warning for each scan that the result explains badly."""
+    return tuple(
+        FewExplained(scan.title or "this scan", one.within_5cm, one.n_echo)
+        for scan, one in zip(scans, agreement, strict=True)
+        if one.within_5cm is not None and explains_few(one.within_5cm)
+    )
+
+
+def _several_solutions(result: FitResult) -> list[SeveralSolutions]:
+    shown = tuple(one for one in result.parameters if isinstance(one.quantity, PlaceQuantity))
+    poses = [tuple(mode.values[one.name] for one in shown) for mode in result.modes]
+    # solutions that differ only in digits that are not printed are one
+    different: dict[str, tuple[float, ...]] = {}
+    for pose in poses:
+        different.setdefault(pose_text(shown, pose, poses[0]), pose)
+    return [SeveralSolutions(shown, tuple(different.values()))] if len(different) > 1 else []
+
+
+def is_unconstrained(parameter: Parameter, estimate: Estimate) -> bool:
+    """Report whether an estimate is about as uncertain as its prior."""
+    lower, upper = _bounds(parameter)
+    known = (upper - lower) / math.sqrt(12)
+    if parameter.deviation is not None:
+        known = min(known, parameter.deviation)
+    return estimate.deviation > _SAYS_NOTHING * known
+
+
+def _bounds(parameter: Parameter) -> tuple[float, float]:
+    return (-math.pi, math.pi) if parameter.quantity.is_angle else (parameter.lower, parameter.upper)
+
+
+def _undetermined(parameter: Parameter, estimate: Estimate) -> list[FitWarning]:
+    lower, upper = _bounds(parameter)
+    if is_unconstrained(parameter, estimate):
+        return [Unconstrained(parameter)]
+    if not parameter.quantity.is_angle:
+        for bound in (lower, upper):
+            if abs(estimate.value - bound) < _AT_BOUND * (upper - lower):
+                return [AtBound(parameter, bound)]
+    return []
+
+
+# Which walls, levels or turntable the scan shows to be wrong, found one after the other.
+#
+# The value is chosen that explains most if it alone is off. Further ones are added while they explain much more.
+
+
+_CLEAR = 20.0  # smallest gain, chi-squared of one value, that is reported; by chance, 1 is expected
+_SIMILAR = 6.0  # largest difference of the gains of values that the scan cannot tell apart
+_MOST = 3
+
+
+def shown_mismatches(
+    tolerated: Sequence[Parameter], shifts: FloatArray, covariance: FloatArray
+) -> tuple[Mismatch, ...]:
+    """Return the values that a scan shows to be off, clearest first.
+
+    `shifts` (t,) from the values of room and board, and `covariance` (t, t), are those of the posterior.
+    """
+    if not len(shifts):
+        return ()
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    information = np.linalg.pinv(covariance / np.outer(scale, scale))
+    pull = information @ (shifts / scale)
+    chosen: list[int] = []
+    others: list[tuple[str, ...]] = []
+    while len(chosen) < min(_MOST, len(shifts)):
+        gains = _gains(information, pull, chosen)
+        best = int(gains.argmax())
+        if gains[best] < _CLEAR:
+            break
+        similar = np.flatnonzero(gains > max(gains[best] - _SIMILAR, _CLEAR / 2))
+        others.append(tuple(tolerated[row].name for row in similar.tolist() if row != best))
+        chosen.append(best)
+    among = information[np.ix_(chosen, chosen)]
+    sizes, spreads = np.linalg.solve(among, pull[chosen]), np.sqrt(np.diag(np.linalg.inv(among)))
+    return tuple(
+        Mismatch(tolerated[row], float(size * scale[row]), float(spread * scale[row]), also)
+        for row, size, spread, also in zip(chosen, sizes, spreads, others, strict=True)
+    )
+
+
+def _gains(information: FloatArray, pull: FloatArray, chosen: list[int]) -> FloatArray:
+    """Return what each value alone explains, chi-squared (t,), if the chosen ones are already off; 0 for those."""
+    across = information[:, chosen]
+    known = np.linalg.solve(information[np.ix_(chosen, chosen)], np.column_stack((across.T, pull[chosen])))
+    left = pull - across @ known[:, -1]
+    stiffness = np.diag(information) - (across * known[:, :-1].T).sum(axis=1)
+    gains = np.where(stiffness > 1e-9, left**2 / np.maximum(stiffness, 1e-9), 0.0)
+    gains[chosen] = 0.0
+    return np.asarray(gains)
+
 
 _PROMISING = 25.0  # largest deficit of the coarse log-likelihood, for independent readings, of another solution
 _OTHERS = 3  # other poses of a scan that are refined
@@ -226,3 +478,122 @@ def _ranged(readings: Sequence[Reading], result: FitResult) -> Sequence[Reading]
     if not any(isinstance(parameter.quantity, AirQuantity) for parameter in result.parameters):
         return readings
     return [replace(reading, speed_of_sound=result.room.air.speed_of_sound) for reading in readings]
+
+
+# Room files and board profiles with fitted values.
+#
+# Comments, layout and all values that were not free stay unchanged. A profile marks its fitted values, a room file
+# lists them at its top.
+
+
+Values = Mapping[Parameter, float]
+
+
+def fitted_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
+    """Return the room with these values; `places` are the fitted places of the scans, with the names for the room file.
+
+    Raises InputError if the result is not a valid room, such as a place inside a post or a wall without length.
+    """
+    for parts, by_part in values_by_part(values).items():
+        room = parts.write(room, by_part)
+    for parameter, value in values.items():
+        if isinstance(quantity := parameter.quantity, AirQuantity):
+            found = getattr(quantity.put(room.air, value), quantity.key)
+            room = with_air(room, replace(room.air, **{quantity.key: round(found, quantity.digits)}))
+    if any(isinstance(parameter.quantity, PlaceQuantity) for parameter in values):
+        for place in places:
+            room = with_place(room, _rounded(place))
+    return room
+
+
+def _rounded(place: Place) -> Place:
+    x, y = (round(at, X.digits) + 0.0 for at in place.position)
+    return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits)))
+
+
+def with_listed_findings(room: Room, before: str, findings: Sequence[str], logs: Sequence[str]) -> Room:
+    """Return the room with a header that lists the `findings`, as lines of `finding`; `before` is the old room's name.
+
+    A header, and not comments beside the values, because a wall's shift changes several points, and tables within one
+    line cannot contain comments.
+    """
+    header = [
+        f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with room {before!r}:",
+        *(f"#   {harmless(one)}" for one in findings),
+    ]
+    return parse_room("\n".join([*header, room.text]), f"room {room.name!r}")
+
+
+def finding(parameter: Parameter, value: float, deviation: float, before: float | None) -> str:
+    """Return a fitted value with its deviation and the former value, if known, in one line."""
+    quantity = parameter.quantity
+    shown = f"{parameter.name} {_written(quantity, value)} ± {_written(quantity, deviation)}{_unit(quantity)}"
+    return shown if before is None else f"{shown}; before: {_written(quantity, before)}"
+
+
+def kept(parameter: Parameter, value: float) -> str:
+    """Return one line about a value that was free, and is not constrained by the scans."""
+    return f"{parameter.name} {_written(parameter.quantity, value)}: kept, the scans hardly constrain it"
+
+
+def _written(quantity: Quantity, value: float) -> str:
+    return f"{value * quantity.per_unit:z.{quantity.digits}f}"
+
+
+def _unit(quantity: Quantity) -> str:
+    return quantity.unit if quantity.is_angle or not quantity.unit else f" {quantity.unit}"
+
+
+def _on(logs: Sequence[str]) -> str:
+    return f" on {', '.join(logs)}" if logs else ""
+
+
+def fitted_board(
+    board: Board,
+    values: Values,
+    name: str,
+    deviations: Values | None = None,
+    logs: Sequence[str] = (),
+    unconstrained: Sequence[str] = (),
+) -> Board:
+    """Return the board with these values and another name. Raises InputError if a value is not allowed.
+
+    The text marks each fitted value, with ± its standard deviation if given, and names the `logs` and the
+    `unconstrained` quantities, whose values are kept. Comments of the old
+    profile are quoted under its name, because they describe the old values only.
+    """
+    profile: Any = tomlkit.parse(board.text)
+    profile["name"] = name
+    found = []
+    for parameter, quantity, value in board_values(board, values):
+        deviation = None if deviations is None else deviations.get(parameter)
+        spread = "" if deviation is None else f" ± {deviation:.{quantity.digits}f}"
+        table, key = table_and_key(profile, quantity)
+        set_marked(table, key, value, quantity.read(board), f"fitted{spread}")
+        found.append(quantity.name)
+    text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs, unconstrained)
+    return parse_board(text, f"profile {name!r}")
+
+
+def board_values(board: Board, values: Values) -> Iterator[tuple[Parameter, BoardQuantity, float]]:
+    """Yield each fitted value of a board as its profile states it; `board` is the one of the fit."""
+    for parameter, value in values.items():
+        if isinstance(quantity := parameter.quantity, BoardQuantity):
+            yield parameter, quantity, round(quantity.read(quantity.put(board, value)), quantity.digits)
+
+
+def table_and_key(profile: Any, quantity: BoardQuantity) -> tuple[Any, str]:
+    """Return the table of a profile's TOML document that contains a quantity, and its key there."""
+    section, _, key = quantity.key.rpartition(".")
+    return profile.setdefault(section, tomlkit.table()) if section else profile, key
+
+
+def _with_provenance(
+    text: str, before: str, found: Sequence[str], logs: Sequence[str], unconstrained: Sequence[str]
+) -> str:
+    """Return the text below a header with the fitted values; its old header is quoted as that of profile `before`."""
+    fitted = ", ".join(found) or "no value"
+    header = [f"# Fitted by `sonarhw fit`{_on(logs)}, beginning with profile {before!r}: {fitted}."]
+    if unconstrained:
+        header.append(f"# Kept, the scans hardly constrain it: {', '.join(unconstrained)}.")
+    return below_header(header, text, before)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
-from sonarhw_compare.pictures.bscan import RangeCells
+from sonarhw_compare.pictures import RangeCells
 from sonarhw_sim.air import Air
 from sonarhw_sim.predict.predicted_scan import arm
 

@@ -12,8 +12,8 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QMargins, QPointF, QRectF, Qt, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from sonarhw_compare.headings import heading_text
-from sonarhw_compare.pictures.bscan import RangeCells
+from sonarhw_compare.pictures import RangeCells
+from sonarhw_compare.scans import heading_text
 
 from sonarhw_gui.bscan.bscan_pane import BScanPane
 from sonarhw_gui.look.appearance import Look

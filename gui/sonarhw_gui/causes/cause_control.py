@@ -14,7 +14,7 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
-    from sonarhw_compare.causes.cause_search import FoundCauses
+    from sonarhw_compare.rooms.causes import FoundCauses
 
 _MOST_READINGS = 360  # the newest ones; the time of a search is proportional to their number
 
@@ -38,7 +38,7 @@ class CauseRequest:
 
     def answer(self) -> CausesAnswer:
         """Run the search, which takes about ten seconds. Raises InputError."""
-        from sonarhw_compare.causes.cause_search import find_causes  # takes half a second
+        from sonarhw_compare.rooms.causes import find_causes  # takes half a second
 
         room, place = room_and_place(self.scene)
         progress = self.progress

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QListWidget, QListWidgetItem, QProgressBar, QPushButton, QVBoxLayout, QWidget
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError
@@ -19,7 +19,7 @@ from sonarhw_gui.shown.reading_rows import ReadingRows
 from sonarhw_gui.shown.shown import Shown
 
 if TYPE_CHECKING:
-    from sonarhw_compare.causes.cause_search import Cause  # importing it takes a third of the start of the window
+    from sonarhw_compare.rooms.causes import Cause  # importing it takes a third of the start of the window
 
 TRYING = "trying a cause"  # label of Undo
 _HINT = "Find causes searches for changes of the room that explain misfits: missing objects, moved walls, weaker edges."
@@ -98,7 +98,7 @@ class CausesPanel(QWidget):
         self.proposed.emit(None)
         self.note.setText("" if running else _HINT)
         if answer is not None and answer.request.scene.room is not None:
-            from sonarhw_compare.causes.cause_texts import cause_text, left_text  # loaded by the search
+            from sonarhw_compare.rooms.causes import cause_text, left_text  # loaded by the search
 
             self._tried = [(answer.request.scene.room, frozenset())]
             unit = self._shown.look.unit.text if self._shown else "{:.3f} m".format
@@ -119,7 +119,7 @@ class CausesPanel(QWidget):
         cause, shown, answer = self._cause, self._shown, self._state.answer
         if cause is None or shown is None or answer is None or shown.scene.room is None:
             return
-        from sonarhw_compare.causes.room_changes import OtherReflectance
+        from sonarhw_compare.rooms.causes import OtherReflectance
 
         numbers = tuple(answer.request.first + row for row in cause.readings)
         surface = cause.change.surface if isinstance(cause.change, OtherReflectance) else None

@@ -2,8 +2,7 @@
 
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QInputDialog, QLineEdit, QWidget
-from sonarhw_compare.headings import heading_text
-from sonarhw_compare.notes.note_file import MOST_CHARACTERS, note_text
+from sonarhw_compare.scans import MOST_CHARACTERS, heading_text, note_text
 
 from sonarhw.readings import Reading
 from sonarhw_gui.commands.command_list import Commands

@@ -8,8 +8,8 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtWidgets import QFileDialog, QWidget
-from sonarhw_compare.sound.film_file import FILMS
-from sonarhw_compare.sound.moments import PlayedPing
+from sonarhw_compare.film_file import FILMS
+from sonarhw_compare.sound import PlayedPing
 
 from sonarhw.export import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands

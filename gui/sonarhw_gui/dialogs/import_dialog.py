@@ -21,8 +21,7 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
-from sonarhw_compare.imports.foreign_csv import CsvColumns, CsvHead, likely_columns, likely_unit, read_head
-from sonarhw_compare.imports.foreign_rows import Meaning
+from sonarhw_compare.foreign_csv import CsvColumns, CsvHead, Meaning, likely_columns, likely_unit, read_head
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading

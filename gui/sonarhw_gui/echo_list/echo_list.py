@@ -3,15 +3,8 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from sonarhw_compare.explain.ranked_echoes import (
-    RankedEcho,
-    outcome_text,
-    ranked_echoes,
-    remedy,
-    remedy_text,
-    runner_up,
-)
-from sonarhw_compare.headings import heading_text
+from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, remedy, remedy_text, runner_up
+from sonarhw_compare.scans import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw_gui.look.appearance import LengthUnit

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal, Slot
-from sonarhw_compare.room_edit import remove_surface
+from sonarhw_compare.edits import remove_surface
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.room import Room
 
@@ -26,8 +26,8 @@ from sonarhw_gui.shown.overlaid_scan import OverlaidScan
 from sonarhw_gui.shown.shown import Shown
 
 if TYPE_CHECKING:
-    from sonarhw_compare.room_finding.draft import DraftPost, DraftWall
-    from sonarhw_compare.room_finding.next_place import NextPlace
+    from sonarhw_compare.rooms.draft import DraftPost, DraftWall
+    from sonarhw_compare.rooms.outcome import NextPlace
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ class FindControl(RunControl):
         refused, found = state.refused, state.answer
         # edits of a room keep its name
         if state.accepted and found is not None and room is not None and room.name == found.room.name:
-            from sonarhw_compare.room_finding.draft import draft_of_room
+            from sonarhw_compare.rooms.draft import draft_of_room
 
             start = draft_of_room(room)
             named = zip(state.hypotheses.shapes, state.hypotheses.supports, strict=True)

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
-from sonarhw_compare.room_edit import remove_surface
+from sonarhw_compare.edits import remove_surface
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError, counted
@@ -255,7 +255,7 @@ def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
     if not scans:
         return "No scan"
     text = f"Scans: {len(scans)} (the scan shown and the visible ones of the panel Scans)"
-    from sonarhw_compare.known_room.own_body_search import place_numbers  # not needed at the start of the window
+    from sonarhw_compare.calibration.room import place_numbers  # not needed at the start of the window
 
     places = place_numbers([scan.place.position for scan in scans])
     if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.known for scan in scans)):

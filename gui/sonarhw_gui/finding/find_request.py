@@ -13,14 +13,13 @@ from sonarhw.readings import Reading
 from sonarhw_gui.work.run_progress import RunProgress
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-    from sonarhw_compare.fit.values.fit_result import PlacedScan
-    from sonarhw_compare.locate.pose_spread import PoseSpread
-    from sonarhw_compare.locate.poses import Pose
-    from sonarhw_compare.room_finding.draft import DraftPost, DraftWall, RoomDraft
-    from sonarhw_compare.room_finding.next_place import NextPlace
-    from sonarhw_compare.room_finding.room_search import FoundRoom
-    from sonarhw_compare.room_finding.support import Support
+    from sonarhw_compare.fit.likelihood import ReadingNoise
+    from sonarhw_compare.fit.result import PlacedScan
+    from sonarhw_compare.locate import Pose, PoseSpread
+    from sonarhw_compare.rooms.candidates import Support
+    from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
+    from sonarhw_compare.rooms.outcome import NextPlace
+    from sonarhw_compare.rooms.search import FoundRoom
 
 _MOST_NEXT = 3  # places
 
@@ -124,9 +123,9 @@ class FindRequest:
 
     def answer(self) -> RoomAnswer:
         """Run the search, which takes seconds to minutes. Raises InputError, Cancelled."""
-        from sonarhw_compare.room_finding.evidence import FINE, Course
-        from sonarhw_compare.room_finding.found_room_file import found_room
-        from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+        from sonarhw_compare.rooms.evidence import FINE, Course
+        from sonarhw_compare.rooms.outcome import found_room
+        from sonarhw_compare.rooms.search import find_room_and_poses
 
         board = _one_board(self.scans)
         if self.start is not None and not self.start.is_sound:
@@ -148,14 +147,14 @@ class FindRequest:
 
     def _accept(self, draft: "RoomDraft") -> None:
         """Show an accepted draft."""
-        from sonarhw_compare.room_finding.evidence import ROUGH
+        from sonarhw_compare.rooms.evidence import ROUGH
 
         self.progress.newest = self._supported(draft, ROUGH)
 
     def _supported(self, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
-        from sonarhw_compare.locate.pose_spread import PoseSpread
-        from sonarhw_compare.room_finding.evidence import evidence_of
-        from sonarhw_compare.room_finding.support import support_of
+        from sonarhw_compare.locate import PoseSpread
+        from sonarhw_compare.rooms.candidates import support_of
+        from sonarhw_compare.rooms.evidence import evidence_of
 
         by_name = {scan.name: scan for scan in self.scans}
         scans = tuple(by_name[place.name] for place in draft.places)
@@ -165,12 +164,12 @@ class FindRequest:
         return Hypotheses(draft, scans, board, support_of(evidence, draft, noise))
 
     def _placed(self, scan: LoadedScan) -> "PlacedScan":
-        from sonarhw_compare.fit.values.fit_result import PlacedScan
+        from sonarhw_compare.fit.result import PlacedScan
 
         return PlacedScan(scan.readings, replace(scan.place, name=scan.name), scan.name)
 
     def _spreads(self) -> "list[PoseSpread]":
-        from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
+        from sonarhw_compare.locate import UNKNOWN, PoseSpread
 
         spread = PoseSpread(self.accuracy.xy, self.accuracy.heading)
         first = spread if spread.is_whole else PoseSpread()
@@ -194,7 +193,7 @@ class NextRequest:
 
     def answer(self) -> NextAnswer:
         """Try places in the room. Raises InputError, Cancelled."""
-        from sonarhw_compare.room_finding.next_place import next_places
+        from sonarhw_compare.rooms.outcome import next_places
 
         found, room, board = self.answered.found, self.answered.room, self.answered.hypotheses.board
         progress = self.progress

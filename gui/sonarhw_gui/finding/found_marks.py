@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from sonarhw_compare.headings import in_degrees
-from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.pictures import points_at
+from sonarhw_compare.scans import in_degrees
 from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import BoolArray, FloatArray
@@ -17,7 +17,7 @@ from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.shown.found_drawing import NO_POINTS, FoundDrawing, NextScan
 
 if TYPE_CHECKING:
-    from sonarhw_compare.locate.poses import Pose
+    from sonarhw_compare.locate import Pose
 
 
 def row_texts(state: FindState, unit: LengthUnit) -> list[str]:

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
-from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
+from sonarhw_compare.fit.quantities import QUANTITIES, Offer
 
 from sonarhw.errors import InputError
 from sonarhw_gui.fitting.fit_control import FitState

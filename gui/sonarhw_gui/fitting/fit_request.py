@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.match import compare_readings
 from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import Reading

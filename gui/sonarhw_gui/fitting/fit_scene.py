@@ -29,7 +29,7 @@ def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> E
 
     Raises InputError if the room cannot have these values.
     """
-    from sonarhw_compare.fit.findings import fitted_room
+    from sonarhw_compare.fit.fitting import fitted_room
 
     room, _ = room_and_place(scene)
     changed = replace(scene, room=fitted_room(room, values, ()), board=_board(scene.board, board, values))
@@ -46,7 +46,7 @@ def _at_fitted_place(scene: Scene, values: Mapping[str, float]) -> Scene:
 
 
 def _board(board: Board, fitted_with: Board, values: "Mapping[Parameter, float]") -> Board:
-    from sonarhw_compare.fit.findings import board_values, table_and_key
+    from sonarhw_compare.fit.fitting import board_values, table_and_key
 
     profile: Any = tomlkit.parse(board.text)
     for _, quantity, value in board_values(fitted_with, values):

@@ -9,7 +9,7 @@ from sonarhw_gui.look.residual_unit import residual_unit
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, Parameter  # importing it takes half a second
-    from sonarhw_compare.fit.values.warning_kinds import FitWarning
+    from sonarhw_compare.fit.result import FitWarning
 
 
 def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:

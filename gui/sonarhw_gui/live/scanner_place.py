@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonarhw_compare.scanners.fake_url import FakeUrl, is_fake, moved_fake_url, read_fake_url
+from sonarhw_compare.one_call import FakeUrl, is_fake, moved_fake_url, read_fake_url
 from sonarhw_sim.board.profile import Board, board_names, load_board
 from sonarhw_sim.room.room import Place, Room, load_room
 

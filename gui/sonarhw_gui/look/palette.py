@@ -7,8 +7,8 @@ only difference.
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from sonarhw_compare.matching.match import Kind
-from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT, WALL
+from sonarhw_compare.match import Kind
+from sonarhw_compare.pictures import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT, WALL
 
 
 class Unclassed(Enum):

@@ -9,7 +9,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, QSizeF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPen, QPolygonF
-from sonarhw_compare.headings import heading_text
+from sonarhw_compare.scans import heading_text
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
-from sonarhw_compare.room_edit import Point
+from sonarhw_compare.edits import Point
 
 from sonarhw.errors import InputError
 from sonarhw_gui.plan.plan_texts import text_under_pointer

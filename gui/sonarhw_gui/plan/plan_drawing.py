@@ -12,9 +12,9 @@ import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QKeyEvent
-from sonarhw_compare.pictures.points import points_at
-from sonarhw_compare.room_edit import Point
-from sonarhw_compare.sound.moments import counted_position
+from sonarhw_compare.edits import Point
+from sonarhw_compare.pictures import points_at
+from sonarhw_compare.sound import counted_position
 from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray

@@ -7,8 +7,8 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
-from sonarhw_compare.pictures.points import points_at
-from sonarhw_compare.room_edit import Point, corners
+from sonarhw_compare.edits import Point, corners
+from sonarhw_compare.pictures import points_at
 from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray

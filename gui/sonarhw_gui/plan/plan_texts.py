@@ -2,8 +2,8 @@
 
 import math
 
-from sonarhw_compare.headings import heading_text
-from sonarhw_compare.room_edit import Point
+from sonarhw_compare.edits import Point
+from sonarhw_compare.scans import heading_text
 from sonarhw_sim.room.room import Room
 
 from sonarhw_gui.look.appearance import LengthUnit

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from PySide6.QtCore import Qt
-from sonarhw_compare.headings import heading_text
-from sonarhw_compare.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
+from sonarhw_compare.edits import POST, WALL, Point, add_post, add_wall, corners, free_name
+from sonarhw_compare.scans import heading_text
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.plan.plan_texts import point_text, pose_text

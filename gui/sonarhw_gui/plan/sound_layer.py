@@ -3,7 +3,7 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from sonarhw_compare.sound.moments import Pulse, counted_position, moment_at
+from sonarhw_compare.sound import Pulse, counted_position, moment_at
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look

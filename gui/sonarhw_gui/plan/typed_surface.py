@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QFormLayout, QWidget
-from sonarhw_compare.room_edit import add_post, add_wall
+from sonarhw_compare.edits import add_post, add_wall
 from sonarhw_sim.room.room_file import MAX_COORDINATE
 
 from sonarhw.errors import InputError

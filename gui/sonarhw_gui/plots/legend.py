@@ -7,7 +7,7 @@ from functools import partial
 from PySide6.QtCore import QMargins, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QIcon, QPalette, QResizeEvent
 from PySide6.QtWidgets import QToolButton, QWidget
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 
 from sonarhw.readings import Origin
 from sonarhw_gui.look.appearance import Look

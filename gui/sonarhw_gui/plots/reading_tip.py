@@ -1,6 +1,6 @@
 """The tooltip of a reading: number, heading, measured and predicted range, residual and class."""
 
-from sonarhw_compare.headings import heading_text
+from sonarhw_compare.scans import heading_text
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.look.palette import MARKS

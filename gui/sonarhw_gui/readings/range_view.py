@@ -8,7 +8,7 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt, Slot
 from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import QWidget
-from sonarhw_compare.matching.match import TOLERANCE, Kind
+from sonarhw_compare.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look

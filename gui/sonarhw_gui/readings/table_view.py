@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 
 from sonarhw.errors import counted
 from sonarhw_gui.look.appearance import Look

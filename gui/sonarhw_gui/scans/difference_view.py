@@ -6,8 +6,8 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from sonarhw_compare.matching.match import Kind
-from sonarhw_compare.two_scans.scan_difference import HeadingSeries, ScanChange, ScanDifference, scan_difference
+from sonarhw_compare.match import Kind
+from sonarhw_compare.two_scans import HeadingSeries, ScanChange, ScanDifference, scan_difference
 
 from sonarhw.errors import InputError
 from sonarhw_gui.look.appearance import Look

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
-from sonarhw_compare.room_edit import Point, corners
+from sonarhw_compare.edits import Point, corners
 from sonarhw_sim.room.room import Room, wall_distances
 
 from sonarhw_gui.scene.scene import Scene

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.pictures import points_at
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.predicted_scan import PredictedScan

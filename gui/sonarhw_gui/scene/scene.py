@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from sonarhw_compare.imports.recorded_setting import board_of_log
+from sonarhw_compare.scans import board_of_log
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Place, Room, parse_room

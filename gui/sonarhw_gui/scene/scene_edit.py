@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from sonarhw_compare.room_edit import (
+from sonarhw_compare.edits import (
     Point,
     move_corner,
     move_post,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from PySide6.QtCore import QObject
-from sonarhw_compare.scanners.fake_url import is_fake
+from sonarhw_compare.one_call import is_fake
 
 from sonarhw.log import Log
 from sonarhw.readings import Origin, Reading

@@ -11,8 +11,7 @@ from pathlib import Path
 from weakref import ref
 
 from PySide6.QtCore import QObject, Signal, Slot
-from sonarhw_compare.notes.note_file import ReadingNote
-from sonarhw_compare.notes.placed_notes import note_on
+from sonarhw_compare.scans import ReadingNote, note_on
 from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import Reading

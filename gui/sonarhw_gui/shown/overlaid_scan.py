@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_compare.pictures.points import points_at
-from sonarhw_compare.two_scans.scan_difference import HeadingSeries, heading_series
+from sonarhw_compare.pictures import points_at
+from sonarhw_compare.two_scans import HeadingSeries, heading_series
 from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray, Reading

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.look.palette import Class, Unclassed

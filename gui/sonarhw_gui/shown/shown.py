@@ -9,10 +9,10 @@ from typing import TypeAlias
 from weakref import ref
 
 import numpy as np
-from sonarhw_compare.explain.sentences import explain_heading, explain_reading
-from sonarhw_compare.headings import heading_text
-from sonarhw_compare.matching.match import Matched
-from sonarhw_compare.sound.moments import PlayedPing
+from sonarhw_compare.explain import explain_heading, explain_reading
+from sonarhw_compare.match import Matched
+from sonarhw_compare.scans import heading_text
+from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray, Origin, Reading

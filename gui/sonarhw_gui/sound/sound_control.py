@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 from PySide6.QtCore import QObject, Signal, Slot
-from sonarhw_compare.sound.captions import caption_at
-from sonarhw_compare.sound.moments import PlayedPing
+from sonarhw_compare.film import caption_at
+from sonarhw_compare.sound import PlayedPing
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.shown.shown import Question, Shown, SoundMoment, is_same_question

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonarhw_compare.imports.foreign_csv import CsvColumns, likely_no_echo, read_foreign_scan
-from sonarhw_compare.imports.foreign_rows import Meaning
+from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
 
 from sonarhw.readings import Reading
 

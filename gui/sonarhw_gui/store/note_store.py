@@ -4,8 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from sonarhw_compare.notes.note_file import ReadingNote, notes_path, read_notes, save_notes
-from sonarhw_compare.notes.placed_notes import note_on, notes_of_log, placed_notes
+from sonarhw_compare.scans import ReadingNote, note_on, notes_of_log, notes_path, placed_notes, read_notes, save_notes
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.readings import Reading

@@ -5,10 +5,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from sonarhw_compare.notes.note_file import ReadingNote
-from sonarhw_compare.notes.placed_notes import placed_notes
-from sonarhw_compare.sound.film_file import FILMS, write_film
-from sonarhw_compare.sound.moments import PlayedPing
+from sonarhw_compare.film_file import FILMS, write_film
+from sonarhw_compare.scans import ReadingNote, placed_notes
+from sonarhw_compare.sound import PlayedPing
 
 from sonarhw.errors import InputError, json_text
 from sonarhw.export import export_format, export_suffixes
@@ -81,11 +80,8 @@ class ReportPage:
 
     def write(self, file: BinaryIO, ending: str) -> None:
         """Compute the report, which takes some seconds, and write it."""
-        from sonarhw_compare.imports.given_scan import GivenScan
-        from sonarhw_compare.report.html_report import (  # loads matplotlib, which the window does not need
-            report_html,
-            report_of,
-        )
+        from sonarhw_compare.report import report_html, report_of
+        from sonarhw_compare.scans import GivenScan
 
         log, scene = _log_of(self.recorded), self.scene
         room, place = room_and_place(scene)
@@ -110,7 +106,7 @@ class FilmOfSound:
 
     def write(self, file: BinaryIO, ending: str) -> None:
         """Draw and write the film, which takes some seconds. Raises MissingExtra for a video without PyAV."""
-        from sonarhw_compare.sound.film import FilmTiming  # loads matplotlib, which the window does not need
+        from sonarhw_compare.film import FilmTiming  # loads matplotlib, which the window does not need
 
         write_film(self.ping, FilmTiming(), file, ending)
 
@@ -149,7 +145,7 @@ def _notes_in(log: Log, notes: Sequence[ReadingNote]) -> dict[int, str]:
 
 
 def _summary(log: Log, scene: Scene) -> str:
-    from sonarhw_compare.matching.match import compare_readings
+    from sonarhw_compare.match import compare_readings
 
     room, _ = room_and_place(scene)
     compared = compare_readings(log.readings, room, scene.pose, scene.board, scene.options)

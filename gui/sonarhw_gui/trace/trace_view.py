@@ -10,7 +10,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Slot
 from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
-from sonarhw_compare.headings import heading_text
+from sonarhw_compare.scans import heading_text
 from sonarhw_sim.air import Air
 
 from sonarhw_gui.look.appearance import Look

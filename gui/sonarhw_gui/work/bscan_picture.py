@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.pictures.bscan import SAME_HEADING, BScan, RangeCells
-from sonarhw_compare.pictures.trace_levels import in_db
+from sonarhw_compare.pictures import SAME_HEADING, BScan, RangeCells, in_db
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.palette import Palette

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from sonarhw_compare.pictures.bscan import BScan, difference
-from sonarhw_compare.pictures.trace_levels import floor_of
+from sonarhw_compare.pictures import BScan, difference, floor_of
 from sonarhw_sim.predict.predicted_scan import PredictedScan, arm
 
 from sonarhw.readings import Reading

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from sonarhw_compare.pictures.bscan import (
+from sonarhw_compare.pictures import (
     BScan,
     RangeCells,
     bscan_of,

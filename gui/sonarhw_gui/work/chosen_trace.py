@@ -6,7 +6,7 @@ It reads a stored trace from its log and computes the predicted one, so it runs 
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_compare.pictures.trace_levels import envelope_of, floor_of, in_db
+from sonarhw_compare.pictures import envelope_of, floor_of, in_db
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.signal import Signal, is_stepped, path_loss_db, stepped_gain_db

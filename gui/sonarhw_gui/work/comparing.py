@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_compare.matching.match import Comparison, Kind, Matched, headings_of, match_readings
+from sonarhw_compare.match import Comparison, Kind, Matched, headings_of, match_readings
 from sonarhw_sim.predict.prediction import paths_serve_all_headings, predict_scan
 
 from sonarhw.readings import FloatArray, Reading

@@ -7,7 +7,7 @@ from sonarhw_gui.scene.scene_edit import room_and_place
 from sonarhw_gui.work.prediction_requests import PathsFound
 
 if TYPE_CHECKING:
-    from sonarhw_compare.pictures.range_shading import RangeShading
+    from sonarhw_compare.pictures import RangeShading
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class ChancesRequest:
     def answer(self) -> OutlineChances:
         """Search the fainter paths, and weigh the possible readings at every heading of the outline."""
         # slow to load, and few boards state a spread
-        from sonarhw_compare.pictures.range_shading import shading_of
+        from sonarhw_compare.pictures import shading_of
         from sonarhw_sim.predict.probability import possible_readings, scan_with_fainter_paths
 
         found, scene = self.found, self.found.scene

@@ -38,9 +38,9 @@ def test_the_suffix_selects_the_format_and_the_same_picture_is_the_same_file(
 
 
 def test_figures_are_drawn_in_the_requested_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonarhw_compare.paper import page
+    from sonarhw_compare.paper import figures
 
-    monkeypatch.setattr(page, "EXHIBITS", page.EXHIBITS[:1])
+    monkeypatch.setattr(figures, "EXHIBITS", figures.EXHIBITS[:1])
     assert run(["figures", str(tmp_path), "--format", "svg"]) == 0
     (picture,) = tmp_path.glob("*.svg")
     assert picture.read_bytes().startswith(b"<?xml")

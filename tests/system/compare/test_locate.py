@@ -10,9 +10,8 @@ import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.comparison.locate_command import _figures_of, _heading_doubts
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.locate.poses import Located, Pose, locate_scan
-from sonarhw_compare.room_finding.evidence import FOLLOWED
+from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
+from sonarhw_compare.rooms.evidence import FOLLOWED
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room

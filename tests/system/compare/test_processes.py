@@ -11,15 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.processes import late_processes
-from sonarhw_compare.processes.compute_processes import ComputeProcesses
-from sonarhw_compare.processes.late_processes import LateProcesses
-from sonarhw_compare.room_finding import room_search
-from sonarhw_compare.room_finding.draft import draft_of_room
-from sonarhw_compare.room_finding.evidence import ROUGH, evidence_of
-from sonarhw_compare.room_finding.refining.refinement import refined
-from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms import evidence as late_processes
+from sonarhw_compare.rooms import search
+from sonarhw_compare.rooms.draft import draft_of_room
+from sonarhw_compare.rooms.evidence import ROUGH, ComputeProcesses, LateProcesses, evidence_of
+from sonarhw_compare.rooms.search import find_room, refined
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room
@@ -90,7 +87,7 @@ def test_a_check_ends_the_wait_for_a_process() -> None:
 def test_processes_end_with_the_process_that_started_them() -> None:
     # no `if __name__ == "__main__"`; the answer comes when the last process has closed standard error
     script = (
-        "import os, signal; from sonarhw_compare.processes.compute_processes import ComputeProcesses\n"
+        "import os, signal; from sonarhw_compare.rooms.evidence import ComputeProcesses\n"
         "ComputeProcesses(2, 1).results(max, [(2,), (3,)], lambda: None); os.kill(os.getpid(), signal.SIGTERM)"
     )
     ended = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, timeout=60, check=False)
@@ -128,7 +125,7 @@ def test_a_cancelled_search_ends_its_processes(
 ) -> None:
     room = load_room("simple")
     scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
-    monkeypatch.setattr(room_search, "LARGE", 0)
+    monkeypatch.setattr(search, "LARGE", 0)
 
     def tick(_share: float) -> None:
         if two_cores:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import sonarhw_compare.known_room.room_calibration as calibration
-from sonarhw_compare.fit.plain_fit import fit_scan
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.starting_turntable import StartingTurntable
+import sonarhw_compare.calibration.room as calibration
+from sonarhw_compare.calibration.room import StartingTurntable
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place

@@ -14,12 +14,10 @@ from xml.etree import ElementTree
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare.explain.details import region_details
-from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.imports.given_scan import GivenScan
-from sonarhw_compare.report import html_report as report_module
-from sonarhw_compare.report.html_report import Report, report_html, report_of
-from sonarhw_compare.report.report_regions import regions_table
+from sonarhw_compare import report as report_module
+from sonarhw_compare.explain import explain_reading, region_details
+from sonarhw_compare.report import Report, regions_table, report_html, report_of
+from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import load_room, parse_room

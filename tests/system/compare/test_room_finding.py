@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.rooms.search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room

@@ -14,12 +14,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_compare import study as parts
+from sonarhw_compare import study as study_run
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.study import load_study, parts, read_study, read_tables, run_study, study_run
-from sonarhw_compare.study.cases import Cases
-from sonarhw_compare.study.parts import Part, StudyFolder, make_part, part_count, scans_per_part
-from sonarhw_compare.study.spec import OptionValues, Study
-from sonarhw_compare.study.study_scans import PathCache, columns_of, predict_case, predict_scans
+from sonarhw_compare.study import (
+    Cases,
+    OptionValues,
+    Part,
+    PathCache,
+    Study,
+    StudyFolder,
+    columns_of,
+    load_study,
+    make_part,
+    part_count,
+    predict_case,
+    predict_scans,
+    read_study,
+    read_tables,
+    run_study,
+    scans_per_part,
+)
 from sonarhw_sim.predict.prediction import predict_with
 from sonarhw_sim.room.room import load_room
 
@@ -376,7 +391,7 @@ def test_without_dask_the_error_names_the_extra(tmp_path: Path, monkeypatch: pyt
 def test_a_study_without_a_cluster_leaves_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw_compare.study.workers._ANSWER_WITHIN", 0.2)  # no scheduler at this port
+    monkeypatch.setattr("sonarhw_compare.study._ANSWER_WITHIN", 0.2)  # no scheduler at this port
     command = ["study", str(spec_of(tmp_path)), "--out", str(tmp_path / "out")]
     assert run([*command, "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "no Dask scheduler answers" in capsys.readouterr().err

@@ -15,7 +15,7 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QtMsgType
 from PySide6.QtWidgets import QApplication, QDialog
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.notes.note_file import notes_path
+from sonarhw_compare.scans import notes_path
 from sonarhw_gui.dialogs.import_dialog import ImportDialog
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scene.scene import Scene

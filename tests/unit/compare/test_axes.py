@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm, uniform
-from sonarhw_compare.study.axes import Drawn, Listed, random_of, read_axis
+from sonarhw_compare.study import Drawn, Listed, random_of, read_axis
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map.certainty import DEPTH, CertaintyGrid, _mark_empty, _mark_occupied, certainty_grid
+from sonarhw_compare.map import DEPTH, CertaintyGrid, _mark_empty, _mark_occupied, certainty_grid
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
 from sonarhw_sim.room.room import Place

@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from sonarhw_compare.map.arcs import Arc
-from sonarhw_compare.map.features import find_features
+from sonarhw_compare.map import Arc, find_features
 
 
 def arc(centre: tuple[float, float], target: tuple[float, float]) -> Arc:

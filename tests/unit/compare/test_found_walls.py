@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.map.arcs import Arc
-from sonarhw_compare.map.features import Features, Wall
-from sonarhw_compare.map.rejection import reachable_walls, room_of
+from sonarhw_compare.map import Arc, Features, Wall, reachable_walls, room_of
 
 
 def wall(start: tuple[float, float], end: tuple[float, float], degrees: float, *arcs: int) -> Wall:

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from sonarhw_compare.imports.given_scan import GivenScan
+from sonarhw_compare.scans import GivenScan
 
 from sonarhw.errors import InputError
 from tests.fixtures.example_logs import example_reading

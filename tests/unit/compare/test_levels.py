@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import hilbert
-from sonarhw_compare.pictures.trace_levels import envelope_of
+from sonarhw_compare.pictures import envelope_of
 
 from sonarhw.readings import Trace
 

@@ -8,18 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarhw_compare.paper import beam_figures as beam
-from sonarhw_compare.paper import corner_figures as corners
-from sonarhw_compare.paper import corridor_figures as corridor
-from sonarhw_compare.paper import laboratory_figures as laboratory
-from sonarhw_compare.paper import page
-from sonarhw_compare.paper import plate_figures as plates
-from sonarhw_compare.paper import ray_figures as rays
-from sonarhw_compare.paper import simple_room_figures as simple_room
-from sonarhw_compare.paper import single_reflection_figures as single_reflections
-from sonarhw_compare.paper.drawing import label_walls, sheet
-from sonarhw_compare.paper.exhibit import Claim
-from sonarhw_compare.paper.setting import PaperScene
+from sonarhw_compare.paper import figures
+from sonarhw_compare.paper.scenes import Claim, PaperScene, label_walls, sheet
 from sonarhw_sim.air import Model, Unit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import parse_room
@@ -28,76 +18,70 @@ from sonarhw.readings import FloatArray
 from tests.checkout import CHECKOUT
 
 PAGE = Path("docs/figures/figures.md").read_text(encoding="utf-8")
-CLAIMS = [claim for exhibit in page.EXHIBITS for claim in exhibit.claims]
+CLAIMS = [claim for exhibit in figures.EXHIBITS for claim in exhibit.claims]
 
-NEAREST_WITH_NOISE = tuple(replace(scene, model=Model.NEAREST, seed=seed) for seed, scene in enumerate(corridor.WALK))
+NEAREST_WITH_NOISE = tuple(replace(scene, model=Model.NEAREST, seed=seed) for seed, scene in enumerate(figures.WALK))
 # 0.3 m from a wall, which is within blanking
-WITHIN_BLANKING = tuple(replace(scene, place=f"{scene.place.split(',')[0]},0.3") for scene in corridor.WALK)
-OPEN_SPACE = tuple(replace(scene, room="oblique_corner", place="near") for scene in corridor.WALK)
-SLANTED = tuple(replace(scene, model=Model.CONE) for scene in corridor.WALK)
-TOO_CLOSE_TO_THE_PERSON = tuple(replace(scene, place="3.5,1.6") for scene in laboratory.SCANS)
-TRANSDUCER_TURNED = replace(plates.AT_45, degrees=(7.0, 8.0, 1.0))
-EMPTY_TABLE = tuple(replace(scene, room="simple", place="figure9") for scene in laboratory.SCANS)
+WITHIN_BLANKING = tuple(replace(scene, place=f"{scene.place.split(',')[0]},0.3") for scene in figures.WALK)
+OPEN_SPACE = tuple(replace(scene, room="oblique_corner", place="near") for scene in figures.WALK)
+SLANTED = tuple(replace(scene, model=Model.CONE) for scene in figures.WALK)
+TOO_CLOSE_TO_THE_PERSON = tuple(replace(scene, place="3.5,1.6") for scene in figures.SCANS)
+TRANSDUCER_TURNED = replace(figures.AT_45, degrees=(7.0, 8.0, 1.0))
+EMPTY_TABLE = tuple(replace(scene, room="simple", place="figure9") for scene in figures.SCANS)
 
 # each claim with a scene for which it is false: another unit, place, object, model or transducer
 BROKEN: list[Callable[[], Claim]] = [
-    partial(plates.nothing_returns, plates.TILTED),
-    partial(plates.one_echo, plates.PARALLEL),
-    partial(plates.many_echoes, replace(plates.PARALLEL, unit=Unit.PASS)),
-    partial(plates.strongest_is_reflected_by_the_plate, TRANSDUCER_TURNED),
-    partial(laboratory.near_wall_over_a_short_span, EMPTY_TABLE),
+    partial(figures.nothing_returns, figures.TILTED),
+    partial(figures.one_echo, figures.PARALLEL),
+    partial(figures.many_echoes, replace(figures.PARALLEL, unit=Unit.PASS)),
+    partial(figures.strongest_is_reflected_by_the_plate, TRANSDUCER_TURNED),
+    partial(figures.near_wall_over_a_short_span, EMPTY_TABLE),
     # wide beams
+    partial(figures.near_wall_over_a_short_span, tuple(replace(scene, board="hc-sr04") for scene in figures.SCANS)),
+    partial(figures.near_wall_over_a_short_span, tuple(replace(scene, board="lego-nxt") for scene in figures.SCANS)),
+    partial(figures.blackboard_moves_the_wall, figures.BESIDE_THE_BLACKBOARD),
+    partial(figures.person_is_strong, TOO_CLOSE_TO_THE_PERSON),
+    partial(figures.pillar_is_half_lost, pillar="person"),
+    partial(figures.burst_off_the_axis, radius=0.016),
+    partial(figures.loss_grows_to_the_first_null, radius=0.016),
     partial(
-        laboratory.near_wall_over_a_short_span, tuple(replace(scene, board="hc-sr04") for scene in laboratory.SCANS)
-    ),
-    partial(
-        laboratory.near_wall_over_a_short_span, tuple(replace(scene, board="lego-nxt") for scene in laboratory.SCANS)
-    ),
-    partial(laboratory.blackboard_moves_the_wall, laboratory.BESIDE_THE_BLACKBOARD),
-    partial(laboratory.person_is_strong, TOO_CLOSE_TO_THE_PERSON),
-    partial(laboratory.pillar_is_half_lost, pillar="person"),
-    partial(beam.burst_off_the_axis, radius=0.016),
-    partial(beam.loss_grows_to_the_first_null, radius=0.016),
-    partial(
-        single_reflections.single_readings_are_theirs,
+        figures.single_readings_are_theirs,
         model=lambda scene: replace(scene, model=Model.NEAREST).scan.ranges,
     ),
     # 0.5 m from an edge, which is then above the threshold
-    partial(
-        single_reflections.single_readings_are_theirs, replace(single_reflections.RAY_FOLLOWING, place="1.85,0.95")
-    ),
-    partial(single_reflections.several_reflections_are_missing, model=lambda scene: scene.scan.ranges),
-    partial(simple_room.circle_of_minimum_range, simple_room.FIGURE_8),
-    partial(simple_room.far_wall_is_wavy, simple_room.FIGURE_9),
-    partial(simple_room.nothing_near_at_the_right, replace(simple_room.FIGURE_8, unit=Unit.PASS)),
-    partial(simple_room.upper_wall_is_true, simple_room.FIGURE_8),
-    partial(simple_room.lower_wall_is_false, replace(simple_room.FIGURE_9, unit=Unit.BLOCK)),
-    partial(simple_room.corridor_of_twice_the_width, replace(simple_room.FIGURE_9, unit=Unit.BLOCK)),
-    partial(simple_room.body_removes_the_false_wall, simple_room.FIGURE_9),
-    partial(corners.walls_do_not_meet, corners.RIGHT),
-    partial(corners.lower_is_seen_behind_upper, replace(corners.OBLIQUE, place="0.3,-0.3")),
-    partial(corners.oblique_almost_unchanged, nearer=replace(corners.OBLIQUE, place="0.15,0.3")),
-    partial(corners.oblique_walls_are_lost_off_the_axis, replace(corners.OBLIQUE, model=Model.NEAREST)),
-    partial(corners.corner_is_a_tangential_wall, corners.OBLIQUE),
-    partial(corners.hole_at_each_side, replace(corners.RIGHT, board="hc-sr04")),
-    partial(corners.almost_unchanged_from_nearer, nearer=replace(corners.RIGHT, place="0.6,0.2")),
-    partial(corners.right_walls_are_lost_off_the_axis, replace(corners.RIGHT, model=Model.NEAREST)),
-    partial(rays.legs_of_the_reading, replace(rays.READING, unit=Unit.BLOCK)),
-    partial(rays.level_is_the_product_of_reflectances, replace(rays.READING, degrees=(276.0, 277.0, 1.0))),
-    partial(corridor.right_at_right_angles, NEAREST_WITH_NOISE),
-    partial(corridor.right_at_right_angles, WITHIN_BLANKING),
-    partial(corridor.long_ahead_and_behind, SLANTED),
-    partial(corridor.long_ahead_and_behind, OPEN_SPACE),
-    partial(corridor.errors_are_correlated_between_headings, NEAREST_WITH_NOISE),
-    partial(corridor.errors_are_correlated_between_places, NEAREST_WITH_NOISE),
+    partial(figures.single_readings_are_theirs, replace(figures.RAY_FOLLOWING, place="1.85,0.95")),
+    partial(figures.several_reflections_are_missing, model=lambda scene: scene.scan.ranges),
+    partial(figures.circle_of_minimum_range, figures.FIGURE_8),
+    partial(figures.far_wall_is_wavy, figures.FIGURE_9),
+    partial(figures.nothing_near_at_the_right, replace(figures.FIGURE_8, unit=Unit.PASS)),
+    partial(figures.upper_wall_is_true, figures.FIGURE_8),
+    partial(figures.lower_wall_is_false, replace(figures.FIGURE_9, unit=Unit.BLOCK)),
+    partial(figures.corridor_of_twice_the_width, replace(figures.FIGURE_9, unit=Unit.BLOCK)),
+    partial(figures.body_removes_the_false_wall, figures.FIGURE_9),
+    partial(figures.walls_do_not_meet, figures.RIGHT),
+    partial(figures.lower_is_seen_behind_upper, replace(figures.OBLIQUE, place="0.3,-0.3")),
+    partial(figures.oblique_almost_unchanged, nearer=replace(figures.OBLIQUE, place="0.15,0.3")),
+    partial(figures.oblique_walls_are_lost_off_the_axis, replace(figures.OBLIQUE, model=Model.NEAREST)),
+    partial(figures.corner_is_a_tangential_wall, figures.OBLIQUE),
+    partial(figures.hole_at_each_side, replace(figures.RIGHT, board="hc-sr04")),
+    partial(figures.almost_unchanged_from_nearer, nearer=replace(figures.RIGHT, place="0.6,0.2")),
+    partial(figures.right_walls_are_lost_off_the_axis, replace(figures.RIGHT, model=Model.NEAREST)),
+    partial(figures.legs_of_the_reading, replace(figures.READING, unit=Unit.BLOCK)),
+    partial(figures.level_is_the_product_of_reflectances, replace(figures.READING, degrees=(276.0, 277.0, 1.0))),
+    partial(figures.right_at_right_angles, NEAREST_WITH_NOISE),
+    partial(figures.right_at_right_angles, WITHIN_BLANKING),
+    partial(figures.long_ahead_and_behind, SLANTED),
+    partial(figures.long_ahead_and_behind, OPEN_SPACE),
+    partial(figures.errors_are_correlated_between_headings, NEAREST_WITH_NOISE),
+    partial(figures.errors_are_correlated_between_places, NEAREST_WITH_NOISE),
 ]
 
 # each claim that the model does not show, with a scene for which it is true
 NOT_SHOWN: list[Callable[[], Claim]] = [
-    partial(plates.small_echo_vanishes, turned=TRANSDUCER_TURNED),
-    partial(laboratory.protruding_corner_is_strong, laboratory.BESIDE_THE_CLOSET),
-    partial(simple_room.very_close_at_the_right, replace(simple_room.FIGURE_7, place="0.45,0.345")),
-    partial(simple_room.far_wall_is_wavy_again, simple_room.FIGURE_8),
+    partial(figures.small_echo_vanishes, turned=TRANSDUCER_TURNED),
+    partial(figures.protruding_corner_is_strong, figures.BESIDE_THE_CLOSET),
+    partial(figures.very_close_at_the_right, replace(figures.FIGURE_7, place="0.45,0.345")),
+    partial(figures.far_wall_is_wavy_again, figures.FIGURE_8),
 ]
 
 
@@ -130,8 +114,8 @@ def _claims_of(scenes: list[Callable[[], Claim]]) -> set[Callable[[], Claim]]:
 @pytest.mark.parametrize(
     ("claim", "scene"),
     [
-        (corners.oblique_walls_are_lost_off_the_axis, corners.OBLIQUE),
-        (corners.right_walls_are_lost_off_the_axis, corners.RIGHT),
+        (figures.oblique_walls_are_lost_off_the_axis, figures.OBLIQUE),
+        (figures.right_walls_are_lost_off_the_axis, figures.RIGHT),
     ],
     ids=["oblique", "right"],
 )
@@ -147,19 +131,19 @@ def test_rough_walls_are_not_lost_beyond_the_critical_angle(
 
 
 def test_robot_without_its_body_detects_the_false_wall_again() -> None:
-    bare = replace(simple_room.ROBOT, place="0.574,0.085", board="paper")
-    assert not simple_room.body_removes_the_false_wall(bare).holds
-    assert simple_room.lower_wall_is_false(bare).holds
+    bare = replace(figures.ROBOT, place="0.574,0.085", board="paper")
+    assert not figures.body_removes_the_false_wall(bare).holds
+    assert figures.lower_wall_is_false(bare).holds
 
 
 def test_single_readings_must_all_be_in_the_other_model() -> None:
     """The other model has an echo for some of them only, and where it has one, it agrees."""
 
     def near(scene: PaperScene) -> FloatArray:
-        found = single_reflections.single_reflections(scene)
+        found = figures.single_reflections(scene)
         return np.where(found > 1.2, np.nan, found)
 
-    shown = single_reflections.single_readings_are_theirs(model=near)
+    shown = figures.single_readings_are_theirs(model=near)
     assert "differs by at most 0.0 mm" in shown.measured
     assert not shown.holds
 
@@ -171,25 +155,25 @@ def test_independent_model_hears_the_nearer_of_two_walls_up_to_the_critical_angl
     for walls, expected in ((far, 2.0), (near + far, 1.0)):
         room = parse_room("name = 'r'\n[materials.m]\nreflectance = 1.0\n" + walls, "r.toml")
         headings = np.radians([-11.2, -10.8, 0.0, 10.8, 11.2, 180.0])
-        found = single_reflections.single_reflection_ranges(room, load_board("paper"), (0.0, 0.0), headings)
+        found = figures.single_reflection_ranges(room, load_board("paper"), (0.0, 0.0), headings)
         np.testing.assert_allclose(found, [np.nan, expected, expected, expected, np.nan, np.nan])
 
 
 def test_widths_differ_by_the_largest_difference_of_their_parts() -> None:
     widths = (5, 6, 7)
     for other, apart in (((5, 6, 7), 0), ((3, 6, 7), 2), ((5, 9, 6), 3), ((4, 6, 11), 4)):
-        assert corners.largest_difference(widths, other) == corners.largest_difference(other, widths) == apart
+        assert figures.largest_difference(widths, other) == figures.largest_difference(other, widths) == apart
 
 
 def test_correlation_of_random_noise_is_small() -> None:
     noise = np.random.default_rng(0).normal(size=(41, 72))
-    found, pairs = corridor.correlation(noise[:-1], noise[1:])
+    found, pairs = figures.correlation(noise[:-1], noise[1:])
     assert pairs == 40 * 72
     assert abs(found) < 0.1
 
 
 def test_scene_names_the_command_with_all_its_options() -> None:
-    assert simple_room.FIGURE_7_BOARD.command == (
+    assert figures.FIGURE_7_BOARD.command == (
         "sonarhw simulate rooms/simple.toml --place figure7 --board polaroid-6500 --from 0 --to 360 --step 3 "
         "--unit reflect --receiver board"
     )
@@ -197,7 +181,7 @@ def test_scene_names_the_command_with_all_its_options() -> None:
 
 def test_pulses_of_the_beam_figure_last_as_long_as_the_burst_and_the_delay_across_the_face() -> None:
     """A burst of 16 cycles of 49.412 kHz; a face of 19.2 mm radius."""
-    (exhibit,) = beam.EXHIBITS
+    (exhibit,) = figures.BEAM_EXHIBITS
     pulses = exhibit.draw().axes[0].lines
     for line, degrees in zip(pulses, (0.0, 5.0, 10.0, 17.2), strict=True):
         times, pressure = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
@@ -207,7 +191,7 @@ def test_pulses_of_the_beam_figure_last_as_long_as_the_burst_and_the_delay_acros
 
 
 def test_names_stand_along_their_walls_on_the_side_away_from_the_sensor() -> None:
-    scene = simple_room.FIGURE_9
+    scene = figures.FIGURE_9
     room, sensor = scene.scan.room, np.array(scene.scan.place.position)
     axes = sheet(4, 3).add_subplot()
     label_walls(axes, scene, ("top", "left", "bottom"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sonarhw_compare.room_edit import (
+from sonarhw_compare.edits import (
     add_post,
     add_wall,
     corners,

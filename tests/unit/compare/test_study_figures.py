@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from sonarhw_compare.study.study_scans import ScanColumns, figures_of
+from sonarhw_compare.study import ScanColumns, figures_of
 
 NONE = math.nan
 

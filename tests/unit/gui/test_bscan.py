@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.pictures.bscan import (
+from sonarhw_compare.pictures import (
     CELLS,
     BScan,
     RangeCells,
@@ -13,12 +13,13 @@ from sonarhw_compare.pictures.bscan import (
     cells_for,
     difference,
     echo_row,
+    envelope_of,
     heading_key,
+    in_db,
     newest_by_heading,
     predicted_row,
     trace_row,
 )
-from sonarhw_compare.pictures.trace_levels import envelope_of, in_db
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.bscan_picture import (

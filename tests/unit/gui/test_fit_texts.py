@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 from sonarhw_compare.fit import AtBound, free_parameters
-from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
-from sonarhw_compare.matching.match import Summary
+from sonarhw_compare.fit.fitting import unexplained, warnings_of
+from sonarhw_compare.match import Summary
 from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings, FitSolution
 from sonarhw_gui.fitting.fit_texts import warnings
 from sonarhw_gui.scene.scene import scene_with

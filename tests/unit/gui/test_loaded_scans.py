@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding.evidence import FINE, evidence_of
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.evidence import FINE, evidence_of
 from sonarhw_gui.finding.loaded_scans import loaded_scans
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.overlaid_scan import overlaid

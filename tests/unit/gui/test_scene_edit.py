@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarhw_compare.room_edit import add_post
+from sonarhw_compare.edits import add_post
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.plan.plan_texts import pose_text, surface_text
 from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip, surface_at

@@ -4,7 +4,7 @@ import pydoc
 import sys
 
 import pytest
-from sonarhw_compare.study.arrow import check_arrow
+from sonarhw_compare.study import check_arrow
 
 import sonarhw
 from sonarhw.errors import MissingExtra

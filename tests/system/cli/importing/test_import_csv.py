@@ -250,7 +250,7 @@ def test_invalid_input_gives_an_error_of_one_line_and_no_file(
 def test_too_many_readings_give_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw_compare.imports.foreign_csv.MOST_READINGS", 200)  # a thousandth of the limit
+    monkeypatch.setattr("sonarhw_compare.foreign_csv.MOST_READINGS", 200)  # a thousandth of the limit
     (tmp_path / "in.csv").write_text("deg,cm\n" + 201 * "1,1\n")
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
     assert "has more than 200 readings; split it" in capsys.readouterr().err

@@ -128,6 +128,6 @@ def test_a_wrong_ping360_log_is_refused_in_one_line(
 def test_more_samples_than_fit_into_memory_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sonarhw_compare.imports.foreign_rows.MOST_SAMPLES", 1500)
+    monkeypatch.setattr("sonarhw_compare.foreign_csv.MOST_SAMPLES", 1500)
     assert ping360(tmp_path, LOG_360) == 2
     assert "traces of more than 1500 samples; split it into several files" in capsys.readouterr().err

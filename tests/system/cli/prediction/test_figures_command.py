@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_compare.paper.exhibit import Exhibit
-from sonarhw_compare.paper.page import EXHIBITS
-from sonarhw_compare.paper.setting import PaperScene
+from sonarhw_compare.paper.figures import EXHIBITS
+from sonarhw_compare.paper.scenes import Exhibit, PaperScene
 
 COMMITTED = Path("docs/figures")
 

@@ -55,6 +55,6 @@ def test_a_study_names_shipped_rooms_and_its_own_files(tmp_path: Path) -> None:
     (tmp_path / "studies/own.toml").write_text(LABORATORY.replace('"Laboratory"', '"Own"'))
     spec = tmp_path / "studies/spec.toml"
     spec.write_text('name = "s"\n[[rooms]]\nfile = "simple"\n[[rooms]]\nfile = "own.toml"\n[headings]\nstep = 90.0\n')
-    from sonarhw_compare.study.spec import load_study
+    from sonarhw_compare.study import load_study
 
     assert [room.name for room in load_study(spec).rooms] == ["Simple room", "Own"]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from sonarhw_cli.console.demo_room import PLACE, ROOM
-from sonarhw_compare.plate.plate_calibration import calibrate_with_plates
-from sonarhw_compare.plate.plate_readings import plate_readings
+from sonarhw_compare.calibration.plate import calibrate_with_plates
+from sonarhw_compare.calibration.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import Place, load_room

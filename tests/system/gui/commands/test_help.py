@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 from sonarhw_gui.dialogs.help_page import HelpPage
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.shell.main_window import MainWindow

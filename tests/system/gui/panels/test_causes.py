@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 from sonarhw_gui.causes.causes_panel import CausesPanel
 from sonarhw_gui.scene.scene import scene_with
 from sonarhw_gui.shell.main_window import MainWindow

@@ -8,7 +8,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.scanners.fake_url import read_fake_url
+from sonarhw_compare.one_call import read_fake_url
 from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.scanner_choice import ScannerTarget

@@ -10,8 +10,8 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window.gui_command import _Scanners
-from sonarhw_compare.matching.match import compare_readings
-from sonarhw_compare.scanners.fake_url import read_fake_url
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.one_call import read_fake_url
 from sonarhw_gui.bars.status_bar import FAKE as FAKE_LABEL
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import with_sensor_at

@@ -13,11 +13,10 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.locate.poses import Pose
-from sonarhw_compare.processes import late_processes
-from sonarhw_compare.processes.compute_processes import ComputeProcesses
-from sonarhw_compare.room_finding import next_place, unknown_poses
+from sonarhw_compare.locate import Pose, PoseSpread
+from sonarhw_compare.rooms import evidence, outcome
+from sonarhw_compare.rooms import search as unknown_poses
+from sonarhw_compare.rooms.evidence import ComputeProcesses
 from sonarhw_gui.finding.find_control import FindState
 from sonarhw_gui.finding.find_request import FindRequest, RoomAnswer
 from sonarhw_gui.scene.scene import Scene
@@ -198,14 +197,14 @@ def test_the_best_place_so_far_is_shown_while_others_are_tried(
     panel, plan, finding = window.finding, window.views.plan.drawing.found, window.session.finding
     find(qtbot, window)
     tried, held = itertools.count(), threading.Event()
-    predict = next_place.predict_scan
+    predict = outcome.predict_scan
 
     def held_after_ten(*scene: object) -> object:
         if next(tried) == 10:
             held.wait(60.0)
         return predict(*scene)
 
-    monkeypatch.setattr(next_place, "predict_scan", held_after_ten)
+    monkeypatch.setattr(outcome, "predict_scan", held_after_ten)
     qtbot.mouseClick(panel.plan, LEFT)
     until(qtbot, lambda: finding.state.share > 0.1 and plan.next_scan.isVisible())
     assert finding.state.running == "planning"
@@ -325,8 +324,8 @@ def test_a_window_closes_while_processes_search(
             return super().results(select.select, [([], [])] * 2, searched[-1])  # waits for ever
 
     monkeypatch.setattr(unknown_poses, "LARGE", 0)
-    monkeypatch.setattr(late_processes, "core_count", lambda: 2)
-    monkeypatch.setattr(late_processes, "ComputeProcesses", Observed)
+    monkeypatch.setattr(evidence, "core_count", lambda: 2)
+    monkeypatch.setattr(evidence, "ComputeProcesses", Observed)
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, at_work.is_set)
     assert window.close()

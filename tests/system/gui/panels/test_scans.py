@@ -9,7 +9,7 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QFileDialog, QGraphicsTextItem, QStyle, QStyleOptionViewItem
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_compare.two_scans.scan_difference import ScanChange
+from sonarhw_compare.two_scans import ScanChange
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.overlaid_scan import SHOWN, ScanPair
 

@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.headings import heading_text
+from sonarhw_compare.scans import heading_text
 from sonarhw_gui.look.palette import ViewLayer
 from sonarhw_gui.plan.edge_arrows import edge_arrows
 from sonarhw_gui.plan.plan_drawing import PlanDrawing

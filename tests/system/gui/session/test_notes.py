@@ -11,8 +11,7 @@ from PySide6.QtGui import QContextMenuEvent
 from PySide6.QtWidgets import QApplication, QLineEdit
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_compare.notes.note_file import notes_path
-from sonarhw_compare.notes.placed_notes import notes_of_log
+from sonarhw_compare.scans import notes_of_log, notes_path
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shown.reading_cells import Column
 from sonarhw_gui.store.note_store import NoteStore
@@ -158,7 +157,7 @@ def test_notes_of_a_live_scan_are_kept_beside_its_recording(
 def test_a_folder_that_cannot_be_written_gives_one_line_and_loses_no_note(
     qtbot: QtBot, open_with: OpenWith, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import sonarhw_compare.notes.note_file as note_file
+    import sonarhw_compare.scans as note_file
 
     write = note_file.atomic_file
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.pictures.bscan import SAME_HEADING, difference
+from sonarhw_compare.pictures import SAME_HEADING, difference
 from sonarhw_gui.bscan.bscan_view import BScanView
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.plan.plan_drawing import PlanDrawing

@@ -11,7 +11,7 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QGraphicsView
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind, compare_readings
+from sonarhw_compare.match import Kind, compare_readings
 from sonarhw_gui.look.palette import LIGHT, Unclassed, ViewLayer
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow

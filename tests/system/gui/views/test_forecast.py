@@ -10,7 +10,7 @@ from weakref import ref
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.match import compare_readings
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.comparing import ComparedScan, CompareRequest, StretchesCompared
 from sonarhw_gui.work.effort import Effort, EffortChoice

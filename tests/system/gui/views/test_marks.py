@@ -5,7 +5,7 @@ import pyqtgraph as pg
 import pytest
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.plots.marks import Placed, ReadingMarks
 from sonarhw_gui.plots.spots import Spots

@@ -8,8 +8,8 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF
 from PySide6.QtGui import QColor
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind, compare_readings
-from sonarhw_compare.pictures.range_shading import RangeShading
+from sonarhw_compare.match import Kind, compare_readings
+from sonarhw_compare.pictures import RangeShading
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.scene.scene import Scene

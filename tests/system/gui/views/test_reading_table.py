@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QColor, QGuiApplication
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind, compare_readings
+from sonarhw_compare.match import Kind, compare_readings
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.readings.table_view import TableView

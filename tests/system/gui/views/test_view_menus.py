@@ -8,7 +8,7 @@ from PySide6.QtCore import QPoint, QRectF, Qt
 from PySide6.QtGui import QContextMenuEvent
 from PySide6.QtWidgets import QApplication, QMenu, QWidget
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.match import Kind
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log

@@ -5,9 +5,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from sonarhw_compare.causes.cause_search import FoundCauses, find_causes
-from sonarhw_compare.causes.cause_texts import cause_text
-from sonarhw_compare.causes.room_changes import MovedWall, NewPost, NewWall, OtherReflectance
+from sonarhw_compare.rooms.causes import (
+    FoundCauses,
+    MovedWall,
+    NewPost,
+    NewWall,
+    OtherReflectance,
+    cause_text,
+    find_causes,
+)
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room, parse_room

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.explain.contest import change_for, contest, steps, wall_change
-from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.explain import change_for, contest, explain_reading, steps, wall_change
+from sonarhw_compare.fit.quantities import left_normals, with_shifted_walls
+from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
 from sonarhw_sim.room.room import Place, load_room

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.explain.details import details
-from sonarhw_compare.matching.assign import assigned_echoes
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.explain import details
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.score import assigned_echoes
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan, weigh_paths
 from sonarhw_sim.room.room import load_room

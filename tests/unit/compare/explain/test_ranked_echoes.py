@@ -6,17 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.explain.ranked_echoes import (
+from sonarhw_compare.explain import (
     RankedEcho,
+    explain_heading,
+    explain_reading,
     outcome_text,
     ranked_echoes,
     remedy,
     remedy_text,
     runner_up,
 )
-from sonarhw_compare.explain.sentences import explain_heading, explain_reading
-from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.fit.quantities import left_normals, with_shifted_walls
+from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths

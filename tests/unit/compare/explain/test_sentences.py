@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.matching.match import TOLERANCE, Comparison, compare_readings
+from sonarhw_compare.explain import explain_reading
+from sonarhw_compare.match import TOLERANCE, Comparison, compare_readings
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths

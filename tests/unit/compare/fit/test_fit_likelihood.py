@@ -6,28 +6,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood.echo_likelihood import (
+from sonarhw_compare.fit.likelihood import (
+    BENT,
+    EVEN,
+    ODD,
     BoardValues,
     PathArrays,
     ReadingNoise,
     ScanArrays,
     _late,
     _legs,
-    log_likelihoods,
-)
-from sonarhw_compare.fit.likelihood.echo_paths import (
-    BENT,
-    EVEN,
-    ODD,
     _touched_normals,
     displaced,
     echo_paths,
     growth_by_wall,
+    log_likelihoods,
     with_reverses,
+    with_summed_patches,
 )
-from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
-from sonarhw_compare.fit.likelihood.rough_paths import with_summed_patches
-from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_compare.fit.objective import Objective, make_problem
+from sonarhw_compare.fit.quantities import left_normals, with_shifted_walls
 from sonarhw_sim.air import EdgeStrength, Receiver
 from sonarhw_sim.board.beam import beam_table
 from sonarhw_sim.board.profile import Board, Mount, load_board

@@ -6,9 +6,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.likelihood.objective import Objective
-from sonarhw_compare.fit.search.averaging import Mixture
-from sonarhw_compare.fit.search.posterior import samples_of
+from sonarhw_compare.fit.objective import Objective
+from sonarhw_compare.fit.search import Mixture, samples_of
 
 from sonarhw.readings import FloatArray
 

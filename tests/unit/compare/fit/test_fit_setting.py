@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.fit_setting import fit_setting, placed_scans
-from sonarhw_compare.fit.likelihood.objective import scan_arrays
-from sonarhw_compare.imports.given_scan import GivenScan
+from sonarhw_compare.fit.fitting import fit_setting, placed_scans
+from sonarhw_compare.fit.objective import scan_arrays
+from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError

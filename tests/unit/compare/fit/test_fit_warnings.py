@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.fit.fit_warnings import unexplained
-from sonarhw_compare.matching.match import Summary
+from sonarhw_compare.fit.fitting import unexplained
+from sonarhw_compare.match import Summary
 from sonarhw_sim.room.room import Place
 
 ADVICE = (

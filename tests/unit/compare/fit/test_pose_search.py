@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.likelihood.echo_likelihood import ScanArrays
-from sonarhw_compare.fit.search.pose_search import HEADINGS, Scores, best_apart, lattice, local_maxima, score_positions
+from sonarhw_compare.fit.likelihood import ScanArrays
+from sonarhw_compare.fit.starting import HEADINGS, Scores, best_apart, lattice, local_maxima, score_positions
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.readings import FloatArray

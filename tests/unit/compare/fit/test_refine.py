@@ -5,9 +5,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.likelihood.objective import Objective, Problem
-from sonarhw_compare.fit.search.refine import climb, covariance_of, directions_of, refined, widths_of
-from sonarhw_compare.fit.search.ridges import underestimated
+from sonarhw_compare.fit.objective import Objective, Problem
+from sonarhw_compare.fit.search import climb, covariance_of, directions_of, refined, underestimated, widths_of
 
 from sonarhw.readings import FloatArray
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, likely_no_echo, read_foreign_scan
+from sonarhw_compare.foreign_csv import CsvColumns, guess_columns, likely_no_echo, read_foreign_scan
 
 from sonarhw.errors import InputError
 

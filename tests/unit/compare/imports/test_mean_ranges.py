@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.imports.mean_ranges import are_means, likely_pings, unit_of
+from sonarhw_compare.imports import are_means, likely_pings, unit_of
 
 from sonarhw.readings import FloatArray
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.detection_rule import APERTURES, THRESHOLDS, choose_detection, nearest_good_pair
+from sonarhw_compare.calibration.room import APERTURES, THRESHOLDS, choose_detection, nearest_good_pair
+from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, load_room

@@ -3,13 +3,8 @@
 import math
 
 import pytest
-from sonarhw_compare.known_room.found_reflectances import (
-    gained_by_reflection,
-    is_contradicted,
-    with_provenance,
-    with_reflectances,
-)
-from sonarhw_compare.profile_edit import CalibratedValue
+from sonarhw_compare.calibration.room import gained_by_reflection, is_contradicted, with_provenance, with_reflectances
+from sonarhw_compare.edits import CalibratedValue
 from sonarhw_sim.room.room import Room, load_room, parse_room
 
 from sonarhw.errors import InputError

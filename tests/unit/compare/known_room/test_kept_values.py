@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
-import sonarhw_compare.known_room.room_calibration as calibration
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.turntable_fit import SharedValue, TurntableFit
+import sonarhw_compare.calibration.room as calibration
+from sonarhw_compare.calibration.room import SharedValue, TurntableFit
+from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, load_room
 

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import sonarhw_compare.known_room.room_calibration as calibration
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.own_body_search import ScanAtPlace, find_own_body, place_numbers
-from sonarhw_compare.known_room.starting_turntable import StartingTurntable
-from sonarhw_compare.matching.match import TOLERANCE
+import sonarhw_compare.calibration.room as calibration
+from sonarhw_compare.calibration.room import ScanAtPlace, StartingTurntable, find_own_body, place_numbers
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.match import TOLERANCE
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, load_room

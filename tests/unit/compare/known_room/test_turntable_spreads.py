@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.turntable_fit import spreads
+from sonarhw_compare.calibration.room import spreads
+from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 from sonarhw_sim.room.room import Place, load_room

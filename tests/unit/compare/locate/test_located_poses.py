@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.search.pose_search import Scores
-from sonarhw_compare.fit.search.refine import Peak
-from sonarhw_compare.locate.locate_picture import draw_located
-from sonarhw_compare.locate.poses import Located, Pose, _bagged, _clear, _different, _within, locate_scan
+from sonarhw_compare.drawings import draw_located
+from sonarhw_compare.fit.search import Peak
+from sonarhw_compare.fit.starting import Scores
+from sonarhw_compare.locate import Located, Pose, _bagged, _clear, _different, _within, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room, parse_room
 

@@ -4,8 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.locate.pose_file import HEADER, read_poses
-from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
+from sonarhw_compare.locate import HEADER, UNKNOWN, PoseSpread, read_poses
 from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import InputError

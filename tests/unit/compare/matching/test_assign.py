@@ -6,8 +6,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 from scipy.stats import norm
-from sonarhw_compare.matching.assign import assigned, assigned_echoes, echo_statistics
-from sonarhw_compare.matching.match import TOLERANCE, compare_readings
+from sonarhw_compare.match import TOLERANCE, compare_readings
+from sonarhw_compare.score import assigned, assigned_echoes, echo_statistics
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room

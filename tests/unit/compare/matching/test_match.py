@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.fit.plain_fit import Fit, all_round, best_agreement, fit_scan
-from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
+from sonarhw_compare.explain import explain_reading
+from sonarhw_compare.fit.starting import Fit, all_round, best_agreement, fit_scan
+from sonarhw_compare.match import Comparison, Kind, classify, compare_readings
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan

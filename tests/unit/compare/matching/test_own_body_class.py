@@ -5,17 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.explain.details import reading_details
-from sonarhw_compare.explain.sentences import explain_reading
-from sonarhw_compare.fit.likelihood.objective import make_problem
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.fit.values.parameters import free_parameters
-from sonarhw_compare.map.certainty import headings_and_ranges
-from sonarhw_compare.map.room_map import map_scans
-from sonarhw_compare.matching.assign import echo_statistics
-from sonarhw_compare.matching.match import Kind, compare_readings
-from sonarhw_compare.matching.region_match import compare_regions
-from sonarhw_compare.room_finding.surface_candidates import arcs_of_scans
+from sonarhw_compare.explain import explain_reading, reading_details
+from sonarhw_compare.fit.objective import make_problem
+from sonarhw_compare.fit.quantities import free_parameters
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.map import headings_and_ranges, map_scans
+from sonarhw_compare.match import Kind, compare_readings
+from sonarhw_compare.rooms.candidates import arcs_of_scans
+from sonarhw_compare.score import compare_regions, echo_statistics
 from sonarhw_sim.board.profile import OwnBodyPart, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Place, load_room

@@ -6,8 +6,8 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from sonarhw_compare.matching.match import Comparison, compare_readings, match_readings
-from sonarhw_compare.matching.probability_score import calibration, score_comparison
+from sonarhw_compare.match import Comparison, compare_readings, match_readings
+from sonarhw_compare.score import calibration, score_comparison
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_with

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.matching.match import compare_readings
-from sonarhw_compare.matching.region_match import compare_regions, match_regions
-from sonarhw_compare.matching.regions import Region, regions_of
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.regions import Region, regions_of
+from sonarhw_compare.score import compare_regions, match_regions
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room

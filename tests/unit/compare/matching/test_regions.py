@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.matching.regions import mean_run, regions_of
+from sonarhw_compare.regions import mean_run, regions_of
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place

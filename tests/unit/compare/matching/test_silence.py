@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.matching.match import roc_area
+from sonarhw_compare.match import roc_area
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.likelihood.objective import make_problem
-from sonarhw_compare.fit.plain_fit import fit_scan
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.fit.values.parameters import free_parameters
-from sonarhw_compare.map.certainty import headings_and_ranges
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.fit.objective import make_problem
+from sonarhw_compare.fit.quantities import free_parameters
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.fit.starting import fit_scan
+from sonarhw_compare.map import headings_and_ranges
+from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes

@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.notes.note_file import ReadingNote, note_text, notes_path, read_notes, save_notes
-from sonarhw_compare.notes.placed_notes import note_on, notes_of_log
+from sonarhw_compare.scans import ReadingNote, note_on, note_text, notes_of_log, notes_path, read_notes, save_notes
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw.log import read_log

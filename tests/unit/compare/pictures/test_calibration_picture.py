@@ -2,10 +2,10 @@
 
 import math
 
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.known_room.calibration_picture import draw_calibration
-from sonarhw_compare.known_room.room_calibration import RoomCalibration, ScanFigures
-from sonarhw_compare.matching.match import compare_readings
+from sonarhw_compare.calibration.room import RoomCalibration, ScanFigures
+from sonarhw_compare.drawings import draw_calibration
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

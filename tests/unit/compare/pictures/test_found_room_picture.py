@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from sonarhw_compare.drawings import draw_found_room
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.report.found_room_picture import draw_found_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room

@@ -7,12 +7,9 @@ from typing import cast
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from sonarhw_compare.drawings import draw_map
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map.arcs import Arc
-from sonarhw_compare.map.certainty import CertaintyGrid
-from sonarhw_compare.map.features import Features, Point, Wall
-from sonarhw_compare.map.map_picture import draw_map
-from sonarhw_compare.map.room_map import Layer, RoomMap
+from sonarhw_compare.map import Arc, CertaintyGrid, Features, Layer, Point, RoomMap, Wall
 from sonarhw_sim.room.room import Place
 
 from tests.fixtures.rooms_for_tests import room_of

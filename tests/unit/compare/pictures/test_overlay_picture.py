@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from sonarhw_compare.pictures.overlay_picture import draw_plan, draw_room
-from sonarhw_compare.room_edit import add_post, add_wall, move_wall
+from sonarhw_compare.drawings import draw_plan, draw_room
+from sonarhw_compare.edits import add_post, add_wall, move_wall
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room, parse_room

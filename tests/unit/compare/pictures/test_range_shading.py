@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from sonarhw_compare.pictures.colours import PREDICTED
-from sonarhw_compare.pictures.overlay_picture import draw_plan
-from sonarhw_compare.pictures.range_shading import shading_around
+from sonarhw_compare.drawings import draw_plan
+from sonarhw_compare.pictures import PREDICTED, shading_around
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sonarhw_compare.matching.match import Comparison, Kind, compare_readings
-from sonarhw_compare.report import report_pictures
-from sonarhw_compare.report.report_pictures import CLASSES, bscan_png, plan_svg, ranges_svg
+from sonarhw_compare import report
+from sonarhw_compare.match import Comparison, Kind, compare_readings
+from sonarhw_compare.report import CLASSES, bscan_png, plan_svg, ranges_svg
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room
@@ -43,7 +43,7 @@ def comparison() -> Comparison:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Comparison], bytes], Comparison], Figure]:
     """Return a function that returns the figure of a picture."""
     figures: list[Figure] = []
-    monkeypatch.setattr(report_pictures, "picture_bytes", lambda figure, _: figures.append(figure) or b"")
+    monkeypatch.setattr(report, "picture_bytes", lambda figure, _: figures.append(figure) or b"")
 
     def draw(picture: Callable[[Comparison], bytes], comparison: Comparison) -> Figure:
         picture(comparison)

@@ -4,7 +4,7 @@ import math
 from itertools import combinations
 
 import pytest
-from sonarhw_compare.pictures.room_picture import draw_checked_room
+from sonarhw_compare.drawings import draw_checked_room
 from sonarhw_sim.check import Finding
 from sonarhw_sim.room.room import parse_room
 

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from sonarhw_compare.plate.plate_readings import PlateReadings, plate_readings
+from sonarhw_compare.calibration.plate_readings import PlateReadings, plate_readings
 from sonarhw_sim.board.profile import Board, load_board, parse_board
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
 from sonarhw_sim.room.room import Place, Room, parse_room

@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from sonarhw_compare.plate.blanking_fit import blanking_end
-from sonarhw_compare.plate.plate_calibration import calibrate_with_plates, plate_profile
-from sonarhw_compare.plate.plate_readings import plate_readings
+from sonarhw_compare.calibration.plate import blanking_end, calibrate_with_plates, plate_profile
+from sonarhw_compare.calibration.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.errors import NoPlate

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonarhw_compare.plate.plate_signal import plate_envelopes, plate_levels
+from sonarhw_compare.calibration.plate_readings import plate_envelopes, plate_levels
 from sonarhw_sim.air import Air, Receiver
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import predict_scan

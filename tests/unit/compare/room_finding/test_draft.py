@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room, meeting
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.room import parse_room
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.likelihood.objective import Problem
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import (
+from sonarhw_compare.fit.objective import Problem
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
+from sonarhw_compare.rooms.evidence import (
     PRICE,
     REFLECTANCE,
     ROUGH,

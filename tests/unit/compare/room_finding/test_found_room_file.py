@@ -3,14 +3,12 @@
 import math
 
 import tomlkit
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.locate.poses import Pose
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.found_room_file import found_room, found_room_figures, found_room_text
-from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.room_search import FoundRoom
-from sonarhw_compare.room_finding.touches import Touches
-from sonarhw_compare.room_finding.unknown_poses import PlacedRoom
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import Pose
+from sonarhw_compare.rooms.candidates import Touches
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.rooms.outcome import found_room, found_room_figures, found_room_text
+from sonarhw_compare.rooms.search import FoundRoom, Move, PlacedRoom
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place
 

@@ -7,12 +7,11 @@ from typing import cast
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.room_finding import growth, room_search
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import Course, Evidence, Scored
-from sonarhw_compare.room_finding.growth import grown
-from sonarhw_compare.room_finding.room_search import find_room
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.rooms import search
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, draft_of_room
+from sonarhw_compare.rooms.evidence import Course, Evidence, Scored
+from sonarhw_compare.rooms.search import find_room, grown
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, load_room
@@ -50,11 +49,11 @@ def grow(monkeypatch: pytest.MonkeyPatch, lengths: list[float], post: float) -> 
         added.append("w" if len(draft.walls) > added.count("w") else "p")
 
     for name, function in (("with_wall", with_wall), ("with_post", with_post), ("refined", refined)):
-        monkeypatch.setattr(growth, name, function)
+        monkeypatch.setattr(search, name, function)
     for name in ("with_better_ends", "pruned"):
-        monkeypatch.setattr(growth, name, lambda _evidence, one: one)
+        monkeypatch.setattr(search, name, lambda _evidence, one: one)
     for name in ("unexplained_readings", "_arcs"):
-        monkeypatch.setattr(growth, name, lambda *_: [])
+        monkeypatch.setattr(search, name, lambda *_: [])
     evidence = SimpleNamespace(
         by_reading=lambda *_: [np.zeros(1)], course=Course(accepted=accepted), threshold_spread=0.0, price=10.0
     )
@@ -72,7 +71,7 @@ def test_a_short_wall_competes_with_a_post(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_search_that_finds_nothing_keeps_a_likely_room_at_its_places(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room_search, "grown", lambda _evidence, best: best)
+    monkeypatch.setattr(search, "grown", lambda _evidence, best: best)
     room, place = load_room("kuc_siegel"), Place("here", (0.8, 0.8))
     board = replace(load_board("polaroid-6500"), receiver="first-echo")
     headings = np.radians(np.arange(0.0, 360.0, 10.0))

@@ -3,10 +3,9 @@
 import math
 
 import pytest
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import REFLECTANCE
-from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.refining.range_errors import LengthSlopes
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.rooms.evidence import REFLECTANCE
+from sonarhw_compare.rooms.search import LengthSlopes, Move
 from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.room import Room

@@ -3,11 +3,10 @@
 import math
 
 import pytest
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.next_place import next_places
-from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.room_search import FoundRoom
-from sonarhw_compare.room_finding.touches import Touches
+from sonarhw_compare.rooms.candidates import Touches
+from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.rooms.outcome import next_places
+from sonarhw_compare.rooms.search import FoundRoom, Move
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place

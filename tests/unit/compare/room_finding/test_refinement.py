@@ -7,22 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import (
-    FINE,
-    FOLLOWED,
-    REFLECTANCE,
-    ROUGH,
-    Evidence,
-    evidence_of,
-    scored,
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.draft import DraftPost, RoomDraft, draft_of_room
+from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, REFLECTANCE, ROUGH, Evidence, evidence_of, scored
+from sonarhw_compare.rooms.search import (
+    RANGE,
+    Move,
+    deviations_of,
+    heading_error,
+    moves_of,
+    range_errors,
+    refined,
+    threshold_deviation,
+    with_threshold,
 )
-from sonarhw_compare.room_finding.refining.heading_errors import heading_error
-from sonarhw_compare.room_finding.refining.moves import Move, moves_of
-from sonarhw_compare.room_finding.refining.range_errors import RANGE, range_errors
-from sonarhw_compare.room_finding.refining.refinement import deviations_of, refined
-from sonarhw_compare.room_finding.refining.threshold_search import threshold_deviation, with_threshold
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import predict_scan

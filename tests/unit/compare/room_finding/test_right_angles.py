@@ -7,17 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.map.arcs import Arc
-from sonarhw_compare.room_finding import right_angles, room_search
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
-from sonarhw_compare.room_finding.evidence import FOLLOWED, Course, Evidence, Scored, evidence_of, scored
-from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.refining.squaring import squared, squared_together
-from sonarhw_compare.room_finding.room_search import determined, rebuilt
-from sonarhw_compare.room_finding.surface_candidates import wall_candidates
-from sonarhw_compare.room_finding.wall_ends import with_gaps
-from sonarhw_compare.search_progress import SearchProgress
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.map import Arc
+from sonarhw_compare.rooms import draft as right_angles
+from sonarhw_compare.rooms import search
+from sonarhw_compare.rooms.candidates import wall_candidates, with_gaps
+from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
+from sonarhw_compare.rooms.evidence import FOLLOWED, Course, Evidence, Scored, SearchProgress, evidence_of, scored
+from sonarhw_compare.rooms.search import Move, determined, rebuilt, squared, squared_together
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, parse_room
@@ -171,7 +168,7 @@ def test_drafts_without_a_true_oblique_wall_are_not_shown(monkeypatch: pytest.Mo
         evidence.course.accept(best.draft)
         return best
 
-    monkeypatch.setattr(room_search, "grown", grown)
+    monkeypatch.setattr(search, "grown", grown)
     cut, places = [(0.0, 0.0), (2.4, 0.0), (1.8, 3.0), (0.0, 3.0)], ((0.5, 1.0), (1.0, 1.8), (1.4, 0.6))
     evidence, true = case(cut, *places)
     assert right_angles.oblique(true) == [1]
@@ -194,7 +191,7 @@ def test_walls_grow_in_place_of_one_that_no_range_determines(monkeypatch: pytest
     rectangle, places = [(0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0)], ((0.7, 1.0), (1.2, 2.0))
     evidence, true = case(rectangle, *places)
     draft, oblique = true.without_only(1).with_new_wall(DraftWall((2.2, 1.5), 1.2, WIDE))
-    usual = room_search.deviations_of
+    usual = search.deviations_of
 
     def unsure(evidence: Evidence, draft: RoomDraft) -> dict[Move, float]:
         return {
@@ -202,7 +199,7 @@ def test_walls_grow_in_place_of_one_that_no_range_determines(monkeypatch: pytest
             for move, one in usual(evidence, draft).items()
         }
 
-    monkeypatch.setattr(room_search, "deviations_of", unsure)
+    monkeypatch.setattr(search, "deviations_of", unsure)
     found, _ = determined(evidence, draft)
     assert any(abs(x - 2.0) < 0.02 and abs(x2 - 2.0) < 0.02 for x, _, x2, _ in found.segments.tolist())
 

@@ -3,11 +3,11 @@
 import math
 
 import pytest
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import ROUGH, evidence_of
-from sonarhw_compare.room_finding.support import Support, support_of
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.candidates import Support, support_of
+from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.rooms.evidence import ROUGH, evidence_of
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place

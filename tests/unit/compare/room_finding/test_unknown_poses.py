@@ -8,16 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.locate.pose_spread import UNKNOWN, PoseSpread
-from sonarhw_compare.locate.poses import Pose
-from sonarhw_compare.room_finding import unknown_poses
-from sonarhw_compare.room_finding.draft import DraftPost, RoomDraft
-from sonarhw_compare.room_finding.evidence import Course
-from sonarhw_compare.room_finding.refining.moves import Move
-from sonarhw_compare.room_finding.room_search import FoundRoom
-from sonarhw_compare.room_finding.touches import Touches
-from sonarhw_compare.room_finding.unknown_poses import find_room_and_poses
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import UNKNOWN, Pose, PoseSpread
+from sonarhw_compare.rooms import search
+from sonarhw_compare.rooms.candidates import Touches
+from sonarhw_compare.rooms.draft import DraftPost, RoomDraft
+from sonarhw_compare.rooms.evidence import Course
+from sonarhw_compare.rooms.search import FoundRoom, Move, find_room_and_poses
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place
@@ -77,9 +74,9 @@ def with_answers(
         probable = (poses or {}).get(k, (pose(float(k)),))
         return SimpleNamespace(explained=share, poses=probable, peaks=(peaks or {}).get(k, [(float(k), 0.0, 0.1)]))
 
-    monkeypatch.setattr(unknown_poses, "find_room", find_room)
-    monkeypatch.setattr(unknown_poses, "locate_scan", locate_scan)
-    monkeypatch.setattr(unknown_poses, "worth_alone", lambda *_: 16.0)
+    monkeypatch.setattr(search, "find_room", find_room)
+    monkeypatch.setattr(search, "locate_scan", locate_scan)
+    monkeypatch.setattr(search, "worth_alone", lambda *_: 16.0)
     return rooms
 
 
@@ -143,7 +140,7 @@ def test_a_scan_that_no_probable_pose_places_is_placed_at_an_improbable_one(monk
 def test_one_sensor_made_all_scans(monkeypatch: pytest.MonkeyPatch) -> None:
     with_answers(monkeypatch, {1: [0.4]})
     used: list[Board] = []
-    found, located = unknown_poses.find_room, unknown_poses.locate_scan
+    found, located = search.find_room, search.locate_scan
 
     def find_room(*given: Any) -> FoundRoom:
         one = found(*given)
@@ -151,11 +148,11 @@ def test_one_sensor_made_all_scans(monkeypatch: pytest.MonkeyPatch) -> None:
         draft = replace(one.draft, offset=-0.012, threshold_db=2.5)
         return replace(one, draft=draft, deviations=of_offset, threshold_deviation=0.7)
 
-    monkeypatch.setattr(unknown_poses, "find_room", find_room)
+    monkeypatch.setattr(search, "find_room", find_room)
     monkeypatch.setattr(
-        unknown_poses, "locate_scan", lambda *given, **more: (used.append(given[2]), located(*given, **more))[1]
+        search, "locate_scan", lambda *given, **more: (used.append(given[2]), located(*given, **more))[1]
     )
-    monkeypatch.setattr(unknown_poses, "worth_alone", lambda _, board, *__: (used.append(board), 16.0)[1])
+    monkeypatch.setattr(search, "worth_alone", lambda _, board, *__: (used.append(board), 16.0)[1])
     board = load_board("lego-nxt")
     find_room_and_poses(scans(2), board, Air(), [PoseSpread(), UNKNOWN])
     sensor = replace(
@@ -166,7 +163,7 @@ def test_one_sensor_made_all_scans(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_room_with_more_scans_is_searched_from_the_room_before_too(monkeypatch: pytest.MonkeyPatch) -> None:
     with_answers(monkeypatch, {1: [0.8]})
-    found = unknown_poses.find_room
+    found = search.find_room
     likely: list[RoomDraft | None] = []
 
     def find_room(*given: Any) -> FoundRoom:
@@ -175,7 +172,7 @@ def test_a_room_with_more_scans_is_searched_from_the_room_before_too(monkeypatch
         moved = tuple(replace(place, position=(place.position[0] + 0.25, 0.0)) for place in one.draft.places)
         return replace(one, draft=replace(one.draft, posts=(POST,), offset=0.01, places=moved))
 
-    monkeypatch.setattr(unknown_poses, "find_room", find_room)
+    monkeypatch.setattr(search, "find_room", find_room)
     find_room_and_poses(scans(2), BOARD, Air(), [PoseSpread(0.1, 0.1), UNKNOWN])
     first, second, third = likely
     assert first is None
@@ -190,8 +187,8 @@ def test_a_room_with_more_scans_is_searched_from_the_room_before_too(monkeypatch
 def test_a_known_heading_or_position_stays_expected_of_a_located_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     with_answers(monkeypatch, {1: [0.8], 2: [0.8]})
     given: list[tuple[PoseSpread, ...]] = []
-    found = unknown_poses.find_room
-    monkeypatch.setattr(unknown_poses, "find_room", lambda *all: (given.append(tuple(all[3])), found(*all))[1])
+    found = search.find_room
+    monkeypatch.setattr(search, "find_room", lambda *all: (given.append(tuple(all[3])), found(*all))[1])
     nowhere, turned, moved = scans(3)
     turned = replace(turned, place=replace(NOWHERE, heading=0.3))
     moved = replace(moved, place=replace(NOWHERE, position=(2.2, 0.1)))

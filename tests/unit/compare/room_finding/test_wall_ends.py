@@ -7,11 +7,17 @@ from typing import cast
 
 import numpy as np
 import pytest
-from sonarhw_compare.room_finding import wall_ends
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import Evidence, Scored
-from sonarhw_compare.room_finding.touches import Touches, trimmed
-from sonarhw_compare.room_finding.wall_ends import continued, cornered, with_better_ends, with_free_ends_moved
+from sonarhw_compare.rooms import candidates
+from sonarhw_compare.rooms.candidates import (
+    Touches,
+    continued,
+    cornered,
+    trimmed,
+    with_better_ends,
+    with_free_ends_moved,
+)
+from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.rooms.evidence import Evidence, Scored
 from sonarhw_sim.room.room import Place
 
 SOUTH = DraftWall((1.0, 0.0), 0.0, (DraftEnd(-1.0), DraftEnd(1.0)))  # from x = 0 to 2 m
@@ -76,7 +82,7 @@ def test_an_end_moves_to_another_wall_alone_where_the_scans_contradict_a_corner(
     def all_scored(_evidence: object, drafts: Iterable[RoomDraft]) -> list[Scored]:
         return [Scored(tried, 0.0 if tried.segment(1)[1] > 0.1 else -50.0) for tried in drafts]
 
-    monkeypatch.setattr(wall_ends, "all_scored", all_scored)
+    monkeypatch.setattr(candidates, "all_scored", all_scored)
     evidence = cast(Evidence, None)  # the drafts alone decide here
     moved = with_better_ends(evidence, Scored(draft, 0.0)).draft
     np.testing.assert_allclose(moved.segment(0), [0.0, 0.0, 2.4, 0.0], atol=1e-9)
@@ -95,7 +101,7 @@ def test_a_free_end_far_from_its_place_moves_there_if_this_is_worth_a_wall(
             Scored(tried, -per_metre * (abs(x) + abs(x2 - 1.4))) for tried, (x, x2) in zip(drafts, ends, strict=True)
         ]
 
-    monkeypatch.setattr(wall_ends, "all_scored", all_scored)
+    monkeypatch.setattr(candidates, "all_scored", all_scored)
     evidence = cast(Evidence, SimpleNamespace(first=RoomDraft(())))
     moved = with_free_ends_moved(evidence, Scored(draft, -per_metre * 0.6)).draft
     np.testing.assert_allclose(moved.segment(0), [0.0, 0.0, expected, 0.0], atol=0.03)
@@ -103,6 +109,6 @@ def test_a_free_end_far_from_its_place_moves_there_if_this_is_worth_a_wall(
 
 def test_an_end_of_a_wall_at_which_the_search_began_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     draft = RoomDraft((Place("", (0.5, 1.0)),), {0: SOUTH})
-    monkeypatch.setattr(wall_ends, "all_scored", lambda _, drafts: [Scored(draft, 1000.0) for draft in drafts])
+    monkeypatch.setattr(candidates, "all_scored", lambda _, drafts: [Scored(draft, 1000.0) for draft in drafts])
     best = Scored(draft, 0.0)
     assert with_free_ends_moved(cast(Evidence, SimpleNamespace(first=draft)), best) is best

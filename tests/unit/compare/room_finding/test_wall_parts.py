@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.values.fit_result import PlacedScan
-from sonarhw_compare.locate.pose_spread import PoseSpread
-from sonarhw_compare.room_finding.draft import DraftEnd, DraftWall, RoomDraft
-from sonarhw_compare.room_finding.evidence import Evidence, evidence_of, scored
-from sonarhw_compare.room_finding.refining.wall_parts import with_parts_joined, without_part
-from sonarhw_compare.room_finding.wall_ends import with_end_moved, with_gaps
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms.candidates import with_end_moved, with_gaps
+from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft
+from sonarhw_compare.rooms.evidence import Evidence, evidence_of, scored
+from sonarhw_compare.rooms.search import with_parts_joined, without_part
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan

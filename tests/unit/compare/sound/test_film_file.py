@@ -5,10 +5,9 @@ from io import BytesIO
 import numpy as np
 import pytest
 from PIL import Image
-from sonarhw_compare.sound.captions import caption_at
-from sonarhw_compare.sound.film import FilmTiming, frames
-from sonarhw_compare.sound.film_file import FILMS, check_film, write_film
-from sonarhw_compare.sound.moments import PlayedPing
+from sonarhw_compare.film import FilmTiming, caption_at, frames
+from sonarhw_compare.film_file import FILMS, check_film, write_film
+from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room

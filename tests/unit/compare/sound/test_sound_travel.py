@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sonarhw_compare.sound.moments import PlayedPing, counted_position, moment_at
-from sonarhw_compare.sound.travel import front_at, position_at, stretch_between
+from sonarhw_compare.sound import PlayedPing, counted_position, front_at, moment_at, position_at, stretch_between
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.two_scans.scan_difference import HeadingSeries, ScanChange, ScanDifference, scan_difference
+from sonarhw_compare.two_scans import HeadingSeries, ScanChange, ScanDifference, scan_difference
 
 from sonarhw.errors import InputError
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from sonarhw_compare.calibration.plate_readings import calibrate
 
 from sonarhw.errors import NoPlate
 from sonarhw.readings import Reading
-from sonarhw.scanning.calibration import calibrate
 from tests.fixtures.plate import BEAM, plate_range
 
 SPEED = 343.2

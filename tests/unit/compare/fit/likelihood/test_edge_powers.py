@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 from sonarhw_compare.fit import free_parameters
-from sonarhw_compare.fit.likelihood.edge_powers import edge_powers
-from sonarhw_compare.fit.likelihood.objective import make_problem
-from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
+from sonarhw_compare.fit.likelihood import edge_powers
+from sonarhw_compare.fit.objective import make_problem
+from sonarhw_compare.fit.result import FitOptions, PlacedScan
 from sonarhw_sim.air import EdgeStrength
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for

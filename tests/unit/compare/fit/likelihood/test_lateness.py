@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.likelihood.echo_likelihood import LATENESS_STEP
-from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
+from sonarhw_compare.fit.likelihood import LATENESS_STEP, lateness_by_level, level_offset_db
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.receiver import detect_echoes

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood.objective import MODERATE, Problem, make_problem
-from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
+from sonarhw_compare.fit.quantities import Parameter
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.rays.paths import Paths
@@ -39,7 +39,7 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[Place]:
         found.append(place)
         return paths_from(room, place, *others)
 
-    monkeypatch.setattr("sonarhw_compare.fit.likelihood.objective.paths_from", counted)
+    monkeypatch.setattr("sonarhw_compare.fit.objective.paths_from", counted)
     return found
 
 

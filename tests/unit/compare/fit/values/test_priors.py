@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from sonarhw_compare.fit.values.parameters import Parameter, free_parameters
-from sonarhw_compare.fit.values.priors import check_words, with_priors
+from sonarhw_compare.fit.quantities import Parameter, check_words, free_parameters, with_priors
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

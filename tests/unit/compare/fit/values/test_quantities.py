@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.values.parameters import free_parameters, present_value
-from sonarhw_compare.fit.values.quantities import (
+from sonarhw_compare.fit.quantities import (
     QUANTITIES,
     WORDS,
     BoardQuantity,
     PlaceQuantity,
+    free_parameters,
     nearest_temperature,
+    present_value,
     quantity_named,
     reflectance_of,
     words_of,

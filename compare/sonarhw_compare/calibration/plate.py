@@ -1,0 +1,879 @@
+"""The calibration of a board from scans of a flat plate at several distances: values, intervals, and what stays."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, minimize_scalar
+from scipy.special import logsumexp, ndtr, xlogy
+from scipy.stats import t as student
+from sonarhw_sim.air import Air, Receiver
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.signal import RATE, own_burst
+from sonarhw_sim.predict.room_echoes import plate_echo
+
+from sonarhw.errors import NoPlate, harmless
+from sonarhw.readings import BoolArray, FloatArray
+from sonarhw_compare.calibration.plate_readings import (
+    WIDEST,
+    EchoPulse,
+    PlateLevels,
+    PlateReadings,
+    peak_of,
+    plate_envelopes,
+    plate_levels,
+)
+from sonarhw_compare.edits import Z95, CalibratedValue, calibrated_profile
+
+# Keys of a profile that the levels of a plate's echo determine.
+
+
+class LevelKey(StrEnum):
+    """Keys of a profile that levels determine."""
+
+    APERTURE = "aperture_radius"
+    GAIN_STEP = "gain_step_db"
+    THRESHOLD = "threshold_db"
+
+
+def changed_board(board: Board, changes: Mapping[LevelKey, float]) -> Board:
+    """Return the board with these changes. That of the aperture is the logarithm of a ratio."""
+    values = {}
+    for key, change in changes.items():
+        before = float(getattr(board, key))
+        values[str(key)] = before * math.exp(change) if key is LevelKey.APERTURE else before + change
+    return board.with_numbers(values)
+
+
+# Posterior of aperture, gain step and threshold: where a plate is heard, and what the peaks of traces say before.
+#
+# Whether a ping hears the plate compares its level with the threshold. Pings of one heading share its direction: if
+# the turntable is beside the stated angle, all of them are louder or all are fainter. So the number of pings that
+# hear the plate, out of n at one heading, has the likelihood
+#
+#     ∫ Binomial(heard; n, Φ((level(angle + e) − threshold)/σ)) N(e; 0, s) de
+#
+# with the scatter σ of pings and s of headings, which are unknown, too. At a small share of headings, other objects
+# decide, and any number is equally likely. The turn of each plate is integrated. The rest is sampled, because this
+# likelihood is far from normal: it has steps where the echo ends between two headings.
+
+
+SCATTERS = (0.2, 3.0)  # dB, limits of σ
+_HEADING_ERRORS = (math.radians(0.02), math.radians(0.5))  # limits of s
+_DISTURBED = 0.01  # share of headings at which other objects decide
+_ANGLE_STEP = math.radians(0.05)
+_ANGLES = np.arange(-WIDEST, WIDEST + _ANGLE_STEP, _ANGLE_STEP)
+_TURNS, _MOST_TURN, _TURN_DEVIATIONS = 61, math.radians(1.5), 5.0  # of each plate, about its first fit
+_APERTURE_NODE, _GAIN_NODE = 0.005, 0.25  # between which levels are interpolated: ln of a ratio, dB
+# five errors of a heading in standard deviations, and their weights
+_ERRORS, _FACTORS = np.polynomial.hermite_e.hermegauss(5)
+_ROUNDS, _SAMPLES = 4, 200
+_FREEDOM = 5  # of the proposals, Student's t
+_FEWEST = 30.0  # effective samples; with fewer, the weights of a round are flattened
+_MOST_START = 1.0  # largest standard deviation of the first proposals
+_FIRST_SPREADS = (0.3, 0.7)  # of ln σ and ln s
+
+
+@dataclass(frozen=True)
+class LevelPrior:
+    """What is known before hearing: a normal distribution of the keys, and one of the turn of each plate."""
+
+    keys: tuple[LevelKey, ...]
+    mean: FloatArray  # (k,), changes from the board; of the aperture, ln of its ratio
+    covariance: FloatArray  # (k, k)
+    turns: FloatArray  # (s,), rad, from the middle of the echo
+    turn_deviations: FloatArray  # (s,), rad
+
+
+@dataclass(frozen=True)
+class LevelPosterior:
+    """Mean and standard deviation of each key, as changes from the board."""
+
+    mean: FloatArray  # (k,)
+    deviations: FloatArray  # (k,)
+
+
+def level_posterior(
+    board: Board,
+    scans: Sequence[PlateReadings],
+    counted: Sequence[BoolArray],
+    prior: LevelPrior,
+    start: FloatArray,
+    covariance: FloatArray,
+) -> LevelPosterior:
+    """Return the posterior of the keys of `prior`.
+
+    `counted` are the headings of each scan whose hearing is used. `start` (k,) and `covariance` (k, k) are those of a
+    first fit, where the samples begin.
+    """
+    hearing = [
+        _Hearing(board, scan, used, prior.keys, turn, deviation)
+        for scan, used, turn, deviation in zip(
+            scans, counted, prior.turns.tolist(), prior.turn_deviations.tolist(), strict=True
+        )
+    ]
+    certain, count = np.linalg.inv(prior.covariance), len(prior.keys)
+    lowest, highest = np.log([(SCATTERS[0], _HEADING_ERRORS[0]), (SCATTERS[1], _HEADING_ERRORS[1])])
+
+    def log_density(values: FloatArray) -> float:
+        spreads, beside = values[count:], values[:count] - prior.mean
+        if (spreads < lowest).any() or (spreads > highest).any():
+            return -math.inf
+        before = -float(beside @ certain @ beside) / 2
+        scatter, error = np.exp(spreads).tolist()
+        return before + sum(one.log_likelihood(values[:count], scatter, error) for one in hearing)
+
+    first = np.zeros((count + 2, count + 2))
+    first[:count, :count] = covariance * min(1.0, _MOST_START**2 / float(np.diag(covariance).max()))
+    first[count:, count:] = np.diag(np.square(_FIRST_SPREADS))
+    mean, found = _moments(log_density, np.concatenate((start, (lowest + highest) / 2)), first)
+    return LevelPosterior(mean[:count], np.sqrt(np.diag(found)[:count]))
+
+
+@dataclass(frozen=True)
+class _Headings:
+    """Where each used heading is in a table with a row of `_ANGLES` for each pair of numbers, at each turn."""
+
+    counts: list[tuple[int, int]]  # of each row: pings that hear the plate, and all pings
+    below: NDArray[np.intp]  # (t, n), element of the flat table at or below the heading
+    share: FloatArray  # (t, n), of the way to the next element
+
+
+@dataclass(frozen=True)
+class _Hearing:
+    """The likelihood of hearing of one scan."""
+
+    board: Board
+    scan: PlateReadings
+    used: BoolArray  # (n,)
+    keys: tuple[LevelKey, ...]
+    turn: float  # rad
+    turn_deviation: float  # rad
+    levels: dict[tuple[int, int], PlateLevels] = field(default_factory=dict)
+
+    def log_likelihood(self, changes: FloatArray, scatter: float, error: float) -> float:
+        """Return the logarithm of the likelihood, with the turn of the plate integrated."""
+        values = dict(zip(self.keys, changes.tolist(), strict=True))
+        threshold = self.board.threshold_db + values[LevelKey.THRESHOLD]
+        level = self._detected(values[LevelKey.APERTURE], values.get(LevelKey.GAIN_STEP, 0.0))
+        heard = ndtr((level - threshold) / scatter)
+        at_errors = np.array([np.interp(_ANGLES + error * one, _ANGLES, heard) for one in _ERRORS])
+        of_headings = self._headings
+        table = np.log([_chances(at_errors, *one) for one in of_headings.counts]).ravel()
+        before, after = table[of_headings.below], table[of_headings.below + 1]
+        found = (before + of_headings.share * (after - before)).sum(axis=1)
+        return float(logsumexp(found - ((self._turns / self.turn_deviation) ** 2) / 2))
+
+    @property
+    def _turns(self) -> FloatArray:
+        half = min(_MOST_TURN, _TURN_DEVIATIONS * self.turn_deviation)
+        return np.linspace(-half, half, _TURNS)
+
+    @cached_property
+    def _headings(self) -> _Headings:
+        offsets = self.scan.angles - self.scan.middle - self.turn - self._turns[:, None]
+        place = np.clip((offsets[:, self.used] + WIDEST) / _ANGLE_STEP, 0.0, len(_ANGLES) - 1.0)
+        below = np.minimum(place.astype(np.intp), len(_ANGLES) - 2)
+        pairs = np.column_stack((self.scan.heard, self.scan.pings))[self.used].tolist()
+        counts = sorted({(int(hits), int(pings)) for hits, pings in pairs})
+        rows = np.array([counts.index((int(hits), int(pings))) for hits, pings in pairs], dtype=np.intp)
+        return _Headings(counts, below + rows * len(_ANGLES), place - below)
+
+    def _detected(self, aperture: float, gain: float) -> FloatArray:
+        """Return the level at the detector at `_ANGLES`, dB, interpolated between boards on a grid."""
+        row, column = math.floor(aperture / _APERTURE_NODE), math.floor(gain / _GAIN_NODE)
+        down, right = aperture / _APERTURE_NODE - row, gain / _GAIN_NODE - column
+        found = np.zeros(len(_ANGLES))
+        for step, share in ((row, 1 - down), (row + 1, down)):
+            before, after = self._node(step, column), self._node(step, column + 1)
+            detected = (1 - right) * before.detected + right * after.detected
+            # a beam is a function of the sine times the aperture
+            sines = np.sin(_ANGLES) * math.exp(aperture - step * _APERTURE_NODE)
+            found += share * np.interp(np.arcsin(np.clip(sines, -1, 1)), before.angles, detected)
+        return found
+
+    def _node(self, row: int, column: int) -> PlateLevels:
+        if (row, column) not in self.levels:
+            changes = {LevelKey.APERTURE: row * _APERTURE_NODE, LevelKey.GAIN_STEP: column * _GAIN_NODE}
+            board = replace(changed_board(self.board, changes), threshold_db=0.0)
+            self.levels[row, column] = plate_levels(board, self.scan.speed_of_sound, self.scan.distance)
+        return self.levels[row, column]
+
+
+def _chances(at_errors: FloatArray, hits: int, pings: int) -> FloatArray:
+    """Return the probability that `hits` of `pings` hear the plate at each of `_ANGLES`.
+
+    `at_errors` (5, n) are the probabilities that one ping hears it, with each of `_ERRORS`.
+    """
+    chances = np.full_like(at_errors, float(math.comb(pings, hits)))
+    # NumPy's powers are slow from the third on
+    for one, count in ((at_errors, hits), (1 - at_errors, pings - hits)):
+        for _ in range(count):
+            chances *= one
+    return np.asarray((1 - _DISTURBED) * (_FACTORS / _FACTORS.sum() @ chances) + _DISTURBED / (pings + 1))
+
+
+def _moments(
+    log_density: Callable[[FloatArray], float], mean: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance of a distribution by adaptive importance sampling from a Student's t distribution.
+
+    The proposals of each round are those that the samples of the round before suggest. The same samples are drawn
+    again for the same distribution.
+    """
+    random, size = np.random.default_rng(0), len(mean)
+    for _ in range(_ROUNDS):
+        wide = np.linalg.cholesky(1.5 * covariance + 1e-9 * np.eye(size))
+        drawn = random.standard_normal((_SAMPLES, size))
+        drawn /= np.sqrt(random.chisquare(_FREEDOM, (_SAMPLES, 1)) / _FREEDOM)
+        samples = mean + drawn @ wide.T
+        proposed = -(_FREEDOM + size) / 2 * np.log1p((drawn**2).sum(axis=1) / _FREEDOM)
+        weights = _weights(np.array([log_density(one) for one in samples]) - proposed)
+        mean = weights @ samples
+        beside = samples - mean
+        covariance = (beside * weights[:, None]).T @ beside
+    return mean, covariance
+
+
+def _weights(logarithms: FloatArray) -> FloatArray:
+    """Return weights with a sum of 1. They are flattened until they are those of `_FEWEST` samples or more."""
+    flatter = 1.0
+    while True:
+        weights = np.exp(flatter * (logarithms - logarithms.max()))
+        weights /= weights.sum()
+        if 1 / float((weights**2).sum()) >= _FEWEST or flatter < 0.01:
+            return np.asarray(weights)
+        flatter *= 0.8
+
+
+# Fit of aperture, gain steps and threshold to the levels of a plate's echo, and to where it is heard.
+#
+# The peaks of traces give level differences between headings (beam) and distances (gain). Whether a ping hears the
+# plate compares its level with the threshold. Each is one residual of a least-squares fit:
+#
+# - The mean peak of a heading has a normal error, whose deviation is that of the residuals.
+# - A ping hears the plate with probability Φ((level − threshold)/σ). In the first fit, the level is blurred by one step
+#   of the turntable, so that it changes smoothly with each value.
+#
+# The first fit has a robust loss, and leaves out what other objects disturb. It gives what the peaks of traces
+# determine, with a covariance that is widened if neighbouring residuals are alike, because a beam that differs from
+# the model makes such errors. Hearing is then weighed without a blur (`level_posterior`): counted as an independent
+# error of each ping, the blur gave thresholds up to 0.9 dB beside the true one, with intervals that were too narrow.
+
+
+FAINTEST_PEAK_DB = -26.0  # below, the steps of an 8-bit converter matter
+_BELOW_FULL_DB = 2.0  # peaks that are expected within this of the largest sample may be limited
+_OUTLIERS = 0.01  # share of pings
+_FIRST_DEVIATION = 1.0  # dB, of a peak, before it is known
+_LEAST_DEVIATION = 0.05  # dB, of a peak
+_WIDE = (4.0, 1.5)  # dB: σ of the first fits, with which a wrong start is found
+_PASSES = 2  # of leaving out outliers
+_FIRST_NULL = 3.8317  # of J₁
+_WIDER_LOBE = 1.2  # before the aperture is known
+_USUAL = 4.0  # standard deviations; larger residuals are those of outliers
+_STEP = 1e-3  # of each unknown, for derivatives
+_MOST_STEPS = 60
+_LEAST_GAIN = 1e-6  # of a step, as a share of the sum of squares; less changes no value by a tenth of its deviation
+_FAR = 1.0  # limit of the unknown logarithm of the aperture's ratio
+_FAR_DB = 30.0  # and of levels
+_FAR_TURN = math.radians(5.0)
+
+
+@dataclass(frozen=True)
+class LevelFit:
+    """The fitted board, and the standard deviation of each fitted value."""
+
+    board: Board
+    deviations: dict[LevelKey, float]  # in the unit of the key
+    trace_level_db: float  # level of a perfect wall in the traces, dB of full scale; without traces, 0
+    turns: FloatArray  # (s,), rad, turntable angle of each plate's perpendicular
+    disturbed: float  # share of headings whose hearing differs so much that it is left out
+    misfit_db: float  # largest median difference of one log's peaks to the fit; 0 without traces
+
+
+@dataclass(frozen=True)
+class _Unknowns:
+    """The unknowns, as changes from the start: keys, ln σ, level of the traces, turn of each plate."""
+
+    keys: tuple[LevelKey, ...]
+    scans: int
+
+    @property
+    def limits(self) -> FloatArray:
+        """Largest change of each unknown, to either side, (u,)."""
+        of_keys = [_FAR if key is LevelKey.APERTURE else _FAR_DB for key in self.keys]
+        return np.array([*of_keys, 3.0, _FAR_DB, *[_FAR_TURN] * self.scans])
+
+    def board(self, start: Board, values: FloatArray) -> Board:
+        """Return the board with these values. The aperture is the logarithm of a ratio."""
+        return changed_board(start, dict(zip(self.keys, values.tolist(), strict=False)))
+
+    def scatter(self, values: FloatArray) -> float:
+        """Return σ of hearing, dB."""
+        return float(np.clip(math.exp(values[len(self.keys)]), *SCATTERS))
+
+    def trace_level(self, values: FloatArray) -> float:
+        """Return the level of a perfect wall in the traces, dB of full scale."""
+        return float(values[len(self.keys) + 1])
+
+    def turns(self, values: FloatArray) -> FloatArray:
+        """Return the direction of each plate relative to the middle of its echo, rad, (s,)."""
+        return values[len(self.keys) + 2 :]
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What is compared: peaks of some headings of each scan, and hearing."""
+
+    start: Board
+    scans: tuple[PlateReadings, ...]
+    unknowns: _Unknowns
+    used: tuple[BoolArray, ...]  # headings of each scan whose peak is used
+    counted: BoolArray  # headings of all scans whose hearing is used
+    deviation: float  # dB, of a peak
+    scatter: float | None  # dB; None: it is an unknown
+
+    def residuals(self, values: FloatArray) -> FloatArray:
+        """Return all residuals that are used, in standard deviations, (k,)."""
+        of_peaks = np.concatenate(self.peak_residuals(values)) / self.deviation
+        return np.concatenate((of_peaks, self.hearing_residuals(values)[self.counted], self._weak(values)))
+
+    def peak_residuals(self, values: FloatArray) -> list[FloatArray]:
+        """Return measured minus expected peaks of each scan that are used, dB, (k,) each."""
+        expected = self.expected_peaks(values)
+        return [scan.peaks[used] - one[used] for scan, one, used in zip(self.scans, expected, self.used, strict=True)]
+
+    def expected_peaks(self, values: FloatArray) -> list[FloatArray]:
+        """Return the expected peak at every heading of each scan, dB of full scale, (n,) each."""
+        level = self.unknowns.trace_level(values)
+        return [
+            levels.peaks_at(scan.angles - scan.middle - turn) + level for scan, levels, turn in self._modelled(values)
+        ]
+
+    def hearing_residuals(self, values: FloatArray) -> FloatArray:
+        """Return the signed roots of the deviance of hearing at all headings of all scans, used or not, (n,)."""
+        heard = np.concatenate([scan.heard for scan in self.scans]).astype(np.float64)
+        return _deviance_roots(heard, self._pings, self._chances(values))
+
+    @property
+    def _pings(self) -> FloatArray:
+        return np.concatenate([scan.pings for scan in self.scans]).astype(np.float64)
+
+    def _modelled(self, values: FloatArray) -> list[tuple[PlateReadings, PlateLevels, float]]:
+        board, turns = self.unknowns.board(self.start, values), self.unknowns.turns(values).tolist()
+        levels = [plate_levels(board, scan.speed_of_sound, scan.distance) for scan in self.scans]
+        return list(zip(self.scans, levels, turns, strict=True))
+
+    def _chances(self, values: FloatArray) -> FloatArray:
+        """Return the probability of hearing at each heading of all scans."""
+        scatter = self.scatter or self.unknowns.scatter(values)
+        threshold = self.unknowns.board(self.start, values).threshold_db
+        chances = []
+        for scan, levels, turn in self._modelled(values):
+            angles = scan.angles - scan.middle - turn
+            blur = levels.slopes_at(angles) * scan.step / math.sqrt(12)
+            chances.append(ndtr((levels.detected_at(angles) - threshold) / np.hypot(scatter, blur)))
+        return np.asarray(_OUTLIERS / 2 + (1 - _OUTLIERS) * np.concatenate(chances))
+
+    def _weak(self, values: FloatArray) -> FloatArray:
+        """Return weak prior residuals, so that the deviation of what nothing determines is large, not infinite."""
+        return values / self.unknowns.limits
+
+
+def free_keys(board: Board, scans: Sequence[PlateReadings]) -> tuple[LevelKey, ...]:
+    """Return the keys that levels may determine for this board."""
+    stepped = bool(board.gain_steps) and board.receiver is Receiver.BOARD
+    return tuple(key for key in LevelKey if key is not LevelKey.GAIN_STEP or (stepped and len(scans) > 1))
+
+
+def fit_levels(start: Board, scans: Sequence[PlateReadings], keys: Sequence[LevelKey]) -> LevelFit:
+    """Return the fit of these keys to the levels of all scans; other values of `start` are held."""
+    unknowns = _Unknowns(tuple(keys), len(scans))
+    used = tuple(_measurable(scan, scan.peaks) & _in_main_lobe(start, scan, scan.middle, _WIDER_LOBE) for scan in scans)
+    counted = np.ones(sum(len(scan.angles) for scan in scans), dtype=np.bool_)
+    problem = _Problem(start, tuple(scans), unknowns, used, counted, _FIRST_DEVIATION, None)
+    values = np.zeros(len(unknowns.limits))
+    for scatter in _WIDE:
+        values = _solved(replace(problem, scatter=scatter), values)
+    for _ in range(_PASSES):
+        problem = _without_outliers(problem, values)
+        values = _solved(problem, values)
+    return _fit_of(problem, values)
+
+
+def _measurable(scan: PlateReadings, levels: FloatArray) -> BoolArray:
+    """Return the headings at which peaks of these levels, dB of full scale, are neither limited nor faint."""
+    most = 20 * math.log10(scan.largest) - _BELOW_FULL_DB if scan.largest > 0 else -math.inf
+    return np.asarray((levels > FAINTEST_PEAK_DB) & (levels < most) & ~np.isnan(scan.peaks))
+
+
+def _in_main_lobe(board: Board, scan: PlateReadings, direction: float, wider: float = 1.0) -> BoolArray:
+    """Return the headings in the main lobe. Beyond it, echoes of other objects may be louder than the plate's."""
+    ka = math.tau * board.frequency / scan.speed_of_sound * board.aperture_radius
+    half = math.asin(min(1.0, wider * _FIRST_NULL / ka))
+    return np.asarray(np.abs(scan.angles - direction) < half)
+
+
+def _without_outliers(problem: _Problem, values: FloatArray) -> _Problem:
+    """Return the problem with the deviation of peaks, and without the headings that other objects disturb.
+
+    Peaks are measurable if they are so by the fit. A selection by the measured peaks would prefer those with errors to
+    one side.
+    """
+    expected = problem.expected_peaks(values)
+    board, turns = problem.unknowns.board(problem.start, values), problem.unknowns.turns(values).tolist()
+    used = tuple(
+        _measurable(scan, levels) & _in_main_lobe(board, scan, scan.middle + turn)
+        for scan, levels, turn in zip(problem.scans, expected, turns, strict=True)
+    )
+    residuals = np.concatenate(replace(problem, used=used).peak_residuals(values))
+    # of a normal distribution, half of the absolute values are below 0.6745; outliers do not count
+    deviation = float(np.median(np.abs(residuals))) / 0.6745 if len(residuals) else _FIRST_DEVIATION
+    freedom = max(1, len(residuals) - len(values))
+    deviation = max(deviation * math.sqrt(max(1, len(residuals)) / freedom), _LEAST_DEVIATION)
+    used = tuple(
+        chosen & ~(np.abs(scan.peaks - levels) > _USUAL * deviation)
+        for scan, chosen, levels in zip(problem.scans, used, expected, strict=True)
+    )
+    counted = np.abs(problem.hearing_residuals(values)) <= _USUAL
+    return replace(problem, used=used, counted=counted, deviation=deviation)
+
+
+def _solved(problem: _Problem, values: FloatArray) -> FloatArray:
+    limits = problem.unknowns.limits
+
+    def derivatives(at: FloatArray) -> FloatArray:
+        return _derivatives(problem.residuals, at)
+
+    found = least_squares(
+        problem.residuals,
+        np.clip(values, -0.99 * limits, 0.99 * limits),
+        jac=derivatives,
+        bounds=(-limits, limits),
+        x_scale=limits,
+        loss="soft_l1",  # objects beside the plate disturb some headings
+        max_nfev=_MOST_STEPS,
+        ftol=_LEAST_GAIN,
+    )
+    return np.asarray(found.x)
+
+
+def _derivatives(function: Callable[[FloatArray], FloatArray], values: FloatArray) -> FloatArray:
+    """Return the derivative of a function by each value, (r, u), by central differences."""
+    columns = []
+    for k in range(len(values)):
+        step = np.zeros(len(values))
+        step[k] = _STEP
+        columns.append((function(values + step) - function(values - step)) / (2 * _STEP))
+    return np.column_stack(columns)
+
+
+def _deviance_roots(heard: FloatArray, pings: FloatArray, chances: FloatArray) -> FloatArray:
+    """Return the signed root of the deviance of `heard` of `pings`, each with these probabilities, same shape."""
+    missed = pings - heard
+    deviance = xlogy(heard, heard / (pings * chances)) + xlogy(missed, missed / (pings * (1 - chances)))
+    return np.asarray(np.sign(heard - pings * chances) * np.sqrt(2 * np.maximum(deviance, 0.0)))
+
+
+def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
+    unknowns, board, count = problem.unknowns, problem.unknowns.board(problem.start, values), len(problem.unknowns.keys)
+    found = level_posterior(
+        board,
+        problem.scans,
+        np.split(problem.counted, np.cumsum([len(scan.angles) for scan in problem.scans])[:-1]),
+        _prior_of_peaks(problem, values),
+        np.zeros(count),
+        _covariance(problem, values)[:count, :count],
+    )
+    changes = dict(zip(unknowns.keys, found.mean.tolist(), strict=True))
+    board = changed_board(board, changes)
+    deviations = dict(zip(unknowns.keys, found.deviations.tolist(), strict=True))
+    deviations[LevelKey.APERTURE] *= board.aperture_radius
+    residuals = [one for one in problem.peak_residuals(values) if len(one)]
+    return LevelFit(
+        board,
+        deviations,
+        unknowns.trace_level(values),
+        np.array([scan.middle for scan in problem.scans]) + unknowns.turns(values),
+        float(1 - problem.counted.mean()),
+        max((abs(float(np.median(one))) for one in residuals), default=0.0),
+    )
+
+
+def _prior_of_peaks(problem: _Problem, values: FloatArray) -> LevelPrior:
+    """Return what the peaks alone determine, relative to the fit `values`; without traces, hardly anything."""
+    count = len(problem.unknowns.keys)
+    peaks = replace(problem, counted=np.zeros_like(problem.counted), scatter=1.0)
+    solved = _solved(peaks, values)
+    covariance = _covariance(peaks, solved) * _widening(peaks, solved)
+    return LevelPrior(
+        problem.unknowns.keys,
+        (solved - values)[:count],
+        covariance[:count, :count],
+        problem.unknowns.turns(values),
+        np.sqrt(np.diag(covariance))[count + 2 :],
+    )
+
+
+def _covariance(problem: _Problem, values: FloatArray) -> FloatArray:
+    slopes = _derivatives(problem.residuals, values)
+    return np.asarray(np.linalg.inv(slopes.T @ slopes))
+
+
+def _widening(problem: _Problem, values: FloatArray) -> float:
+    """Return the factor of variances: over 1 if neighbouring residuals are alike, or residuals too large."""
+    by_scan = [one for one in problem.peak_residuals(values) if len(one) > 2]
+    products = [one[1:] * one[:-1] for one in by_scan]
+    power = sum(float((one**2).sum()) for one in by_scan)
+    alike = float(np.clip(sum(float(one.sum()) for one in products) / power, 0.0, 0.9)) if power else 0.0
+    residuals = problem.residuals(values)
+    excess = float((residuals**2).sum()) / max(1, len(residuals) - len(values))
+    return (1 + alike) / (1 - alike) * max(1.0, excess)
+
+
+# The end of blanking, from the first echoes that a board reports.
+
+
+TOGETHER = 20e-6  # s: first echoes within this are reported when blanking ends
+FEWEST = 5  # such echoes in one log
+_LATE = 0.1e-3  # s, later than the board detects the echo of a near plate
+_WITHIN = 1e-3  # s, after the echo of a plate begins, in which it still sounds
+
+
+@dataclass(frozen=True)
+class BlankingEnd:
+    """The end of blanking, or why it is unknown."""
+
+    time: float | None  # s by the board's clock; None: the readings do not show it
+    reason: str = ""
+
+
+def blanking_end(board: Board, scans: Sequence[PlateReadings]) -> BlankingEnd:
+    """Return the end of blanking: the time at which many first echoes are reported, though their sound came before.
+
+    If a plate is so near that its echo begins within blanking and ends after it, the board reports the echo at the
+    moment at which blanking ends, at all headings. `board` gives the time that it needs to detect an echo.
+    """
+    first = min((float(scan.first_times.min()) for scan in scans if len(scan.first_times)), default=math.inf)
+    for scan in scans:
+        begins = 2 * scan.distance / scan.speed_of_sound
+        air = Air(Air().temperature_at(scan.speed_of_sound) or Air().temperature_c)
+        detected = begins + 2 * plate_echo(board, air, scan.distance).delay / scan.speed_of_sound
+        together = int((scan.first_times <= first + TOGETHER).sum())
+        if together < FEWEST or not detected + _LATE < first < begins + _WITHIN:
+            continue
+        if first <= scan.blanked_until + TOGETHER:
+            blanked = f"{scan.blanked_until * 1000:.3g} ms"
+            return BlankingEnd(None, f"the scanner ignored all echoes before {blanked}; scan with less blanking")
+        return BlankingEnd(first)
+    return BlankingEnd(None, "no plate is so near that its echo begins while the board is blanked")
+
+
+# Fit of swelling and ring-down to the shape of plate echoes in traces, and of the own burst to their beginning.
+
+
+MOST_PULSES = 32  # whose shape is fitted
+FEWEST_PULSES = 5
+_LIMITED = 0.9  # of the largest sample; louder ones may be limited
+_FAINT = 0.1  # of the largest sample; the shape of fainter echoes is rough
+_RING_FAINT = 0.03  # amplitude; fainter samples of the ring-down may be noise
+_FEWEST_SAMPLES = 4  # of a ring-down
+_CYCLES = (0.5, 40.0)  # limits of the fit
+_OTHER_RING = 1.1  # times the swelling, where the fit of the ring-down begins
+_LATEST = 0.15e-3  # s, between the expected and the fitted time of an echo
+_LEAST_SHARE = 0.02  # least relative deviation of a time constant: pulses have a model, too
+_LEAST_RING_DB = 0.3  # least deviation of the own burst, likewise
+_MOST_SLOPE = 1.5  # ratio of ring-down to swelling, from which on they differ
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value with its standard deviation."""
+
+    value: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class PulseShape:
+    """Time constants of the echo of a plate, cycles."""
+
+    rise: Measured  # `rise_cycles`
+    ring: Measured | None  # `ring_cycles`; None: the ring-down does not differ from the swelling
+
+
+def pulse_shape(board: Board, scans: Sequence[PlateReadings], turns: FloatArray) -> PulseShape | None:
+    """Return the medians of fits to single echoes; None if too few are suitable.
+
+    `turns` (s,) rad are the turntable angles of the perpendiculars of the plates. If swelling and ring-down are alike,
+    one value for both is fitted, which is more accurate.
+    """
+    suitable = [one for scan, turn in zip(scans, turns.tolist(), strict=True) for one in _suitable(scan, turn, scans)]
+    if len(suitable) < FEWEST_PULSES:
+        return None
+    rises, rings = np.array([_shape_of(board, *one, own_ring=True) for one in suitable]).T
+    if 1 / _MOST_SLOPE <= float(np.median(rings / rises)) <= _MOST_SLOPE:
+        rises, _ = np.array([_shape_of(board, *one, own_ring=False) for one in suitable]).T
+        return PulseShape(_median(rises), None)
+    return PulseShape(_median(rises), _median(rings))
+
+
+def _suitable(
+    scan: PlateReadings, turn: float, scans: Sequence[PlateReadings]
+) -> list[tuple[PlateReadings, EchoPulse, float]]:
+    """Return echoes of a scan that are loud and not limited; those nearest to the perpendicular."""
+    loud = [one for one in scan.pulses if _FAINT <= peak_of(one.samples) / scan.largest <= _LIMITED]
+    # there, the beam delays least
+    loud.sort(key=lambda one: abs(one.angle - turn))
+    return [(scan, one, turn) for one in loud[: math.ceil(MOST_PULSES / len(scans))]]
+
+
+def _median(values: FloatArray) -> Measured:
+    # as an interval of a normal distribution
+    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values)) * float(student.ppf(0.975, len(values) - 1)) / 1.96
+    value = float(np.median(values))
+    return Measured(value, math.hypot(spread, _LEAST_SHARE * value))
+
+
+def _shape_of(
+    board: Board, scan: PlateReadings, pulse: EchoPulse, turn: float, *, own_ring: bool
+) -> tuple[float, float]:
+    """Return swelling and ring-down, cycles, with which an echo of the plate fits best; amplitude and time are free."""
+    angles = np.array([pulse.angle - turn])
+
+    def residuals(values: FloatArray) -> FloatArray:
+        amplitude, later, rise, *ring = values.tolist()
+        changed = replace(board, rise_cycles=rise, ring_cycles=ring[0] if ring else None)
+        model = plate_envelopes(changed, scan.speed_of_sound, scan.distance, angles)
+        expected = np.interp(pulse.times - later * _LATEST, model.times[0], model.samples[0], left=0.0, right=0.0)
+        return np.asarray(amplitude * expected - pulse.samples)
+
+    model = plate_envelopes(board, scan.speed_of_sound, scan.distance, angles)
+    low, high = _CYCLES
+    rise = float(np.clip(board.rise_cycles, 1.01 * low, 0.99 * high))
+    start = [peak_of(pulse.samples) / float(model.samples.max()), 0.0, rise]
+    bounds = [0.0, -1.0, low], [math.inf, 1.0, high]
+    if own_ring:
+        start.append(float(np.clip(board.ring_cycles or _OTHER_RING * rise, 1.01 * low, 0.99 * high)))
+        bounds = [*bounds[0], low], [*bounds[1], high]
+    fitted = least_squares(residuals, start, bounds=bounds, diff_step=[1e-3] * len(start), max_nfev=40)
+    return float(fitted.x[2]), float(fitted.x[-1])
+
+
+@dataclass(frozen=True)
+class RingDown:
+    """The ring-down of the transmit burst."""
+
+    level: Measured  # dB over full scale, by which a profile states it
+    cycles: float  # time constant of this ring-down, which that of echoes should explain
+
+    def explained_by(self, cycles: float) -> bool:
+        """Return whether the burst decays as fast as echoes do."""
+        return 1 / _MOST_SLOPE <= self.cycles / cycles <= _MOST_SLOPE
+
+
+def ring_down(board: Board, deviation: float, scans: Sequence[PlateReadings], trace_level_db: float) -> RingDown | None:
+    """Return the ring-down in the traces of all scans; None if they do not show it.
+
+    The board has the measured time constants. The standard `deviation` (cycles) of that of the decay widens that of
+    the level.
+    `trace_level_db` is the level of a perfect wall in the traces.
+    """
+    begins = [(scan, scan.begin) for scan in scans if scan.begin is not None]
+    shown = [(scan, _decaying(one, scan.largest)) for scan, one in begins]
+    shown = [(scan, one) for scan, one in shown if len(one.times) >= _FEWEST_SAMPLES]
+    if not shown:
+        return None
+
+    decay = "rise_cycles" if board.ring_cycles is None else "ring_cycles"
+    measured = float(getattr(board, decay))
+
+    def levels(cycles: float) -> FloatArray:
+        changed = board.with_numbers({decay: cycles, "own_burst_db": 0.0})
+        return np.concatenate([_excess(changed, scan.speed_of_sound, one) for scan, one in shown])
+
+    here = levels(measured)
+    slower, faster = (float(levels(max(measured + by, _CYCLES[0])).mean()) for by in (deviation, -deviation))
+    spread = math.hypot(float(here.std()) / math.sqrt(len(shown)), (slower - faster) / 2, _LEAST_RING_DB)
+    best = minimize_scalar(lambda cycles: float(levels(cycles).var()), bounds=_CYCLES, method="bounded")
+    return RingDown(Measured(float(here.mean()) - trace_level_db, spread), float(best.x))
+
+
+def _decaying(begin: EchoPulse, largest: float) -> EchoPulse:
+    """Return the samples after the last limited one, until they are faint."""
+    limited = np.flatnonzero(begin.samples > 0.8 * largest)
+    first = int(limited[-1]) + 1 if len(limited) else len(begin.samples)
+    faint = np.flatnonzero(begin.samples[first:] < _RING_FAINT)
+    last = first + (int(faint[0]) if len(faint) else 0)
+    return EchoPulse(begin.angle, begin.times[first:last], begin.samples[first:last])
+
+
+def _excess(board: Board, speed_of_sound: float, ring: EchoPulse) -> FloatArray:
+    """Return the levels of a ring-down over the board's own burst, dB, at each of its samples."""
+    burst = np.abs(own_burst(board, speed_of_sound))
+    expected = np.interp(ring.times, np.arange(len(burst)) / RATE, burst, right=float(burst[-1]))
+    return np.asarray(20 * np.log10(ring.samples / np.maximum(expected, 1e-12)))
+
+
+# half of a 95 % interval up to which a value counts as determined: dB, or share of the aperture
+_MOST_DB = 1.0
+_MOST_APERTURE = 0.05
+# least standard deviations: humidity and temperature of the air, and the reflectance of the plate are assumed
+_LEAST_DB = 0.1
+_LEAST_APERTURE = 0.0025
+_TICK = 2e-6  # s, of the clock that counts echo times
+_MOST_DISTURBED = 0.02  # share of headings; outliers of a plate that stands alone are rarer
+_MISFIT_DB = 1.0  # from which on the gain does not explain the levels at all distances
+
+
+@dataclass(frozen=True)
+class PlateCalibration:
+    """The result: what was found, what stays as it was and why, and doubts."""
+
+    board: Board  # with the values found
+    findings: tuple[CalibratedValue, ...]
+    kept: dict[str, str]  # reason by key
+    doubts: tuple[str, ...]
+
+
+def calibrate_with_plates(start: Board, scans: Sequence[PlateReadings]) -> PlateCalibration:
+    """Return the calibration of a board from scans of a plate, beginning with the profile `start`."""
+    result = _Result(start)
+    _find_blanking(result, scans)
+    shape = _find_pulse_shape(result, scans)
+    levels = _find_levels(result, _after_blanking(result.board, scans))
+    _find_ring_down(result, scans, shape, levels)
+    if levels.misfit_db > _MISFIT_DB:
+        result.doubts.append(
+            f"the peaks of one log differ by {levels.misfit_db:.1f} dB from the gain of this profile; "
+            "check the distances, and that the plate is large enough"
+        )
+    if levels.disturbed > _MOST_DISTURBED:
+        result.doubts.append(
+            f"{levels.disturbed:.0%} of the headings have echoes that a plate alone does not give; the intervals "
+            "may be too narrow; remove what stands near the plate, and scan again"
+        )
+    return PlateCalibration(result.board, tuple(result.findings), result.kept, tuple(result.doubts))
+
+
+def plate_profile(start: Board, found: PlateCalibration, scans: Sequence[PlateReadings], name: str) -> Board:
+    """Return the profile `start` with another name and the values found. Its header names the scans.
+
+    Raises InputError if the text of the profile cannot be changed.
+    """
+    keys = ", ".join(finding.key for finding in found.findings)
+    header = [f"# Calibrated by `sonarhw calibrate` with a plate, beginning with profile {start.name!r}: {keys}."]
+    header += [f"#   {harmless(scan.name)}: plate at {scan.distance:g} m" for scan in scans]
+    return calibrated_profile(start, name, header, found.findings, found.kept)
+
+
+def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateReadings]:
+    """Return the scans whose echo begins after the board is blanked. Raises NoPlate if there is none."""
+    kept = [
+        scan for scan in scans if 2 * scan.distance / scan.speed_of_sound > max(board.blanking_end, scan.blanked_until)
+    ]
+    if not kept:
+        nearest = board.blanking_end * scans[0].speed_of_sound / 2
+        raise NoPlate(f"no plate is beyond {nearest:.2g} m, where blanking ends; scan a plate that is farther away")
+    return kept
+
+
+class _Result:
+    """The result so far."""
+
+    def __init__(self, start: Board) -> None:
+        self.start = self.board = start
+        self.findings: list[CalibratedValue] = []
+        self.kept: dict[str, str] = {}
+        self.doubts: list[str] = []
+
+    def add(self, key: str, found: Measured, unit: str) -> None:
+        """Add a value with its 95 % interval."""
+        half = Z95 * found.deviation
+        self.add_between(key, found.value, found.value - half, found.value + half, unit)
+
+    def add_between(self, key: str, value: float, low: float, high: float, unit: str) -> None:
+        """Add a value with this interval."""
+        # without `ring_cycles`, the ring-down is that of `rise_cycles`
+        before = getattr(self.start, key)
+        before = float(self.start.rise_cycles if before is None else before)
+        self.findings.append(CalibratedValue(key, value, low, high, before, unit))
+        self.board = self.board.with_numbers({key: value})
+
+
+def _find_blanking(result: _Result, scans: Sequence[PlateReadings]) -> None:
+    key = "blanking" if result.start.blanking_inhibit is None else "blanking_inhibit"
+    found = blanking_end(result.start, scans)
+    if found.time is None:
+        result.kept[key] = found.reason
+    else:
+        result.add_between(key, found.time, found.time - TOGETHER, found.time + _TICK, "s")
+
+
+def _find_pulse_shape(result: _Result, scans: Sequence[PlateReadings]) -> PulseShape | None:
+    found = pulse_shape(result.start, scans, np.array([scan.middle for scan in scans]))
+    if found is None:
+        traces = any(scan.pulses for scan in scans)
+        result.kept["rise_cycles"] = (
+            "too few echoes of the plate are loud without being limited" if traces else "the logs contain no traces"
+        )
+        return None
+    result.add("rise_cycles", found.rise, "cycles")
+    if found.ring is not None or result.start.ring_cycles is not None:
+        result.add("ring_cycles", found.ring or found.rise, "cycles")
+    return found
+
+
+def _find_levels(result: _Result, scans: Sequence[PlateReadings]) -> LevelFit:
+    """Fit the levels. Keys that they do not determine stay, and count as unknown in the intervals of the others."""
+    keys = free_keys(result.start, scans)
+    if LevelKey.GAIN_STEP not in keys:
+        result.kept[LevelKey.GAIN_STEP] = (
+            "one log shows the gain at one time only" if result.start.gain_steps else "this profile has no gain steps"
+        )
+    fit = fit_levels(result.board, scans, keys)
+    for key in keys:
+        if _share(fit, key) > 1:
+            result.kept[key] = f"the scans determine it to ± {_half_text(fit, key)} only"
+            continue
+        aperture = key is LevelKey.APERTURE
+        value = float(getattr(fit.board, key))
+        least = _LEAST_APERTURE * value if aperture else _LEAST_DB
+        result.add(key, Measured(value, math.hypot(fit.deviations[key], least)), "m" if aperture else "dB")
+    return fit
+
+
+def _share(fit: LevelFit, key: LevelKey) -> float:
+    """Return half of the 95 % interval of a value, as a share of the most with which it counts as determined."""
+    most = _MOST_APERTURE * fit.board.aperture_radius if key is LevelKey.APERTURE else _MOST_DB
+    return Z95 * fit.deviations[key] / most
+
+
+def _half_text(fit: LevelFit, key: LevelKey) -> str:
+    half = Z95 * fit.deviations[key]
+    return f"{half / fit.board.aperture_radius:.0%}" if key is LevelKey.APERTURE else f"{half:.1f} dB"
+
+
+def _find_ring_down(
+    result: _Result, scans: Sequence[PlateReadings], shape: PulseShape | None, levels: LevelFit
+) -> None:
+    if not any(scan.pulses for scan in scans):
+        result.kept["own_burst_db"] = "the logs contain no traces"
+        return
+    deviation = 0.0 if shape is None else (shape.ring or shape.rise).deviation
+    found = ring_down(result.board, deviation, scans, levels.trace_level_db)
+    if found is None:
+        result.kept["own_burst_db"] = "the traces do not show how the burst decays"
+        return
+    cycles = result.board.ring_cycles or result.board.rise_cycles
+    if not found.explained_by(cycles):
+        result.kept["own_burst_db"] = (
+            f"the burst decays with {found.cycles:.1f} cycles, and the echoes with {cycles:.1f}; "
+            "a profile has one value for both"
+        )
+        return
+    result.add("own_burst_db", found.level, "dB")

@@ -1,0 +1,993 @@
+"""The calibration of a board from scans of a known room: values, intervals, what stays and why.
+
+First the carrier's own body, then geometry and reflectances, then threshold and aperture by the rule for echoes and
+silence, then the spreads of threshold and range. `calibrate_in_room` returns a profile that belongs to the room as it
+is, `calibrate_board_and_room` one that belongs to the room with the reflectances found.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter, uniform_filter1d
+from sonarhw_sim.board.profile import ON_AXIS, Board, OwnBodyPart, without_own_body
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, predict_scan, weigh_paths
+from sonarhw_sim.room.room import Place, Room, parse_room
+
+from sonarhw.errors import InputError, counted, harmless
+from sonarhw.readings import BoolArray, FloatArray, Reading
+from sonarhw_compare.edits import Z95, CalibratedValue, calibrated_profile
+from sonarhw_compare.fit.objective import MODERATE, Objective, Problem, make_problem
+from sonarhw_compare.fit.quantities import (
+    APERTURE,
+    AXIS_X,
+    AXIS_Y,
+    HEADING,
+    OFFSET,
+    REFLECTANCE,
+    SCALE,
+    SLOPE,
+    THRESHOLD,
+    BoardQuantity,
+    Parameter,
+    X,
+    Y,
+    reflectance_of,
+)
+from sonarhw_compare.fit.result import PlacedScan, Progress, check_given_once
+from sonarhw_compare.fit.search import climb, covariance_of, refined
+from sonarhw_compare.fit.starting import all_round, best_agreement, places_near
+from sonarhw_compare.match import TOLERANCE, Comparison, Kind, compare_readings, drawn_blocks
+from sonarhw_compare.regions import angles_and_ranges, mean_run
+
+# Threshold and aperture by a rule that counts echoes and silence.
+#
+# The rule: of a grid of apertures and thresholds, take the pair with the largest weighted mean of two shares, the
+# echoes within 5 cm of the prediction, counted three times, and the balanced accuracy of silence, counted once. A
+# plain likelihood gives up many echoes for a little more silence. Shares of a few hundred readings are noisy, so each
+# pair is averaged with its neighbours on the grid, and the given profile changes no more than the scans demand: of
+# the pairs that are not worse than the best at 95 % confidence, the nearest to the given one is taken. The
+# one-standard-error rule of Breiman, Friedman, Olshen and Stone (Classification and Regression Trees, 1984) does the
+# same with one standard error.
+
+
+ECHOES_COUNT = 3.0  # times as much as silence
+APERTURES = 1.1 ** np.arange(-5.0, 6.0)  # relative to the given profile
+THRESHOLDS = np.arange(-8.0, 11.0)  # dB, likewise
+_OF_DRAWS = (2.5, 97.5)  # percentiles
+_NEAREST_FIRST = 1e-5  # per step of the grid: of equal pairs, that of the given profile
+_AS_GOOD = 1.96  # standard errors of the difference from the best score
+
+_STEPS_AWAY = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)  # (a, t), from the given profile
+
+
+@dataclass(frozen=True)
+class Between:
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class DetectionChoice:
+    """What the rule chooses."""
+
+    threshold_db: Between
+    aperture_radius: Between
+    is_determined: bool  # False: the scans have no silence, or no echo, and the rule counts one kind only
+
+
+@dataclass(frozen=True)
+class _Outcomes:
+    """What each pair of the grid predicts right, for all r readings together."""
+
+    sounding: BoolArray  # (r,), whether an echo was measured
+    explained: BoolArray  # (a, t, r): an echo within 5 cm of the prediction
+    predicted: BoolArray  # (a, t, r): an echo is predicted
+
+
+def choose_detection(
+    scans: Sequence[PlacedScan],
+    room: Room,
+    board: Board,
+    places: Sequence[Place],
+    redundancy: float,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> DetectionChoice:
+    """Return threshold and aperture by the rule, for scans at `places` (with the actual headings of the zero).
+
+    `redundancy` is the number of readings per independent reading; the intervals are from a bootstrap of such blocks.
+    """
+    found = _outcomes(scans, room, board, places, tick)
+    scores = _scores(found, np.ones((1, len(found.sounding))))[0]
+    random = np.random.default_rng(0)
+    drawn_scores = _scores(found, drawn_blocks(len(found.sounding), redundancy, random))
+    a, t = nearest_good_pair(scores, drawn_scores)
+    drawn = np.array(best_pairs(drawn_scores))
+    thresholds, apertures = board.threshold_db + THRESHOLDS, board.aperture_radius * APERTURES
+    both = bool(found.sounding.any() and not found.sounding.all())
+    return DetectionChoice(
+        _between(float(thresholds[t]), thresholds[drawn[:, 1]], 1.0),
+        _between(float(apertures[a]), apertures[drawn[:, 0]], 0.1 * float(apertures[a])),
+        both,
+    )
+
+
+def _between(value: float, drawn: FloatArray, step: float) -> Between:
+    """Return a value of the grid with the interval of those drawn, at least half a step of the grid to each side."""
+    low, high = np.percentile(drawn, _OF_DRAWS).tolist()
+    return Between(value, min(low, value) - step / 2, max(high, value) + step / 2)
+
+
+def _outcomes(
+    scans: Sequence[PlacedScan],
+    room: Room,
+    board: Board,
+    places: Sequence[Place],
+    tick: Callable[[float], None],
+) -> _Outcomes:
+    # a face beside the axis would need a search for paths at every heading; here it only makes ranges shorter
+    offset = board.range_offset - board.mount.ahead
+    board = replace(board, mount=ON_AXIS, range_offset=offset, home_angle_deg=0.0)
+    faintest = replace(board, threshold_db=board.threshold_db + float(THRESHOLDS.min()))
+    explained, predicted, sounding = [], [], []
+    for k, (scan, place) in enumerate(zip(scans, places, strict=True)):
+        tick(k / len(scans))
+        angles, measured = angles_and_ranges(without_own_body(board.own_body, scan.readings))
+        headings = place.heading + board.turned(angles)
+        options = PredictionOptions()
+        paths = paths_for(room, place, faintest, options)
+        grid = np.empty((len(APERTURES), len(THRESHOLDS), len(headings)))
+        for a, wider in enumerate(APERTURES.tolist()):
+            for t, higher in enumerate(THRESHOLDS.tolist()):
+                one = replace(
+                    board,
+                    aperture_radius=board.aperture_radius * wider,
+                    threshold_db=min(0.0, board.threshold_db + higher),
+                )
+                grid[a, t] = weigh_paths(room, place, one, headings, paths, options).ranges
+        explained.append(np.abs(grid - measured) <= TOLERANCE)
+        predicted.append(~np.isnan(grid))
+        sounding.append(~np.isnan(measured))
+    return _Outcomes(np.concatenate(sounding), np.concatenate(explained, axis=2), np.concatenate(predicted, axis=2))
+
+
+def _scores(found: _Outcomes, weights: FloatArray) -> FloatArray:
+    """Return the score of each pair, (w, a, t), with each row of `weights` (w, r) for the readings."""
+    sounding, silent = weights * found.sounding, weights * ~found.sounding
+    echoes, silences = sounding.sum(axis=1)[:, None, None], silent.sum(axis=1)[:, None, None]
+    share = np.einsum("wr,atr->wat", sounding, found.explained) / np.maximum(echoes, 1e-9)
+    heard = np.einsum("wr,atr->wat", sounding, found.predicted) / np.maximum(echoes, 1e-9)
+    quiet = np.einsum("wr,atr->wat", silent, ~found.predicted) / np.maximum(silences, 1e-9)
+    accuracy = np.where((silences > 0) & (echoes > 0), (heard + quiet) / 2, 0.0)
+    scores = (ECHOES_COUNT * share + accuracy) / (ECHOES_COUNT + 1)
+    return np.asarray(uniform_filter(scores, (1, 3, 3), mode="nearest") - _NEAREST_FIRST * _STEPS_AWAY)
+
+
+def nearest_good_pair(scores: FloatArray, drawn: FloatArray) -> tuple[int, int]:
+    """Return row and column of the pair nearest to the given profile whose score (a, t) is as good as the best.
+
+    `drawn` (w, a, t) are the scores of the bootstrap. The standard error is that of the difference from the best score,
+    because both come from the same readings.
+    """
+    best = best_pairs(scores[None])[0]
+    errors = np.std(drawn[:, *best, None, None] - drawn, axis=0)
+    is_good = scores[best] - scores <= _AS_GOOD * errors
+    # of pairs equally far away, that with the larger score; scores are at most 1, so a step counts more
+    ((a, t),) = best_pairs(np.where(is_good, 0.5 * scores - _STEPS_AWAY, -np.inf)[None])
+    return a, t
+
+
+def best_pairs(scores: FloatArray) -> list[tuple[int, int]]:
+    """Return row and column of the largest score of each (a, t) table."""
+    rows, columns = np.unravel_index(scores.reshape(len(scores), -1).argmax(axis=1), scores.shape[1:])
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
+# Echoes of the carrier of a sensor: the same turntable angle and range at every place, and not those of the room.
+#
+# Echoes that the room explains say nothing about the carrier, so they are not given. A run of neighbouring angles
+# counts if nearly all places have the same range there, and if the other echoes, turned against each other at random,
+# hardly ever have a run as long. At its ends an echo is as faint as the threshold, so it is detected at some places
+# only.
+#
+# The room file may lack a wall that is equally far from two places. Its echoes look like those of the carrier, so
+# scans from two places are not enough.
+
+
+SAME_RANGE = 0.025  # m, largest difference of ranges that count as the same
+SAME_PLACE = 0.05  # m, between positions that count as one place
+_AGREEING = 0.7  # share of the places
+_NEXT = 0.03  # m, largest difference of ranges of neighbouring angles
+_TURNS = 300  # random turns of the scans against each other
+_APART = 12  # directions from which turns are drawn, or one for each place if there are more
+_AS_FAR = 0.05  # m, between ranges of one body, and of runs that are compared
+_SHORTEST = 2  # angles
+_CHANCE = 0.01  # of these, that have a run as long
+_FINEST = math.radians(1.0)
+
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class ScanAtPlace:
+    """The readings of a scan that the room does not explain, silence included, and where it was made."""
+
+    readings: Sequence[Reading]
+    position: tuple[float, float]  # m
+
+
+def find_own_body(scans: Sequence[ScanAtPlace]) -> tuple[OwnBodyPart, ...]:
+    """Return the parts of the carrier's body that the scans show, by turntable angle; none from fewer than 2 places."""
+    places = place_numbers([scan.position for scan in scans])
+    if len(set(places.tolist())) < 2:
+        return ()
+    step = max(_FINEST, *(_step(scan.readings) for scan in scans))
+    count = round(math.tau / step)
+    ranges, covered = (np.array(both) for both in zip(*(_on_grid(scan.readings, count) for scan in scans), strict=True))
+    runs = _certain_runs(ranges, covered, places, np.random.default_rng(0))
+    return tuple(sorted((_part(run, ranges, count) for run in runs), key=lambda part: part.from_deg))
+
+
+def _certain_runs(
+    ranges: FloatArray, covered: BoolArray, places: IntArray, random: np.random.Generator
+) -> list[IntArray]:
+    """Return the runs that are not by chance, with their ends."""
+    values, enough = _consensus(ranges, covered, places)
+    found = [(run, float(np.median(values[run]))) for run in _runs(values, enough) if len(run) >= _SHORTEST]
+    by_chance = _runs_by_chance(*_without(found, ranges, covered), places, random)
+    found = [(run, middle) for run, middle in found if not _is_by_chance(run, middle, by_chance)]
+    return _joined([_longer(run, middle, ranges) for run, middle in found])
+
+
+def _without(
+    found: Sequence[tuple[IntArray, float]], ranges: FloatArray, covered: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return ranges and coverage without the echoes of runs: two parts of a body meet when scans are turned."""
+    ranges, covered = ranges.copy(), covered.copy()
+    for run, middle in found:
+        own = np.abs(ranges[:, run] - middle) <= _AS_FAR
+        covered[:, run] &= ~own
+        ranges[:, run] = np.where(own, np.nan, ranges[:, run])
+    return ranges, covered
+
+
+def place_numbers(positions: Sequence[tuple[float, float]]) -> IntArray:
+    """Return the number of the place of each position, (n,); positions within 5 cm are one place."""
+    numbers: list[int] = []
+    for k, position in enumerate(positions):
+        near = (numbers[j] for j in range(k) if math.dist(position, positions[j]) <= SAME_PLACE)
+        numbers.append(next(near, max(numbers, default=-1) + 1))
+    return np.array(numbers, dtype=np.intp)
+
+
+def _step(readings: Sequence[Reading]) -> float:
+    """Return the usual step between the angles of a scan, rad."""
+    angles = np.unique(np.round(np.remainder([one.angle for one in readings], math.tau), 6))
+    return float(np.median(np.diff(angles))) if len(angles) > 1 else math.tau
+
+
+def _on_grid(readings: Sequence[Reading], count: int) -> tuple[FloatArray, BoolArray]:
+    """Return the range at each of `count` turntable angles, m, NaN for silence, and which angles have a reading."""
+    angles, ranges = angles_and_ranges(readings)
+    grid = np.arange(count) * (math.tau / count)
+    away = np.abs(np.remainder(angles - grid[:, None] + math.pi, math.tau) - math.pi)
+    nearest = away.argmin(axis=1)
+    covered = away[np.arange(count), nearest] <= 0.75 * math.tau / count
+    return np.where(covered, ranges[nearest], np.nan), covered
+
+
+def _consensus(ranges: FloatArray, covered: BoolArray, places: IntArray) -> tuple[FloatArray, BoolArray]:
+    """Return the range that most places have at each angle, (n,) m, and whether enough places have it, (n,)."""
+    numbers = np.unique(places)
+    same = np.abs(ranges[:, None] - ranges) <= SAME_RANGE  # (scan, other scan, angle)
+    agreeing = sum(same[:, places == number].any(axis=1).astype(np.intp) for number in numbers)
+    present = sum(covered[places == number].any(axis=0).astype(np.intp) for number in numbers)
+    agreeing = np.asarray(agreeing)
+    best = agreeing.argmax(axis=0)
+    columns = np.arange(ranges.shape[1])
+    enough = agreeing[best, columns] >= np.maximum(2, np.ceil(_AGREEING * present))
+    return ranges[best, columns], enough
+
+
+def _runs(values: FloatArray, enough: BoolArray) -> list[IntArray]:
+    """Return the runs of neighbouring angles, also across angle 0, with enough places and nearly equal ranges."""
+    count = len(values)
+    joined = enough & np.roll(enough, 1) & (np.abs(values - np.roll(values, 1)) <= _NEXT)
+    if joined.all():
+        return [np.arange(count)]
+    runs: list[list[int]] = []
+    # begin behind a gap
+    first = int(np.flatnonzero(~joined)[0])
+    for k in (np.arange(count) + first) % count:
+        if enough[k]:
+            if joined[k] and runs and runs[-1][-1] == (k - 1) % count:
+                runs[-1].append(int(k))
+            else:
+                runs.append([int(k)])
+    return [np.array(run, dtype=np.intp) for run in runs]
+
+
+def _runs_by_chance(
+    ranges: FloatArray, covered: BoolArray, places: IntArray, random: np.random.Generator
+) -> list[list[tuple[int, float]]]:
+    """Return the length and the range, m, of each run of the scans, turned against each other at random many times."""
+    count = ranges.shape[1]
+    apart = max(1, count // max(_APART, places.max() + 1))
+    found = []
+    for _ in range(_TURNS):
+        # scans of one place stay together; no two places are turned alike
+        turns = random.permutation(np.arange(0, count, apart))[: places.max() + 1] + random.integers(0, apart)
+        rows = (np.arange(count) - turns[places][:, None]) % count
+        values, enough = _consensus(
+            np.take_along_axis(ranges, rows, axis=1), np.take_along_axis(covered, rows, axis=1), places
+        )
+        found.append([(len(run), float(np.median(values[run]))) for run in _runs(values, enough)])
+    return found
+
+
+def _is_by_chance(run: IntArray, middle: float, by_chance: list[list[tuple[int, float]]]) -> bool:
+    """Return whether a run at a range (m) may be by chance: turned scans have one as long, and as far, too often."""
+    alike = sum(any(length >= len(run) and abs(at - middle) <= _AS_FAR for length, at in runs) for runs in by_chance)
+    return alike > _CHANCE * len(by_chance)
+
+
+def _longer(run: IntArray, middle: float, ranges: FloatArray) -> IntArray:
+    """Return a run with its neighbours at which a place has an echo as far away as the run, `middle` m."""
+    alike: BoolArray = np.any(np.abs(ranges - middle) <= _AS_FAR, axis=0)
+    count = len(alike)
+    begin, end = int(run[0]), int(run[0]) + len(run) - 1
+    while alike[(begin - 1) % count] and end - begin + 1 < count:
+        begin -= 1
+    while alike[(end + 1) % count] and end - begin + 1 < count:
+        end += 1
+    return np.arange(begin, end + 1) % count
+
+
+def _joined(runs: Sequence[IntArray]) -> list[IntArray]:
+    """Return runs, with those that have met as one."""
+    joined: list[IntArray] = []
+    for run in runs:
+        met = [other for other in joined if np.isin(other, run).any()]
+        angles = np.unique(np.concatenate((run, *met)))
+        gaps = np.flatnonzero(np.diff(angles) > 1)
+        # a run across angle 0 begins behind its only gap
+        angles = np.roll(angles, -int(gaps[0]) - 1) if len(gaps) else angles
+        joined = [*(other for other in joined if not np.isin(other, run).any()), angles]
+    return joined
+
+
+def _part(run: IntArray, ranges: FloatArray, count: int) -> OwnBodyPart:
+    """Return a run as a part of the body; the outer half steps belong to it, and all ranges that count as the same."""
+    step, echoes = 360.0 / count, ranges[:, run]
+    away = np.abs(echoes - np.nanmedian(echoes))
+    middles = np.take_along_axis(echoes, np.nanargmin(away, axis=0)[None], axis=0)
+    own = echoes[np.abs(echoes - middles) <= SAME_RANGE]
+    begin = (float(run[0]) - 0.5) * step
+    return OwnBodyPart(
+        from_deg=round(begin, 2),
+        to_deg=round(begin + len(run) * step, 2),
+        nearest=round(max(float(own.min()) - SAME_RANGE, 0.0), 4),
+        farthest=round(float(own.max()) + SAME_RANGE, 4),
+    )
+
+
+# Headings, places, turntable scale and threshold to begin a calibration with: those that most readings match.
+
+
+SCALES = np.arange(0.90, 1.141, 0.01)
+# tried with each scale, dB: a sensor that hears more sees wider arcs, as a turntable does that turns less than it says
+_THRESHOLDS = (-6.0, -4.5, -3.0, -1.5, 0.0, 1.5, 3.0, 4.5, 6.0)
+_FREE = frozenset({"heading", "offset"})
+
+
+@dataclass(frozen=True)
+class StartingTurntable:
+    """Where the calibration begins."""
+
+    scale: float
+    scale_deviation: float  # from a bootstrap of blocks of readings
+    threshold_db: float
+    places: tuple[Place, ...]  # within 3 cm of those given; the heading is the actual one of the turntable's zero
+
+
+def starting_turntable(
+    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[float], None]
+) -> StartingTurntable:
+    """Return scale and threshold, shared by all scans, and the pose of each with which most of their echoes match."""
+    # a face beside the axis would need a search for paths at every heading; the range offset stands for it
+    plain = replace(board, mount=ON_AXIS)
+    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
+    boards = [replace(plain, threshold_db=board.threshold_db + change) for change in _THRESHOLDS]
+    matches = np.array([_matches(scans, room, one) for one in boards])
+    row, column = _best(matches, np.ones((1, matches.shape[2])))[0]
+    scales = board.turntable_scale * SCALES
+    redundancy = float(np.mean([mean_run(*angles_and_ranges(scan.readings)) for scan in scans]))
+    drawn = _best(matches, drawn_blocks(matches.shape[2], redundancy, np.random.default_rng(0)))
+    deviation = math.hypot(float(np.std(scales[[k for _, k in drawn]])), SCALES[1] - SCALES[0])
+    plain, scale = boards[row], float(scales[column])
+    turned = replace(plain, turntable_scale=scale)
+    fits = []
+    for k, scan in enumerate(scans):
+        tick(k / len(scans))
+        near = ((place, predict_scan(room, place, turned, all_round()).ranges) for place in places_near(scan.place))
+        fits.append(best_agreement(scan.readings, near, _FREE | {"position"}, turned))
+    return StartingTurntable(scale, deviation, plain.threshold_db, tuple(fit.place for fit in fits))
+
+
+def _matches(scans: Sequence[PlacedScan], room: Room, board: Board) -> BoolArray:
+    """Return whether each of the r readings of all scans matches with each of SCALES, (scales, r)."""
+    tables = [predict_scan(room, scan.place, board, all_round()).ranges for scan in scans]
+    boards = [replace(board, turntable_scale=board.turntable_scale * scale) for scale in SCALES.tolist()]
+    return np.array(
+        [
+            np.concatenate([_matching(scan, table, one) for scan, table in zip(scans, tables, strict=True)])
+            for one in boards
+        ]
+    )
+
+
+def _best(matches: BoolArray, weights: FloatArray) -> list[tuple[int, int]]:
+    """Return threshold and scale (rows) with the most matches, for each row of `weights` (w, r) of the readings."""
+    counts = np.einsum("wr,tsr->wts", weights, matches, optimize=True)
+    # single counts are noisy: the best of three neighbours together. The present values win ties.
+    smooth = uniform_filter1d(counts, 3, axis=2, mode="nearest")
+    smooth -= np.add.outer(np.abs(_THRESHOLDS), np.abs(SCALES - 1.0)) * 1e-6
+    return best_pairs(smooth)
+
+
+def _matching(scan: PlacedScan, table: FloatArray, board: Board) -> BoolArray:
+    """Return whether each reading matches at the heading and offset with the most matches."""
+    fit = best_agreement(scan.readings, [(scan.place, table)], _FREE, board)
+    angles, measured = angles_and_ranges(scan.readings)
+    rows = np.round((fit.heading + board.turned(angles)) * (len(table) / math.tau)).astype(np.intp) % len(table)
+    return np.asarray(np.abs(measured + fit.offset - table[rows]) <= TOLERANCE)
+
+
+# Geometry of a board from scans of a known room, by the likelihood of `fit`.
+#
+# Shared by all scans: range offset and its slope, turntable scale, position of the turning axis, threshold and
+# aperture, and the reflectances of the room, because threshold and reflectance decide together which echoes are
+# heard. An echo with two reflections loses twice as much as one with a single reflection, which separates the two.
+# The pose of each scan is a nuisance parameter: its position has a normal prior of 1.5 cm around the given one (marks
+# and robots are only right within some 3 cm), its heading is free. Neighbouring readings of one echo have the same
+# error, so the log-likelihood of a scan is divided by its number of readings per independent reading.
+
+
+POSITION_SD = 0.015  # m, of a given position
+_REACH = 0.06  # m, largest error of a given position
+_TURN = math.radians(45.0)  # largest error of a starting heading
+_SEARCHES, _ITERATIONS = 2, 4
+_CLIMBS = 6  # at most, for the spreads
+_GAIN = 0.01  # of the log-likelihood, that is worth another climb
+_RANGE, _LEVEL = 0, 1  # rows of the noises
+# shared quantities, with the standard deviation of their priors around the given profile; None: none
+SHARED: tuple[tuple[BoardQuantity, float | None], ...] = (
+    (OFFSET, 0.03),
+    (SLOPE, 0.01),
+    (SCALE, 0.05),
+    (AXIS_X, 0.01),
+    (AXIS_Y, 0.01),
+    (THRESHOLD, 5.0),
+    (APERTURE, None),
+)
+
+
+@dataclass(frozen=True)
+class SharedValue:
+    """A value with its standard deviation, in the units of the profile."""
+
+    value: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class TurntableFit:
+    """The geometry that explains all scans best."""
+
+    shared: dict[str, SharedValue]  # by key of the profile
+    reflectances: dict[str, SharedValue]  # by material; those with a table, or outside the bounds of `fit`, stay
+    places: tuple[Place, ...]  # of the scans, with the actual heading of the turntable's zero
+
+
+def fit_turntable(
+    scans: Sequence[PlacedScan],
+    room: Room,
+    board: Board,
+    start: StartingTurntable,
+    tick: Callable[[], None],
+) -> TurntableFit:
+    """Return the geometry of the board and the poses of the scans. `tick` is called before each search of paths."""
+    # the actual heading of the zero is free, so the home angle is 0 here
+    board = replace(board, home_angle_deg=0.0)
+    problem = _problem(scans, room, board, start)
+    values = problem.start()
+    values = refined(problem, values, None, (MODERATE, None), tick=tick, searches=_SEARCHES, iterations=_ITERATIONS)
+    deviations = np.sqrt(np.diag(covariance_of(problem.near(values), values))) * problem.widenings
+    shared = {
+        quantity.key: SharedValue(quantity.read(quantity.put(board, float(values[row]))), float(deviations[row]))
+        for row, parameter in enumerate(problem.parameters)
+        if isinstance(quantity := parameter.quantity, BoardQuantity)
+    }
+    reflectances = {
+        problem.parameters[row].of: SharedValue(float(values[row]), float(deviations[row]))
+        for row in problem.rows_of(REFLECTANCE)
+    }
+    # between the steps of the likelihood the curvature along the scale is that of the prior
+    scale = shared[SCALE.key]
+    shared[SCALE.key] = replace(scale, deviation=min(scale.deviation, start.scale_deviation))
+    return TurntableFit(shared, reflectances, problem.setting(values)[1])
+
+
+def _problem(scans: Sequence[PlacedScan], room: Room, board: Board, start: StartingTurntable) -> Problem:
+    parameters: list[Parameter] = []
+    placed = []
+    for k, (scan, found) in enumerate(zip(scans, start.places, strict=True)):
+        for quantity, at in zip((X, Y), scan.place.position, strict=True):
+            parameters.append(Parameter(quantity, "", k, at - _REACH, at + _REACH, at, POSITION_SD, str(k)))
+        parameters.append(Parameter(HEADING, "", k, found.heading - _TURN, found.heading + _TURN, label=str(k)))
+        placed.append(replace(scan, place=replace(scan.place, heading=found.heading)))
+    begin = {SCALE: start.scale, THRESHOLD: start.threshold_db}
+    for shared, deviation in SHARED:
+        lower, upper = shared.bounds(room, board)
+        expected = None if deviation is None else begin.get(shared, shared.value(board))
+        expected = expected if expected is None else min(max(expected, lower), upper)
+        parameters.append(Parameter(shared, "", None, lower, upper, expected, deviation))
+    parameters += _reflectances(room, board)
+    problem = make_problem(placed, room, board, parameters, PredictionOptions(), all_echoes=False)
+    return replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
+
+
+def _reflectances(room: Room, board: Board) -> list[Parameter]:
+    """Return the reflectance of each material, with the bounds and the prior that `fit` states."""
+    lower, upper = REFLECTANCE.bounds(room, board)
+    deviation = REFLECTANCE.tolerance(board) if REFLECTANCE.tolerance else None
+    present = {name: reflectance_of(room, name) for name in REFLECTANCE.parts(room)}
+    return [
+        Parameter(REFLECTANCE, name, None, lower, upper, value, deviation)
+        for name, value in present.items()
+        if lower <= value <= upper
+    ]
+
+
+def readings_per_independent(scan: PlacedScan, board: Board) -> float:
+    """Return the number of readings per independent reading of a scan, without the carrier's own body."""
+    return mean_run(*angles_and_ranges(without_own_body(board.own_body, scan.readings)))
+
+
+def spreads(
+    scans: Sequence[PlacedScan], room: Room, board: Board, places: Sequence[Place], tick: Callable[[], None]
+) -> tuple[SharedValue, SharedValue]:
+    """Return the spreads of range, m, and threshold, dB, of readings, with board and poses (actual headings) given."""
+    tick()
+    board = replace(board, home_angle_deg=0.0)
+    placed = [replace(scan, place=place) for scan, place in zip(scans, places, strict=True)]
+    # a fit needs a free quantity; it stays at its value
+    fixed = (Parameter(OFFSET, "", None, *OFFSET.bounds(room, board)),)
+    problem = make_problem(placed, room, board, fixed, PredictionOptions(), all_echoes=False)
+    problem = replace(problem, redundancies=tuple(readings_per_independent(scan, board) for scan in scans))
+    movable = np.append(False, np.ones(len(problem.noises), np.bool_))
+    objective = problem.near(problem.start())
+    values = _top(objective, problem.start(), movable)
+    logarithms = values[1:]
+    deviations: FloatArray = np.sqrt(np.diag(covariance_of(objective, values)))[1:]
+    return tuple(
+        SharedValue(math.exp(logarithms[row]), math.exp(logarithms[row]) * float(deviations[row]))
+        for row in (_RANGE, _LEVEL)
+    )  # type: ignore[return-value]
+
+
+def _top(objective: Objective, values: FloatArray, movable: BoolArray) -> FloatArray:
+    """Return the values at the maximum of an objective near `values`; only those `movable` (size,) change.
+
+    One climb may end in a corner of the bounds, where moves along its directions change nothing. The next climb has
+    directions of its own.
+    """
+    for _ in range(_CLIMBS):
+        before, values = values, climb(objective, values, movable)
+        if objective(values) - objective(before) < _GAIN:
+            break
+    return values
+
+
+# Reflectances of a room that a calibration finds: their intervals, the room with them, and its text.
+
+
+_LEAST_HALF = 0.005  # of an interval; one at a bound has no curvature
+
+
+def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[CalibratedValue, ...]:
+    """Return the reflectances that scans give, with 95 % intervals; `before` is the value of the room file."""
+    found = []
+    for material, one in fitted.reflectances.items():
+        half = max(Z95 * one.deviation, _LEAST_HALF)
+        found.append(
+            CalibratedValue(
+                material, one.value, one.value - half, min(one.value + half, 1.0), reflectance_of(room, material), ""
+            )
+        )
+    return tuple(found)
+
+
+def with_reflectances(room: Room, found: Sequence[CalibratedValue]) -> Room:
+    """Return the room with these reflectances, also in its text. Raises InputError if there are none."""
+    if not found:
+        raise InputError(
+            f"room {room.name!r}: no material has a reflectance that scans can change; "
+            "expected one from 0.2 to 1, without a table"
+        )
+    return REFLECTANCE.write(room, {one.key: float(one.text) for one in found})
+
+
+def gained_by_reflection(before: Room, after: Room) -> float:
+    """Return how much louder one reflection is in a room with other reflectances, dB: the mean along its walls."""
+    count = len(before.walls)
+    old, new = (np.hypot(room.reflectances, room.scattered)[:count] for room in (before, after))
+    lengths = np.hypot(*(before.walls[:, 2:] - before.walls[:, :2]).T) * (old > 0)
+    if not lengths.any():
+        return 0.0
+    return float(np.average(20 * np.log10(np.where(old > 0, new / np.maximum(old, 1e-9), 1.0)), weights=lengths))
+
+
+def is_contradicted(found: CalibratedValue) -> bool:
+    """Return whether the value of the room file is outside the 95 % interval of the scans."""
+    return not found.low <= found.before <= found.high
+
+
+def reflectance_text(found: CalibratedValue) -> str:
+    """Return material, reflectance, interval, and the value of the room file, in words."""
+    name = harmless(found.key)
+    return f"reflectance of {name!r}: {found.text}, 95 % {found.interval_text}; the room file says {found.before:g}"
+
+
+def with_provenance(room: Room, found: Sequence[CalibratedValue], profile: str, scans: Sequence[str]) -> Room:
+    """Return the room with a header that names the `profile` to which it belongs, and the scans."""
+    header = [
+        f"# Reflectances found by `sonarhw calibrate`, together with board profile {harmless(profile)!r}. "
+        "All else is as before.",
+        *(f"#   {reflectance_text(one).replace('the room file says', 'before:')}" for one in found),
+        f"#   from {', '.join(harmless(scan) for scan in scans)}",
+    ]
+    return parse_room("\n".join([*header, room.text]), f"room {room.name!r}")
+
+
+_UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
+# standard deviations: 95 % confidence in the five values of the geometry together (Bonferroni's inequality), so that
+# none of five changes by chance alone
+_CONTRADICTED = 2.58
+_SAME_ZERO = math.radians(10.0)  # most difference of the zero between logs, up to which it belongs to the board
+_FEWEST_SCANS = 3  # for the rule to be sure
+_LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
+
+
+@dataclass(frozen=True)
+class ScanFigures:
+    """How well a profile explains one scan at its pose: echoes within 5 cm, and silence."""
+
+    comparison: Comparison
+
+    @property
+    def line(self) -> str:
+        """The figures in words."""
+        summary = self.comparison.summary()
+        share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.0%} of the echoes within 5 cm"
+        agreement = summary.no_echo_agreement
+        return share if agreement is None else f"{share}, balanced accuracy of silence {agreement:.3f}"
+
+
+@dataclass(frozen=True)
+class RoomCalibration:
+    """The result: what was found, what stays as it was and why, doubts, and the scans before and after."""
+
+    board: Board  # with the values found
+    room: Room  # to which the profile belongs: the given one, or with the reflectances found
+    reflectances: tuple[CalibratedValue, ...]  # of the materials, by these scans
+    room_is_changed: bool  # whether the room has these reflectances
+    findings: tuple[CalibratedValue, ...]
+    own_body: tuple[OwnBodyPart, ...]  # found; empty if none, or if it stays
+    own_echoes: int  # readings of the own body
+    kept: dict[str, str]  # reason by key
+    proposals: tuple[str, ...]  # own body that one place cannot prove
+    doubts: tuple[str, ...]
+    before: tuple[ScanFigures, ...]
+    after: tuple[ScanFigures, ...]
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A calibration after the searches that need no decision on the reflectances."""
+
+    start: Board
+    scans: Sequence[PlacedScan]
+    room: Room  # the given one
+    first: StartingTurntable
+    before: tuple[ScanFigures, ...]
+    fitted: TurntableFit
+    result: "_Result"
+
+    @property
+    def reflectances(self) -> tuple[CalibratedValue, ...]:
+        """Those of the materials, by the scans."""
+        return reflectances_of(self.room, self.fitted)
+
+
+def calibrate_in_room(
+    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
+) -> RoomCalibration:
+    """Return the calibration of a board from scans of a known room, beginning with the profile `start`.
+
+    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. Raises
+    InputError for a ring of sensors, a scan without an echo, or a scan that is given twice.
+    """
+    _check(start, scans)
+    return _finished(_begun(start, scans, room, progress), room, progress)
+
+
+def calibrate_board_and_room(
+    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
+) -> RoomCalibration:
+    """Return the calibration of a board, as `calibrate_in_room` does, and of the reflectances of the room.
+
+    Raises InputError as `calibrate_in_room` does, and if the scans have no silence, or the room has no reflectance to
+    find.
+    """
+    _check(start, scans)
+    if all(reading.range is not None for scan in scans for reading in scan.readings):
+        raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
+    begun = _begun(start, scans, room, progress)
+    return _finished(begun, _reflecting_as_found(begun.result, room, begun.reflectances), progress)
+
+
+def _begun(start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress) -> _Begun:
+    """Find headings, the carrier's own body, geometry and reflectances."""
+    progress(0.0, "searching headings")
+    first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
+    before = _compared(scans, room, start, replace(first, scale=start.turntable_scale))
+    result = _Result(replace(start, turntable_scale=first.scale))
+    _find_own_body(result, scans, room, first, start)
+    searches = iter(range(1000))
+    fitted = fit_turntable(
+        scans, room, result.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
+    )
+    return _Begun(start, scans, room, first, before, fitted, result)
+
+
+def _finished(begun: _Begun, room: Room, progress: Progress) -> RoomCalibration:
+    """Return the calibration for `room`: the given one, or with the reflectances found."""
+    result, scans, start = begun.result, begun.scans, begun.start
+    _find_geometry(result, begun.fitted, start)
+    _find_home(result, scans, begun.fitted, start)
+    places = begun.fitted.places
+    _find_detection(
+        result,
+        scans,
+        room,
+        places,
+        start,
+        lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture"),
+    )
+    _find_spreads(result, scans, room, places, start, lambda: progress(0.87, "finding spreads"))
+    progress(0.93, "comparing")
+    after = _compared(scans, room, result.board, replace(begun.first, scale=result.board.turntable_scale))
+    progress(1.0, "comparing")
+    return RoomCalibration(
+        board=result.board,
+        room=room,
+        reflectances=begun.reflectances,
+        room_is_changed=room is not begun.room,
+        findings=tuple(result.findings),
+        own_body=result.own_body,
+        own_echoes=sum(row.kind is Kind.OWN_BODY for one in after for row in one.comparison.rows),
+        kept=result.kept,
+        proposals=tuple(result.proposals),
+        doubts=_doubts(scans),
+        before=begun.before,
+        after=after,
+    )
+
+
+def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedScan], room: str, name: str) -> Board:
+    """Return the profile `start` with another name and what was found. Its header names the scans and the `room`.
+
+    Raises InputError if the text of the profile cannot be changed.
+    """
+    keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
+    which = "with these reflectances" if found.room_is_changed else "as in its file"
+    header = [
+        f"# Calibrated by `sonarhw calibrate` in room {harmless(room)!r}, beginning with profile {start.name!r}: "
+        f"{', '.join(keys)}.",
+        "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
+        "# Spreads are those of readings, as they are in the logs.",
+        f"# The profile belongs to the room {which}. The scans give:",
+        *(f"#   {reflectance_text(one)}" for one in found.reflectances),
+    ]
+    for scan, after in zip(scans, found.after, strict=True):
+        x, y = scan.place.position
+        header.append(f"#   {harmless(scan.title)}: at {x:g}, {y:g} m; {after.line}")
+    return calibrated_profile(start, name, header, found.findings, found.kept, found.own_body)
+
+
+def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
+    """Raise InputError if no calibration is possible with this board and these scans."""
+    if start.ring is not None:
+        raise InputError(f"board {start.name!r} is a ring of sensors and has no turntable to calibrate")
+    check_given_once(scans)
+    for scan in scans:
+        if all(reading.range is None for reading in scan.readings):
+            raise InputError(f"{scan.title}: no reading has an echo; it cannot calibrate a board")
+
+
+class _Result:
+    """The result so far."""
+
+    def __init__(self, board: Board) -> None:
+        self.board = board
+        self.findings: list[CalibratedValue] = []
+        self.own_body: tuple[OwnBodyPart, ...] = ()
+        self.kept: dict[str, str] = {}
+        self.proposals: list[str] = []
+
+    def add(self, key: str, found: Between, before: float, unit: str) -> None:
+        """Add a value with its 95 % interval."""
+        self.findings.append(CalibratedValue(key, found.value, found.low, found.high, before, unit))
+        self.board = self.board.with_numbers({key: found.value})
+
+    def add_measured(self, key: str, found: SharedValue, before: float, unit: str) -> None:
+        """Add a value with its standard deviation."""
+        half = Z95 * found.deviation
+        self.add(key, Between(found.value, found.value - half, found.value + half), before, unit)
+
+
+def _compared(
+    scans: Sequence[PlacedScan], room: Room, board: Board, first: StartingTurntable
+) -> tuple[ScanFigures, ...]:
+    """Return each scan beside its prediction, with heading, offset and position within 3 cm as fit it best."""
+    from sonarhw_compare.fit.starting import fit_scan
+
+    figures = []
+    for scan in scans:
+        fit = fit_scan(scan.readings, room, scan.place, board, frozenset({"heading", "offset", "position"}))
+        figures.append(ScanFigures(compare_readings(scan.readings, room, fit.place, board, offset=fit.offset)))
+    return tuple(figures)
+
+
+def _find_own_body(
+    result: _Result, scans: Sequence[PlacedScan], room: Room, first: StartingTurntable, start: Board
+) -> None:
+    """Find the carrier's body among the echoes that the room does not explain, and apply it."""
+    board = replace(start, own_body=(), turntable_scale=first.scale)
+    compared = [
+        compare_readings(scan.readings, room, place, board) for scan, place in zip(scans, first.places, strict=True)
+    ]
+    positions = [scan.place.position for scan in scans]
+    if place_numbers(positions).max() == 0:
+        result.kept["own_body"] = "all logs are from one place; scan from another place"
+        result.proposals += _lone_runs(compared)
+        return
+    unexplained = [[row.reading for row in one.rows if row.path is None] for one in compared]
+    result.own_body = find_own_body([ScanAtPlace(*both) for both in zip(unexplained, positions, strict=True)])
+    if result.own_body:
+        result.board = replace(result.board, own_body=result.own_body)
+    elif start.own_body:
+        result.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
+
+
+def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
+    """Return runs of echoes that are nearer than all that the room can give, of the first scan, in words."""
+    rows = [row for row in compared[0].rows if row.kind in (Kind.SHORT, Kind.EXTRA) and row.path is None]
+    nearest = float(np.nanmin(compared[0].prediction.ranges, initial=math.inf))
+    near = [row for row in rows if row.measured is not None and row.measured < nearest]
+    runs: list[list[int]] = []
+    for row in near:
+        if runs and row.index == runs[-1][-1] + 1:
+            runs[-1].append(row.index)
+        else:
+            runs.append([row.index])
+    lines = []
+    for run in runs:
+        if len(run) >= _LONE_RUN:
+            angles = [math.degrees(compared[0].rows[k].reading.angle) for k in run]
+            ranges = [compared[0].rows[k].reading.range or 0.0 for k in run]
+            lines.append(
+                f"echoes at turntable angles {min(angles):.0f} to {max(angles):.0f} degrees, {min(ranges):.2f} to "
+                f"{max(ranges):.2f} m, are nearer than anything in the room: perhaps own body; scan from another place"
+            )
+    return lines
+
+
+def _reflecting_as_found(result: _Result, room: Room, found: Sequence[CalibratedValue]) -> Room:
+    """Return the room with the reflectances found, and move the threshold with the level of one reflection.
+
+    This level is what profile and room file state together. It stays until the scans contradict it, by the rule for
+    threshold and aperture. Echoes with more reflections determine the reflectances.
+    """
+    changed = with_reflectances(room, found)
+    moved = result.board.threshold_db + gained_by_reflection(room, changed)
+    result.board = replace(result.board, threshold_db=min(moved, 0.0))
+    return changed
+
+
+def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:
+    """Add what the scans show to be other than before; the rest stays."""
+    for key, unit in _UNITS.items():
+        found, before = fitted.shared[key], float(getattr(start, key))
+        if abs(found.value - before) > _CONTRADICTED * found.deviation:
+            result.add_measured(key, found, before, unit)
+        else:
+            half = f"{found.value:.2g} ± {_CONTRADICTED * found.deviation:.2g} {unit}".rstrip()
+            result.kept[key] = f"the scans do not contradict it (99 %: {half})"
+            result.board = result.board.with_numbers({key: before})
+    result.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
+
+
+def _find_home(result: _Result, scans: Sequence[PlacedScan], fitted: TurntableFit, start: Board) -> None:
+    """Add the direction of the zero, if it is the same in all logs."""
+    turns = np.array(
+        [
+            math.remainder(place.heading - scan.place.heading, math.tau)
+            for scan, place in zip(scans, fitted.places, strict=True)
+        ]
+    )
+    middle = float(np.angle(np.exp(1j * turns).mean()))
+    away = np.angle(np.exp(1j * (turns - middle)))
+    if np.abs(away).max() > _SAME_ZERO:
+        result.kept["home_angle_deg"] = (
+            f"the zero differs by up to {math.degrees(float(np.ptp(away))):.0f} degrees between the logs; "
+            "give the heading of each place"
+        )
+        return
+    # at least the uncertainty of one heading
+    spread = max(float(np.std(away, ddof=1)) if len(away) > 1 else 0.0, math.radians(1.0)) / math.sqrt(len(away))
+    degrees = SharedValue(math.degrees(middle), math.degrees(spread))
+    result.add_measured("home_angle_deg", degrees, start.home_angle_deg, "degrees")
+
+
+def _find_detection(
+    result: _Result,
+    scans: Sequence[PlacedScan],
+    room: Room,
+    places: Sequence[Place],
+    start: Board,
+    tick: Callable[[float], None],
+) -> None:
+    """Add threshold and aperture by the rule for echoes and silence; a threshold that no silence bounds stays."""
+    redundancy = float(np.mean([readings_per_independent(scan, result.board) for scan in scans]))
+    chosen = choose_detection(scans, room, result.board, places, redundancy, tick)
+    if chosen.is_determined:
+        result.add("threshold_db", chosen.threshold_db, start.threshold_db, "dB")
+    else:
+        result.kept["threshold_db"] = "the logs have no silence, or no echo"
+    result.add("aperture_radius", chosen.aperture_radius, start.aperture_radius, "m")
+
+
+def _find_spreads(
+    result: _Result,
+    scans: Sequence[PlacedScan],
+    room: Room,
+    places: Sequence[Place],
+    start: Board,
+    tick: Callable[[], None],
+) -> None:
+    """Add the standard deviations of range and threshold; one that the profile states stays until contradicted."""
+    of_range, of_threshold = spreads(scans, room, result.board, places, tick)
+    for key, found, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
+        low, high = max(found.value - Z95 * found.deviation, 0.0), found.value + Z95 * found.deviation
+        before = float(getattr(start, key))
+        # the spread of a population holds until the scans contradict it; 0 states none
+        if before and low <= before <= high:
+            result.kept[key] = f"the 95 % interval of the scans, {low:.2g} to {high:.2g} {unit}, contains it"
+        else:
+            result.add(key, Between(found.value, low, high), before, unit)
+
+
+def _doubts(scans: Sequence[PlacedScan]) -> tuple[str, ...]:
+    if len(scans) >= _FEWEST_SCANS:
+        return ()
+    return (
+        f"{counted(len(scans), 'scan')}: values may be those of this place alone; "
+        f"expected at least {_FEWEST_SCANS} places",
+    )

@@ -1,0 +1,233 @@
+"""Input and result of a fit, as frozen values."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.room import Place, Room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.fit.quantities import ROOM_TOLERANCE, WALL, BoardQuantity, Parameter, Quantity
+from sonarhw_compare.match import Summary, few_explained_line
+from sonarhw_compare.scans import estimate_degrees
+
+# The warnings of a fit as values. `str` of a warning is the line that the command prints.
+
+
+@dataclass(frozen=True)
+class FewExplained:
+    """The fitted prediction explains few echoes of a scan."""
+
+    scan: str
+    share: float  # of the echoes, within 5 cm of the prediction
+    echoes: int
+
+    def __str__(self) -> str:
+        return few_explained_line(self.scan, self.share, self.echoes)
+
+
+@dataclass(frozen=True)
+class SeveralSolutions:
+    """Several solutions explain the data about equally well."""
+
+    parameters: tuple[Parameter, ...]  # of a pose
+    poses: tuple[tuple[float, ...], ...]  # values of these parameters, the best first
+
+    def __str__(self) -> str:
+        found = f"{len(self.poses)} solutions explain the scan about equally well, the room may be symmetric"
+        texts = (pose_text(self.parameters, pose, self.poses[0]) for pose in self.poses)
+        return f"{found}: {'; '.join(texts)}"
+
+
+@dataclass(frozen=True)
+class Underestimated:
+    """The standard deviations are too small: these parameters can change together by far more."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __str__(self) -> str:
+        several = ", ".join(one.name for one in self.parameters)
+        return f"± cannot be trusted: {several} can change together by far more; fix one of them, or give a prior"
+
+
+@dataclass(frozen=True)
+class Unconstrained:
+    """A parameter is about as uncertain as its prior."""
+
+    parameter: Parameter
+
+    def __str__(self) -> str:
+        return f"the scan hardly constrains {self.parameter.name}: ± is as wide as the prior"
+
+
+@dataclass(frozen=True)
+class AtBound:
+    """The value of a parameter is at one of its bounds."""
+
+    parameter: Parameter
+    bound: float  # in the unit of the parameter
+
+    def __str__(self) -> str:
+        return f"{self.parameter.name} is at its bound, {self.bound:g} {self.parameter.quantity.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class KnownTogether:
+    """Two parameters are so strongly correlated that only a combination of both is known."""
+
+    names: tuple[str, str]
+    correlation: float  # -1..1
+
+    def __str__(self) -> str:
+        return f"{' and '.join(self.names)} are only known together (correlation {self.correlation:+.2f})"
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """A value of room or board that was not free, and that the scan shows to be off."""
+
+    parameter: Parameter  # `expected`: the value of room or board
+    shift: float  # from that value
+    deviation: float  # standard deviation of the shift
+    alternatives: tuple[str, ...] = ()  # other values that would explain nearly as much
+
+    def __str__(self) -> str:
+        also = f", or {' or '.join(self.alternatives)} instead" if self.alternatives else ""
+        source = _source(self.parameter.quantity)
+        return f"{_evidence(self)}{also}; correct the {source}, or free {self.parameter.name}"
+
+
+@dataclass(frozen=True)
+class ManyStrays:
+    """Many echoes match no path of the model, as `FitResult.noise` says."""
+
+    def __str__(self) -> str:
+        return "many echoes match no path of the model; an object may be missing in the room file"
+
+
+FitWarning = (
+    FewExplained | SeveralSolutions | Underestimated | Unconstrained | AtBound | KnownTogether | Mismatch | ManyStrays
+)
+
+
+def pose_text(parameters: Sequence[Parameter], pose: Sequence[float], best: Sequence[float]) -> str:
+    """Return the values of a pose that differ from the best pose, as text; all values of the best one."""
+    values = list(zip(parameters, pose, best, strict=True))
+    changed = [(one, value, at_best) for one, value, at_best in values if value != at_best]
+    return ", ".join(
+        f"{one.name} {estimate_degrees(value, at_best, 1):.1f}°"
+        if one.quantity.is_angle
+        else f"{one.name} {value:z.3f}"
+        for one, value, at_best in changed or values
+    )
+
+
+def _evidence(mismatch: Mismatch) -> str:
+    parameter, quantity = mismatch.parameter, mismatch.parameter.quantity
+    if quantity is WALL:
+        side = "left" if mismatch.shift > 0 else "right"
+        by = f"{abs(mismatch.shift) * 1000:.1f} ± {mismatch.deviation * 1000:.1f} mm"
+        return f"the echoes put {parameter.name} {by} to the {side} of its line in the room file"
+    present = parameter.expected or 0.0
+    value, spread, stated = (
+        f"{number * quantity.per_unit:.{quantity.digits}f}"
+        for number in (present + mismatch.shift, mismatch.deviation, present)
+    )
+    unit = f" {quantity.unit}" if quantity.unit else ""
+    return f"the echoes fit {parameter.name} {value} ± {spread}{unit}, while the {_source(quantity)} has {stated}"
+
+
+def _source(quantity: Quantity) -> str:
+    return "board profile" if isinstance(quantity, BoardQuantity) else "room file"
+
+
+Progress = Callable[[float, str], None]  # completed share, 0..1, and name of the present step
+
+
+@dataclass(frozen=True)
+class PlacedScan:
+    """A measured scan and its assumed place."""
+
+    readings: Sequence[Reading]
+    place: Place
+    name: str = ""  # in the names of its parameters, and of its place in a fitted room
+    file: str = ""  # its log
+
+    @property
+    def title(self) -> str:
+        """The log of the scan, or else its name, for messages."""
+        return self.file or self.name
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Settings of a fit."""
+
+    prediction: PredictionOptions = field(default_factory=PredictionOptions)
+    seed: int = 0  # of the sampler; the same seed gives the same result
+    samples: int = 8000  # from the posterior, about 300 of them independent; 0: intervals from the curvature
+    all_echoes: bool = True  # False: use the first echo of each reading only
+    global_search: bool = True  # False: start at the given places, room and board
+    room_tolerance: float = ROOM_TOLERANCE  # m, standard deviation of the position of each wall that is not free
+    exact: bool = False  # True: all that is not free is exact: walls, reflectances, threshold, aperture, turntable
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fitted number, in the unit of its parameter (rad for a heading)."""
+
+    value: float
+    deviation: float  # standard deviation
+    lower: float  # of the 95 % credible interval
+    upper: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One of several solutions that explain the data about equally well."""
+
+    values: dict[str, float]  # by parameter name
+    score: float  # log-likelihood and prior, natural logarithm, relative to the best
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """The result of a fit."""
+
+    parameters: tuple[Parameter, ...]
+    estimates: dict[str, Estimate]  # by parameter name, in the order of `parameters`
+    correlations: FloatArray  # (p, p), in that order
+    noise: dict[str, float]  # fitted errors of the readings: range_m, level_db, missed, lost, stray_per_m, stretch
+    warnings: tuple[FitWarning, ...]  # the most important first
+    modes: tuple[Mode, ...]  # the best first
+    room: Room  # fitted
+    places: tuple[Place, ...]  # fitted, one for each scan
+    board: Board  # fitted
+    score: float  # log-likelihood and prior of the best solution, natural logarithm
+    samples: FloatArray  # (m, p), from the posterior; m may be 0
+    agreement: tuple[Summary, ...] = ()  # of each scan with the fitted prediction
+    tolerated: dict[str, Estimate] = field(default_factory=dict)  # by name, of values neither free nor exact
+    mismatches: tuple[Mismatch, ...] = ()  # clearest first
+
+
+# Check for recordings that are given twice. They would count as independent, and intervals would be too narrow.
+
+
+def check_given_once(scans: Sequence[PlacedScan]) -> None:
+    """Raise InputError if two scans have the same readings, or one starts with those of the other (a torn copy).
+
+    Different scans from the same place are allowed.
+    """
+    for one, other in combinations(scans, 2):
+        alike = (_same(here, there) for here, there in zip(one.readings, other.readings, strict=False))
+        if one.readings and other.readings and all(alike):
+            names = f"{one.title or 'one scan'} and {other.title or 'another'}"
+            raise InputError(f"{names} contain the same readings; give each log once")
+
+
+def _same(one: Reading, other: Reading) -> bool:
+    """Report whether two readings are equal apart from their traces, which are arrays."""
+    return replace(one, trace=None) == replace(other, trace=None)

@@ -1,1 +1,0 @@
-"""Search for the best parameters, and samples of the posterior."""

@@ -1,1 +1,0 @@
-"""The quantities, parameters and results of a fit."""

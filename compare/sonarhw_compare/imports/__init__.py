@@ -1,1 +1,0 @@
-"""Scans recorded by other programs, and the board of a log."""

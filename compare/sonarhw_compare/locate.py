@@ -1,0 +1,487 @@
+"""The possible poses of a scan in a whole room, each with its probability and uncertainty, and files of poses."""
+
+import csv
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.special import logsumexp, softmax
+from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.room import Place, Room, wall_distances
+
+from sonarhw.errors import InputError, counted
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.fit.fitting import check_fit
+from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
+from sonarhw_compare.fit.quantities import HEADING, Parameter, Quantity, X, Y, free_parameters
+from sonarhw_compare.fit.result import FitOptions, PlacedScan
+from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, refined
+from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
+from sonarhw_compare.foreign_csv import opened, other_separator, short_lines
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.match import TOLERANCE, drawn_blocks
+from sonarhw_compare.regions import angles_and_ranges, mean_run
+from sonarhw_compare.scans import turned_near
+
+# How well the pose of a scan is known before its readings are used, as a prior of its location.
+
+
+_FINEST_SPREAD, _FINEST_TURN = 0.001, math.radians(0.1)  # m, rad: of what is exact; a search needs some width
+
+
+@dataclass(frozen=True)
+class PoseSpread:
+    """Standard deviations of a pose; 0 is exact, infinite is unknown."""
+
+    xy: float = 0.0  # m, of x and of y
+    heading: float = 0.0  # rad
+    around: Place | None = None  # where the pose is expected; None: where a search begins
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether position and heading are known."""
+        return math.isfinite(self.xy) and math.isfinite(self.heading)
+
+    @property
+    def with_width(self) -> "PoseSpread":
+        """The spread, at least 1 mm and 0.1°."""
+        return replace(self, xy=max(self.xy, _FINEST_SPREAD), heading=max(self.heading, _FINEST_TURN))
+
+
+UNKNOWN = PoseSpread(math.inf, math.inf)
+NOWHERE = Place("", (0.0, 0.0))
+
+
+def known_heading(heading: float | None, deviation: float) -> tuple[Place, PoseSpread]:
+    """Return place and spread of a pose of which only the heading is known (rad), or nothing (None).
+
+    Raises InputError if the heading is not finite, or the standard deviation is negative.
+    """
+    if heading is None:
+        return NOWHERE, UNKNOWN
+    if not (math.isfinite(heading) and deviation >= 0):
+        raise InputError(
+            f"heading {math.degrees(heading):g} ± {math.degrees(deviation):g}°: expected a finite heading and a "
+            "standard deviation of 0° or more"
+        )
+    return replace(NOWHERE, heading=heading), PoseSpread(math.inf, deviation)
+
+
+def with_prior(
+    parameters: Sequence[Parameter], expected: Place, spread: PoseSpread, redundancy: float
+) -> tuple[Parameter, ...]:
+    """Return the parameters of a scan with normal priors of position and heading, where these are known.
+
+    The log-likelihood will be divided by `redundancy`, and the prior with it, so its information is that many times as
+    much here.
+    """
+    wide, (x, y) = spread.with_width, expected.position
+    priors: dict[Quantity, tuple[float, float]] = {
+        X: (x, wide.xy),
+        Y: (y, wide.xy),
+        HEADING: (expected.heading, wide.heading),
+    }
+    found = list(parameters)
+    for row, parameter in enumerate(found):
+        middle, deviation = priors.get(parameter.quantity, (0.0, math.inf))
+        if math.isfinite(deviation):
+            found[row] = replace(parameter, expected=middle, deviation=deviation / math.sqrt(redundancy))
+    return tuple(found)
+
+
+def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, redundancy: float) -> Scores:
+    """Return the scores of a lattice plus the logarithm of the prior, widened by a step of the lattice.
+
+    If the heading is known, those of the lattice are within half a turn of it, as a normal prior needs them.
+    """
+    if math.isfinite(spread.heading):
+        turns = np.remainder(scores.headings - expected.heading + math.pi, math.tau) - math.pi
+        by_heading = _log_normal(turns, math.hypot(spread.heading, math.tau / HEADINGS))
+        weighed = scores.scores + redundancy * by_heading
+        scores = replace(scores, headings=expected.heading + turns, scores=weighed)
+    if math.isfinite(spread.xy):
+        away = np.hypot(*(scores.positions - expected.position).T)
+        by_position = _log_normal(away, math.hypot(spread.xy, scores.spacing))
+        scores = replace(scores, scores=scores.scores + redundancy * by_position[:, None])
+    return scores
+
+
+def _log_normal(away: FloatArray, deviation: float) -> FloatArray:
+    """Return the logarithm of a normal distribution, 0 in its middle."""
+    return np.asarray(-0.5 * (away / deviation) ** 2)
+
+
+# The possible poses of a scan in a whole room, with the probability of each.
+#
+# A lattice over the free space of the room is scored at every heading (`pose_search`). The likelihood of a fit is
+# then maximized from the best maxima of the lattice and from the places of the room. The weights of these peaks are
+# the posterior for a uniform prior over the room, or for a normal one of the position or heading if it is roughly
+# known.
+#
+# Neighbouring readings of one echo have the same error: an edge that is too loud in the model is too loud at ten
+# headings. The likelihood assumes independent errors, so its logarithm is divided by the number of readings per
+# independent one.
+#
+# No model of a real room is exact, and then one scan prefers one of two similar poses too clearly: another scan from
+# the same place would prefer the other. The posterior is therefore averaged over bootstrap samples of the readings
+# (Huggins and Miller, Reproducible model selection using bagged posteriors, Bayesian Analysis 18, 2023).
+
+
+_POSITIONS = 500  # of the lattice, about
+_FINEST = 0.06  # m, smallest spacing
+_MAXIMA = 12  # of the lattice, that are refined
+_HOPELESS = 60.0  # largest deficit of the log-likelihood of the lattice for a start
+_PROMISING = 12.0  # largest deficit of the tempered log-likelihood, after rough refinement, for a full one
+_CLIMBS = 3  # most repetitions of the full refinement
+_SAME = 0.03  # m between poses that count as the same
+_SAME_HEADING = math.radians(10)
+_LEAST = 1e-3  # smallest probability of a reported pose
+FEWEST = 7  # independent readings of a scan whose probabilities mean something; a pose has four values
+NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One possible pose."""
+
+    position: tuple[float, float]  # m
+    heading: float  # rad, of turntable step 0 in the room, -π..π
+    offset: float  # m, added to every measured range
+    probability: float
+    deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
+
+
+@dataclass(frozen=True)
+class Located:
+    """The possible poses of a scan."""
+
+    room: Room
+    board: Board
+    readings: tuple[Reading, ...]
+    poses: tuple[Pose, ...]  # most probable first; the probabilities add up to almost 1
+    scores: Scores  # rough log-likelihoods of the lattice
+    redundancy: float  # number of readings per independent reading
+    explained: float  # share of the echoes within 5 cm of the prediction at the most probable pose
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the stated probabilities may be wrong, a line each."""
+        independent = len(self.readings) / self.redundancy
+        if independent >= FEWEST:
+            return ()
+        return (
+            f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose may "
+            "be stated as certain; scan a wider sector, or locate a scan from another place too",
+        )
+
+    @property
+    def lattice(self) -> FloatArray:
+        """Rough log-posterior of each position of the lattice, (p,); the best is 0, positions without paths -inf."""
+        summed = logsumexp(self.scores.scores / self.redundancy, axis=1)
+        return np.asarray(summed - summed.max())
+
+    @property
+    def peaks(self) -> list[tuple[float, float, float]]:
+        """Poses (x, y, heading rad) of local maxima of the lattice, best first, also if they are very improbable."""
+        return at_marks(self.board, local_maxima(self.scores, _MAXIMA, _HOPELESS))
+
+    def place_near(self, pose: Pose, near: float = NEAR) -> str | None:
+        """Return the name of the place nearest to a pose; None without one within `near` (m)."""
+        away = {name: math.dist(pose.position, place.position) for name, place in self.room.places.items()}
+        name = min(away, key=away.__getitem__, default=None)
+        return None if name is None or away[name] > near else name
+
+    def places(self, near: float = NEAR) -> dict[str, float]:
+        """Return the probability of each place of the room, given that the scan was taken at one of them.
+
+        A pose within `near` (m) of a place counts for the nearest one. Without such a pose, all are 0.
+        """
+        shares = dict.fromkeys(self.room.places, 0.0)
+        for pose in self.poses:
+            if (name := self.place_near(pose, near)) is not None:
+                shares[name] += pose.probability
+        whole = sum(shares.values())
+        return {name: share / whole if whole else 0.0 for name, share in shares.items()}
+
+
+def locate_scan(
+    readings: Sequence[Reading],
+    room: Room,
+    board: Board,
+    *,
+    prediction: PredictionOptions | None = None,
+    height: float | None = None,
+    expected: Place = NOWHERE,
+    spread: PoseSpread = UNKNOWN,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> Located:
+    """Return the possible poses of a scan in a room.
+
+    `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `expected` is the
+    place at which the pose is known within `spread`. `tick` receives the completed share, 0..1. Raises InputError if no
+    reading has an echo, the board is a ring of sensors, the height is not between floor and ceiling, or no position in
+    the room has a path to an echo.
+    """
+    if height is not None:
+        room.check_height(height)
+    options = FitOptions(prediction=prediction or PredictionOptions())
+    free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
+    scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
+    check_fit([scan], board, free, options)
+    readings = without_own_body(board.own_body, readings)
+    redundancy = mean_run(*angles_and_ranges(readings))
+    free = with_prior(free, expected, spread, redundancy)
+    problem = make_problem([scan], room, board, free, options.prediction, all_echoes=options.all_echoes)
+    scores = _score_lattice(problem, lambda share: tick(0.5 * share))
+    scores = scores_with_prior(scores, expected, spread, redundancy)
+    if not np.isfinite(scores.scores).any():
+        raise InputError(
+            f"room {room.name!r}, board {board.name!r}: from no position in this room can this board have an echo as "
+            "near as those of the scan; check the room, the board and its blanking"
+        )
+    starts = _starts(scores, room, board)
+    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
+    poses = _weighed(_clear(_different(tops), room, board), redundancy)
+    tick(1.0)
+    explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
+    return Located(room, board, tuple(readings), poses, scores, redundancy, explained)
+
+
+def _explained(
+    readings: Sequence[Reading], room: Room, board: Board, pose: Pose, place: Place, options: FitOptions
+) -> float:
+    echoes = [reading for reading in readings if reading.range is not None]
+    headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
+    place = board.faced(replace(place, heading=pose.heading))
+    measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
+    predicted = predict_scan(room, place, board, headings, options.prediction).ranges
+    return float((np.abs(measured - predicted) <= TOLERANCE).mean())
+
+
+def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
+    room = problem.room
+    whole = find_free_space(room)
+    area = float(whole.free.sum()) * whole.spacing**2
+    spacing = max(_FINEST, math.sqrt(area / _POSITIONS))
+    positions = find_free_space(room, spacing).middles
+    done = iter(range(len(positions)))
+    return score_positions(
+        problem.scans[0],
+        room,
+        problem.board,
+        positions,
+        spacing,
+        problem.places[0].height,
+        lambda: tick(next(done) / len(positions)),
+    )
+
+
+def _starts(scores: Scores, room: Room, board: Board) -> list[tuple[float, float, float]]:
+    """Return the starts (x, y, heading): the best of the lattice, and the room's places with their best headings."""
+    best = float(scores.scores.max())
+    tops = best_apart(scores, _MAXIMA)
+    tops = [pose for pose in tops if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS]
+    starts = at_marks(board, tops)
+    for place in room.places.values():
+        row = scores.scores[_nearest(scores, place.position)]
+        if best - row.max() < _HOPELESS:
+            starts.append((*place.position, float(scores.headings[row.argmax()])))
+    return starts
+
+
+def _nearest(scores: Scores, position: tuple[float, float]) -> int:
+    return int(np.hypot(*(scores.positions - position).T).argmin())
+
+
+def _tops(
+    problem: Problem, starts: list[tuple[float, float, float]], redundancy: float, tick: Callable[[float], None]
+) -> list[Peak]:
+    """Return the maxima near these poses. All are refined roughly, and the promising ones fully."""
+    rough = []
+    for k, start in enumerate(starts):
+        tick(0.5 * k / len(starts))
+        values = problem.start()
+        values[: len(start)] = start
+        values = problem.with_noise(values, MODERATE)
+        values = refined(problem, values, QUICK, (MODERATE,), searches=2, iterations=15)
+        rough.append(peak_at(problem, values, QUICK))
+    best = max(rough, key=lambda top: top.score)
+    promising = _different([top for top in rough if best.score - top.score < _PROMISING * redundancy])
+    tops = []
+    for k, top in enumerate(promising):
+        tick(0.5 + 0.5 * k / len(promising))
+        tops.append(highest(problem, top.values, _CLIMBS))
+    return tops
+
+
+def _different(tops: list[Peak]) -> list[Peak]:
+    """Return different maxima, best first."""
+    kept: list[Peak] = []
+    for top in sorted(tops, key=lambda one: -one.score):
+        same = (
+            math.dist(top.values[:2], other.values[:2]) < _SAME
+            and abs(math.remainder(float(top.values[2] - other.values[2]), math.tau)) < _SAME_HEADING
+            for other in kept
+        )
+        if not any(same):
+            kept.append(top)
+    return kept
+
+
+def _clear(tops: list[Peak], room: Room, board: Board) -> list[Peak]:
+    """Return the maxima at which the sensor touches no wall and no post; all if it does so everywhere."""
+    mount = board.mount
+    radius = max(math.hypot(mount.ahead, abs(mount.aside) + mount.separation / 2), board.aperture_radius)
+    axes = [board.at_axis(board.faced(Place("", tuple(top.values[:2]), float(top.values[2])))) for top in tops]
+    positions = np.array([axis.position for axis in axes])
+    distances = wall_distances(positions, room.walls).min(axis=1)
+    if len(room.posts):
+        away = np.hypot(*(positions[:, None] - room.posts[:, :2]).transpose(2, 0, 1)) - room.posts[:, 2]
+        distances = np.minimum(distances, away.min(axis=1))
+    return [top for top, distance in zip(tops, distances, strict=True) if distance >= radius] or tops
+
+
+def _within(room: Room, spread: FloatArray) -> FloatArray:
+    """Return a covariance (3, 3) of x, y and heading, bounded by that of a uniform distribution over the room."""
+    ends = room.walls.reshape(-1, 2)
+    sides = np.maximum(np.append(np.ptp(ends, axis=0), math.tau), 1e-3)
+    return np.asarray(np.linalg.inv(np.linalg.inv(spread) + np.diag(12 / sides**2)))
+
+
+def _weighed(tops: list[Peak], redundancy: float) -> tuple[Pose, ...]:
+    """Return the poses at the maxima, most probable first; probabilities are volumes under peaks of the posterior."""
+    promising = [top for top in tops if (tops[0].score - top.score) / redundancy < -math.log(_LEAST)]
+    room = tops[0].objective.problem.room
+    spreads = [_within(room, redundancy * covariance_of(top.objective, top.values)[:3, :3]) for top in promising]
+    volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
+    shares = _bagged(promising, volumes, redundancy)
+    poses = [
+        _pose(top.values, share, np.sqrt(np.diag(spread)) * top.objective.problem.widenings[:3])
+        for top, share, spread in zip(promising, shares.tolist(), spreads, strict=True)
+    ]
+    return tuple(sorted((pose for pose in poses if pose.probability >= _LEAST), key=lambda pose: -pose.probability))
+
+
+def _bagged(tops: list[Peak], volumes: FloatArray, redundancy: float) -> FloatArray:
+    """Return the probability of each peak (k,), from logarithms of volumes (k,); the mean over bootstrap samples."""
+    by_reading = np.array([top.objective.by_reading(top.values, 0) for top in tops])
+    priors = np.array([top.score for top in tops]) - by_reading.sum(axis=1)
+    readings = by_reading.shape[1]
+    counts = drawn_blocks(readings, redundancy, np.random.default_rng(0))
+    # samples are as large as the scan, also if it is no whole number of blocks
+    counts *= readings / counts.sum(axis=1, keepdims=True)
+    weights = (counts @ by_reading.T + priors) / redundancy + volumes
+    return np.asarray(softmax(weights, axis=1).mean(axis=0))
+
+
+def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:
+    x, y, heading, offset = values[:4].tolist()
+    dx, dy, turn = deviations.tolist()
+    return Pose((x, y), turned_near(heading), offset, probability, (dx, dy, turn))
+
+
+# Poses of scans with their uncertainty, from a CSV file.
+
+
+HEADER = "log,x_m,y_m,heading_deg,sd_xy_m,sd_heading_deg"
+_WHAT = "a table of poses (CSV)"
+_MOST_XY, _MOST_DEG = 100.0, 180.0  # standard deviations, m and °; what is known no better is unknown
+_SHOWN = 4  # names of rows, in an error
+
+_Poses = dict[str, tuple[Place, PoseSpread]]  # by the name of the log in its row
+
+
+def read_poses(path: Path, logs: Sequence[Path]) -> list[tuple[Place, PoseSpread]]:
+    """Return place and spread for each of `logs`; an empty standard deviation is exact.
+
+    A row names a log by its path as in `logs`, or by its file name if no other log has this name. Without x and y, the
+    position is unknown; without a heading, the heading is.
+
+    Raises InputError with file and line if the file is unreadable or not of this form, or lacks a log.
+    """
+    with opened(path, _WHAT) as text:
+        poses = _poses(path, short_lines(path, text, _WHAT))
+    chosen = [_pose_of(log, logs, poses, path) for log in logs]
+    if chosen and not chosen[0][1].is_whole:
+        raise InputError(
+            f"{path}: {logs[0].name}: expected position and heading of the first log; others may be unknown"
+        )
+    return chosen
+
+
+def _pose_of(log: Path, logs: Sequence[Path], poses: _Poses, path: Path) -> tuple[Place, PoseSpread]:
+    """Return place and spread of a log. Raises InputError if no row names it, or not it alone."""
+    if (pose := poses.get(str(log))) is not None:
+        return pose
+    rows = [name for name in poses if Path(name).name == log.name]
+    alike = [str(other) for other in logs if other.name == log.name]
+    if rows and (len(rows) > 1 or len(alike) > 1):
+        named = " and ".join(alike if len(alike) > 1 else rows)
+        raise InputError(f"{path}: {named} have the same file name; expected rows with their paths, such as {log}")
+    if not rows:
+        some = ", ".join([*list(poses)[:_SHOWN], *(["…"] if len(poses) > _SHOWN else [])]) or "no log"
+        raise InputError(
+            f"{path}: no row for {log.name}; expected one for each log, with its name in the first column; "
+            f"the rows are for {some}"
+        )
+    return poses[rows[0]]
+
+
+def _poses(path: Path, lines: Iterator[str]) -> _Poses:
+    """Return place and spread of each line below the header."""
+    header = next(lines, None)
+    if header is None:
+        raise InputError(f"{path}: the file is empty; expected the header {HEADER} and one line per log")
+    if header.strip() != HEADER:
+        raise InputError(f"{path}: line 1: {_other_header(header.strip())}")
+    poses: _Poses = {}
+    for number, row in enumerate(csv.reader(lines), start=2):
+        if row:
+            name, pose = _pose_of_row(row, f"{path}: line {number}")
+            if name in poses:
+                raise InputError(f"{path}: line {number}: {name} was given before")
+            poses[name] = pose
+    return poses
+
+
+def _other_header(header: str) -> str:
+    """Return what is wrong with a header."""
+    other = other_separator(header.split(","))
+    if other is None:
+        return f"expected the header {HEADER}, got {header!r}"
+    return f"the columns are separated by {other}; expected commas, points in numbers, and the header {HEADER}"
+
+
+def _pose_of_row(row: Sequence[str], where: str) -> tuple[str, tuple[Place, PoseSpread]]:
+    if len(row) != len(HEADER.split(",")):
+        extra = "; write numbers with a point, not a comma" if len(row) > len(HEADER.split(",")) else ""
+        raise InputError(f"{where}: expected {len(HEADER.split(','))} columns ({HEADER}), got {len(row)}{extra}")
+    name, *cells = (cell.strip() for cell in row)
+    x, y, heading, xy, turn = (_number(cell, where) for cell in cells)
+    if min(xy, turn) < 0:
+        raise InputError(f"{where}: expected standard deviations of 0 or more, got {min(xy, turn):g}")
+    if xy > _MOST_XY or turn > _MOST_DEG:
+        raise InputError(
+            f"{where}: expected standard deviations of at most {_MOST_XY:g} m and {_MOST_DEG:g}°, got {xy:g} m and "
+            f"{turn:g}°; leave position or heading, and its standard deviation, empty if it is unknown"
+        )
+    has_position, has_heading = bool(cells[0] and cells[1]), bool(cells[2])
+    if not has_position and (cells[0] or cells[1] or cells[3]):
+        raise InputError(f"{where}: expected x and y, or neither and no sd_xy_m: the position is unknown")
+    if not has_heading and cells[4]:
+        raise InputError(f"{where}: expected a heading, or no sd_heading_deg: the heading is unknown")
+    spread = PoseSpread(xy if has_position else math.inf, math.radians(turn) if has_heading else math.inf)
+    return str(Path(name)), (Place(Path(name).stem, (x, y), math.radians(heading)), spread)
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text or 0)
+    except ValueError as error:
+        raise InputError(f"{where}: expected a number, such as 1.5, got {text!r}") from error
+    if not math.isfinite(value):
+        raise InputError(f"{where}: expected a finite number, got {text}")
+    return value

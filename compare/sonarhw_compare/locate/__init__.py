@@ -1,1 +1,0 @@
-"""Find the pose of a scan in a known room."""

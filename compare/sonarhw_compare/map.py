@@ -1,0 +1,662 @@
+"""Maps from scans alone: walls, corners and edges from regions of constant depth, and an occupancy grid."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, count
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from sonarhw_sim.board.profile import Board, of_own_body, without_own_body
+from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
+from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.room.room import Room, parse_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import BoolArray, FloatArray
+from sonarhw_compare.fit.result import PlacedScan, check_given_once
+from sonarhw_compare.match import compare_readings
+from sonarhw_compare.regions import regions_of
+
+# Occupancy grid from readings as cones (Moravec and Elfes, High Resolution Maps from Wide Angle Sonar, 1985).
+#
+# A reading raises the certainty that cells in front of its range within ±15° are empty, and that cells at its range
+# are occupied. For multipath echoes, both are wrong. Readings without an echo are ignored, because an oblique wall
+# returns none.
+
+
+CELL = 0.02  # m
+DEPTH = 0.05  # m, uncertainty of the range of a reading, to each side
+_MARGIN = 0.2  # m around the farthest reading
+_MOST_CELLS = 1200  # along a side
+_RIM = math.tan(CONE_HALF_ANGLE)
+
+
+@dataclass(frozen=True)
+class CertaintyGrid:
+    """Square cells, row by row from the lower left corner."""
+
+    left: float  # m
+    bottom: float  # m
+    cell: float  # m
+    empty: FloatArray  # (rows, columns), certainty 0..1 that a cell is empty
+    occupied: FloatArray  # (rows, columns), certainty 0..1 that a cell is occupied
+
+    @property
+    def certainty(self) -> FloatArray:
+        """The larger certainty (their eq. 7), (rows, columns): -1 is empty, 0 unknown, 1 occupied."""
+        return np.where(self.occupied >= self.empty, self.occupied, -self.empty)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top, m."""
+        rows, columns = self.empty.shape
+        return self.left, self.left + columns * self.cell, self.bottom, self.bottom + rows * self.cell
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the certainty at points (n, 2) m, (n,); 0 outside."""
+        column, row = np.floor((points - (self.left, self.bottom)) / self.cell).astype(int).T
+        rows, columns = self.empty.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.where(inside, self.certainty[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], 0.0)
+
+
+def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, FloatArray]:
+    """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo of the room; (n,) each."""
+    headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
+    ranges = np.array([np.nan if reading.range is None else reading.range for reading in scan.readings])
+    ranges[of_own_body(board.own_body, scan.readings)] = np.nan
+    return np.array(headings, dtype=np.float64), board.true_ranges(ranges)
+
+
+def certainty_grid(
+    scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray], cell: float | None = None
+) -> CertaintyGrid:
+    """Return the grid from all readings that are `kept` ((n,) bool for each scan), in cells of `cell` (m)."""
+    positions, headings, ranges = _cones(scans, board, kept)
+    ends = positions + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
+    corners = np.vstack((positions, ends, *(np.array([scan.place.position]) for scan in scans)))
+    low, high = corners.min(axis=0) - _MARGIN, corners.max(axis=0) + _MARGIN
+    cell = max(CELL, float((high - low).max()) / _MOST_CELLS) if cell is None else cell
+    columns, rows = np.ceil((high - low) / cell).astype(int)
+    empty, occupied = np.zeros((rows, columns)), np.zeros((rows, columns))
+    # first all empty cells; occupied cells are then among the others (their section 4)
+    for mark in (_mark_empty, _mark_occupied):
+        for (x, y), heading, distance in zip(
+            (positions - low).tolist(), headings.tolist(), ranges.tolist(), strict=True
+        ):
+            mark(empty, occupied, cell, x, y, heading, distance)
+    most = occupied.max(initial=0.0)
+    return CertaintyGrid(float(low[0]), float(low[1]), cell, empty, occupied / most if most else occupied)
+
+
+def _cones(
+    scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return positions (n, 2), headings (n,) and ranges (n,) of the readings with an echo."""
+    positions, directions, distances = [], [], []
+    for scan, wanted in zip(scans, kept, strict=True):
+        headings, ranges = headings_and_ranges(scan, board)
+        use = wanted & ~np.isnan(ranges)
+        positions.append(standpoints(board, board.faced(scan.place), headings[use]))
+        directions.append(headings[use])
+        distances.append(ranges[use])
+    return np.vstack(positions), np.concatenate(directions), np.concatenate(distances)
+
+
+@compiled_part
+def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
+    """Return first and last row and column of the cells within reach of a point; the last ones are excluded."""
+    low_row, high_row = int((y - reach) / cell), int((y + reach) / cell) + 1
+    low_column, high_column = int((x - reach) / cell), int((x + reach) / cell) + 1
+    return max(0, low_row), min(shape[0], high_row), max(0, low_column), min(shape[1], high_column)
+
+
+@compiled_part
+def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float) -> tuple[float, float]:
+    """Return the distance of a cell, m, and the weight of the cone there: 1 on its axis, 0 from its rim on."""
+    dx, dy = (column + 0.5) * cell - x, (row + 0.5) * cell - y
+    ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
+    if ahead <= 0.0 or abs(aside) >= ahead * _RIM:
+        return 0.0, 0.0
+    return math.hypot(ahead, aside), 1.0 - (math.atan2(aside, ahead) / CONE_HALF_ANGLE) ** 2
+
+
+@compiled
+def _mark_empty(
+    empty: FloatArray, _occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
+) -> None:
+    """Raise the certainty of empty cells in front of the range; x, y are in m from the corner of the grid."""
+    before = distance - DEPTH
+    first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, before)
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            away, share = _seen(cell, row, column, x, y, heading)
+            if share > 0.0 and away < before:
+                empty[row, column] += share * (1.0 - (away / before) ** 2) * (1.0 - empty[row, column])
+
+
+@compiled
+def _mark_occupied(
+    empty: FloatArray, occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
+) -> None:
+    """Raise the certainty of occupied cells at the range. One object made the echo, so its arc adds 1 in all."""
+    first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
+    there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            away, share = _seen(cell, row, column, x, y, heading)
+            off = (away - distance) / DEPTH
+            if share > 0.0 and abs(off) < 1.0:
+                there[row - first_row, column - first_column] = share * (1.0 - off**2) * (1.0 - empty[row, column])
+    whole = there.sum()
+    if whole > 0.0:
+        for row in range(first_row, last_row):
+            for column in range(first_column, last_column):
+                more = there[row - first_row, column - first_column] / whole
+                occupied[row, column] += more * (1.0 - occupied[row, column])
+
+
+# Arcs: regions of constant depth around the position of their scan.
+#
+# The target is a wall that touches the arc, or a corner or edge on it.
+
+
+_SURE = math.radians(2)  # smallest standard deviation of a bearing
+
+
+@dataclass(frozen=True)
+class Arc:
+    """One region of constant depth."""
+
+    scan: int
+    rows: tuple[int, ...]  # of the scan's readings
+    centre: tuple[float, float]  # m, position of the sensor
+    range: float  # m
+    bearing: float  # rad in the room, of its middle
+    half_width: float  # rad
+
+    @property
+    def middle(self) -> FloatArray:
+        """The point in the middle of the arc, (2,) m."""
+        return np.array(self.centre) + self.range * direction(self.bearing)
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the bearing of the target, rad; wide, because a nearer target may hide one side."""
+        return max(_SURE, self.half_width)
+
+
+def direction(angle: float) -> FloatArray:
+    """Return the unit vector at an angle (rad), (2,)."""
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def arcs_of(scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]) -> tuple[Arc, ...]:
+    """Return the arcs of all scans, from the readings that are `kept` ((n,) bool for each scan)."""
+    found = []
+    for number, (scan, wanted) in enumerate(zip(scans, kept, strict=True)):
+        headings, ranges = headings_and_ranges(scan, board)
+        for region in regions_of(headings, np.where(wanted, ranges, np.nan)):
+            (centre,) = standpoints(board, board.faced(scan.place), np.array([region.bearing])).tolist()
+            half = region.width / 2
+            found.append(Arc(number, region.rows, (centre[0], centre[1]), region.range, region.bearing, half))
+    return tuple(found)
+
+
+# Walls, corners and edges that arcs from several places agree on.
+#
+# An arc from one place fits a wall and a point equally well. With two places, a wall is the line that touches both
+# arcs, and a point is where they cross (Leonard and Durrant-Whyte 1992, ch. 3 and 4). The hypotheses of all pairs are
+# compared with all arcs, and the best supported ones are accepted first.
+
+
+RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
+CONFIRMING = 3  # places that must agree on a feature; two places always agree on something
+_FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a feature
+_OTHER_PLACE = 0.05  # m, between places that count as different
+_WALLS_FIRST = 1.01  # weight of walls, which win if both fit equally well, because rooms have more walls
+_AT_CORNER = 0.08  # m, largest distance of a corner from its walls
+_SHORTEST = 0.1  # m, least length of a wall
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A straight wall between the outermost points at which arcs touch it."""
+
+    start: tuple[float, float]  # m
+    end: tuple[float, float]
+    normal: float  # rad, direction from the sensors to the wall
+    arcs: tuple[int, ...]
+    possible: bool = False  # a scan contradicts it, although three places agree on it
+
+
+@dataclass(frozen=True)
+class Point:
+    """A corner, where two found walls meet, or an edge, where they do not."""
+
+    position: tuple[float, float]  # m
+    is_corner: bool
+    arcs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Features:
+    """The features that arcs from several places agree on."""
+
+    arcs: tuple[Arc, ...]
+    walls: tuple[Wall, ...]
+    points: tuple[Point, ...]
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether three places agree on each feature. If only two places have arcs, agreement may be chance."""
+        return count_places(arc.centre for arc in self.arcs) >= CONFIRMING
+
+    @property
+    def alone(self) -> tuple[Arc, ...]:
+        """The arcs that belong to no feature."""
+        members = [feature.arcs for feature in self.walls] + [feature.arcs for feature in self.points]
+        taken = {arc for several in members for arc in several}
+        return tuple(arc for number, arc in enumerate(self.arcs) if number not in taken)
+
+
+@dataclass(frozen=True)
+class _ArcArrays:
+    """Arcs as arrays, (n,) and (n, 2)."""
+
+    centres: FloatArray
+    ranges: FloatArray
+    bearings: FloatArray
+    spreads: FloatArray
+
+    def of(self, members: NDArray[np.intp]) -> "_ArcArrays":
+        """Return some of the arcs."""
+        return _ArcArrays(self.centres[members], self.ranges[members], self.bearings[members], self.spreads[members])
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A wall on the line n·p = distance."""
+
+    values: FloatArray  # (2,): direction of n, rad, and distance, m
+    weight: ClassVar[float] = _WALLS_FIRST
+
+    def misfits(self, arcs: _ArcArrays) -> FloatArray:
+        """Return the misfit of each arc to touching the line, in standard deviations, (n,)."""
+        normal, distance = self.values.tolist()
+        away = (distance - arcs.centres @ direction(normal) - arcs.ranges) / RANGE_SPREAD
+        return np.asarray(np.hypot(away, _turn(arcs.bearings, normal) / arcs.spreads))
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """A point."""
+
+    values: FloatArray  # (2,), m
+    weight: ClassVar[float] = 1.0
+
+    def misfits(self, arcs: _ArcArrays) -> FloatArray:
+        """Return the misfit of each arc to passing through the point, in standard deviations, (n,)."""
+        dx, dy = (self.values - arcs.centres).T
+        away = (np.hypot(dx, dy) - arcs.ranges) / RANGE_SPREAD
+        return np.asarray(np.hypot(away, _turn(arcs.bearings, np.arctan2(dy, dx)) / arcs.spreads))
+
+
+def _turn(one: FloatArray, other: FloatArray | float) -> FloatArray:
+    return np.asarray(np.remainder(one - other + np.pi, 2 * np.pi) - np.pi)
+
+
+def find_features(arcs: Sequence[Arc]) -> Features:
+    """Return the features of arcs; an arc belongs to at most one feature, and a feature needs at least two places."""
+    columns = _ArcArrays(
+        np.array([arc.centre for arc in arcs], dtype=np.float64).reshape(-1, 2),
+        np.array([arc.range for arc in arcs], dtype=np.float64),
+        np.array([arc.bearing for arc in arcs], dtype=np.float64),
+        np.array([arc.spread for arc in arcs], dtype=np.float64),
+    )
+    walls, points = [], []
+    for found, members in _agreed(arcs, columns):
+        if isinstance(found, _Line):
+            walls.append(_wall(arcs, members, *found.values.tolist()))
+        else:
+            points.append((found.values, members))
+    made = tuple(Point((float(at[0]), float(at[1])), _is_corner(at, walls), members) for at, members in points)
+    return Features(tuple(arcs), tuple(walls), made)
+
+
+def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[_Line | _Spot, tuple[int, ...]]]:
+    """Yield features with the rows of their arcs, best supported first."""
+    hypotheses = list(_hypotheses(arcs))
+    if not hypotheses:
+        return
+    misfits = np.array([hypothesis.misfits(columns) for hypothesis in hypotheses])
+    weights = np.array([hypothesis.weight for hypothesis in hypotheses])
+    free = np.ones(len(arcs), dtype=np.bool_)
+    least = min(CONFIRMING, count_places(columns.centres))
+    while (best := _best(misfits, weights, free, columns.centres, least)) is not None:
+        members = np.flatnonzero(free & (misfits[best] < _FARTHEST))
+        fitted = _fitted(columns.of(members), hypotheses[best])
+        agreed = np.flatnonzero(free & (fitted.misfits(columns) < _FARTHEST))
+        # after the fit, an arc may no longer belong
+        if count_places(columns.centres[agreed]) < least:
+            agreed, fitted = members, hypotheses[best]
+        free[agreed] = False
+        yield fitted, tuple(agreed.tolist())
+
+
+def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: FloatArray, least: int) -> int | None:
+    """Return the hypothesis with the best support by free arcs of at least `least` places; None without one."""
+    members = free & (misfits < _FARTHEST)
+    support = np.where(members, _FARTHEST**2 - misfits**2, 0.0).sum(axis=1) * weights
+    support[members.sum(axis=1) < least] = 0.0
+    for row in np.argsort(-support, kind="stable").tolist():
+        if support[row] <= 0:
+            return None
+        if count_places(centres[members[row]]) >= least:
+            return int(row)
+    return None
+
+
+def count_places(centres: Iterable[Sequence[float]] | FloatArray) -> int:
+    """Return the number of different places among positions (m), at least 5 cm apart."""
+    apart: list[Sequence[float] | FloatArray] = []
+    for centre in centres:
+        if all(math.dist(centre, other) >= _OTHER_PLACE for other in apart):
+            apart.append(centre)
+    return len(apart)
+
+
+def _hypotheses(arcs: Sequence[Arc]) -> Iterator[_Line | _Spot]:
+    """Yield the lines and points of each pair of arcs."""
+    for one, other in combinations(arcs, 2):
+        apart = np.subtract(other.centre, one.centre)
+        distance = float(np.hypot(*apart))
+        if distance < _OTHER_PLACE:
+            continue
+        towards = math.atan2(apart[1], apart[0])
+        # a line that touches both: n·(s₂ - s₁) = r₁ - r₂
+        cosine = (one.range - other.range) / distance
+        if abs(cosine) <= 1:
+            for side in (1, -1):
+                normal = towards + side * math.acos(cosine)
+                yield _Line(np.array([normal, float(np.dot(one.centre, direction(normal))) + one.range]))
+        # a point on both: the circles cross
+        along = (distance**2 + one.range**2 - other.range**2) / (2 * distance)
+        if abs(along) <= one.range:
+            for side in (1, -1):
+                angle = towards + side * math.acos(along / one.range)
+                yield _Spot(np.array(one.centre) + one.range * direction(angle))
+
+
+def _fitted(arcs: _ArcArrays, start: _Line | _Spot) -> _Line | _Spot:
+    """Return the line or point with the smallest misfit to arcs."""
+
+    def misfits(values: FloatArray) -> FloatArray:
+        return replace(start, values=values).misfits(arcs)
+
+    return replace(start, values=least_squares(misfits, start.values).x)
+
+
+def _wall(arcs: Sequence[Arc], members: tuple[int, ...], normal: float, distance: float) -> Wall:
+    """Return the part of a line from the first to the last point at which arcs touch it."""
+    across, along = direction(normal), direction(normal + math.pi / 2)
+    touched = [float(np.dot(arcs[member].centre, along)) for member in members]
+    low, high = min(touched), max(touched)
+    more = max(0.0, _SHORTEST - (high - low)) / 2
+    start, end = (distance * across + at * along for at in (low - more, high + more))
+    return Wall((float(start[0]), float(start[1])), (float(end[0]), float(end[1])), normal % math.tau, members)
+
+
+def _is_corner(point: FloatArray, walls: Sequence[Wall]) -> bool:
+    """Report whether two of the walls, extended, meet at a point."""
+    near = [wall for wall in walls if abs(np.dot(point - wall.start, direction(wall.normal))) < _AT_CORNER]
+    return any(abs(math.sin(one.normal - other.normal)) > 0.3 for one, other in combinations(near, 2))
+
+
+# Walls that a scan contradicts: seen at right angles, a wall sends its echo back, so nothing behind it is detected.
+#
+# The certainty grid does not show this. Its cones of multipath echoes reach through true walls, too.
+
+
+_BEAM = math.radians(5)  # to each side of the perpendicular; wider, other objects are detected
+_BEHIND = 0.1  # m, least distance of the echoes behind the wall
+_FROM_END = 0.05  # m, from the perpendicular to the ends of the wall, whose exact position is unknown
+
+
+def with_possible_walls(
+    features: Features, scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]
+) -> Features:
+    """Return the features; walls through which a scan detects something behind them are marked as possible."""
+    walls = tuple(
+        replace(
+            wall,
+            possible=any(_sees_through(scan, wall, board, wanted) for scan, wanted in zip(scans, kept, strict=True)),
+        )
+        for wall in features.walls
+    )
+    return replace(features, walls=walls)
+
+
+def _sees_through(scan: PlacedScan, wall: Wall, board: Board, kept: BoolArray) -> bool:
+    """Report whether most echoes of a scan near the perpendicular to a wall come from behind the wall."""
+    start, end = np.array(wall.start), np.array(wall.end)
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / length
+    to_start = start - np.array(scan.place.position)
+    foot = to_start - (to_start @ along) * along
+    if not _FROM_END <= -float(to_start @ along) <= length - _FROM_END:
+        return False
+    headings, ranges = headings_and_ranges(scan, board)
+    apart = np.remainder(headings - math.atan2(foot[1], foot[0]) + math.pi, math.tau) - math.pi
+    facing = ranges[kept & (np.abs(apart) <= _BEAM) & ~np.isnan(ranges)]
+    return bool(len(facing) and np.median(facing) > np.hypot(*foot) + _BEHIND)
+
+
+# Rejection of readings from several reflections, by following sound in a room.
+#
+# The room is that of a file, or consists of the walls found in the scans. A reading is rejected if the path that
+# explains it is reflected at more than one point.
+
+
+_REFLECTANCE = 0.9  # of found walls; their level matters little
+_MEET = 1.0  # m, by which found walls are extended at most, to meet one another
+_BEYOND = 0.1  # m behind a wall; a leg that ends farther behind it crosses the wall
+_ONE_POINT = 1e-3  # m between reflections that count as one point
+
+
+@dataclass(frozen=True)
+class JudgedReadings:
+    """What following sound in a room shows about the readings, (n,) bool for each scan."""
+
+    direct: tuple[BoolArray, ...]  # reflected at one point, or without a path: kept
+    explained: tuple[BoolArray, ...]  # with a path
+
+
+def judged_readings(
+    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
+) -> JudgedReadings:
+    """Return which readings are direct and which have a path in a room. `tick` is called before each scan."""
+    direct, explained = [], []
+    for scan in scans:
+        tick()
+        points = _points_of_readings(scan, room, board)
+        direct.append(points <= 1)
+        explained.append(points > 0)
+    return JudgedReadings(tuple(direct), tuple(explained))
+
+
+def _points_of_readings(scan: PlacedScan, room: Room, board: Board) -> NDArray[np.intp]:
+    """Return the number of points at which the path of each reading is reflected, (n,); 0 without a path."""
+    comparison = compare_readings(scan.readings, room, board.faced(scan.place), board)
+    points = _reflection_points(comparison.prediction.paths)
+    return np.array([0 if row.path is None else max(1, points[row.path]) for row in comparison.rows], dtype=np.intp)
+
+
+def _reflection_points(paths: Paths) -> NDArray[np.intp]:
+    """Return the number of points at which each path is reflected, (n,); an inner corner counts once."""
+    between = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), 2, 0))
+    # the last leg ends at the sensor; later entries are NaN
+    return np.asarray((between > _ONE_POINT).sum(axis=1) - 1)
+
+
+def room_of(features: Features) -> Room | None:
+    """Return a room of the confirmed walls that sound can reach, extended until they meet; None without walls."""
+    walls = tuple(wall for wall in reachable_walls(features) if not wall.possible)
+    if not walls:
+        return None
+    lines = [_longer(wall, walls) for wall in walls]
+    text = ['name = "found"', "[materials.found]", f"reflectance = {_REFLECTANCE}"]
+    for number, (start, end) in enumerate(lines):
+        text += ["[[walls]]", f'name = "wall {number}"', 'material = "found"']
+        text.append(f"points = [[{start[0]:.6f}, {start[1]:.6f}], [{end[0]:.6f}, {end[1]:.6f}]]")
+    return parse_room("\n".join(text), "the walls that were found")
+
+
+def reachable_walls(features: Features) -> tuple[Wall, ...]:
+    """Return the walls without a nearer wall in front, seen from most of their places; the others are images."""
+    arcs = features.arcs
+    near_first = sorted(features.walls, key=lambda wall: float(np.mean([arcs[k].range for k in wall.arcs])))
+    kept: list[Wall] = []
+    for wall in near_first:
+        hidden = [any(_passes(arcs[k], wall, other) for other in kept) for k in wall.arcs]
+        if np.mean(hidden) <= 0.5:
+            kept.append(wall)
+    return tuple(kept)
+
+
+def _passes(arc: Arc, wall: Wall, other: Wall) -> bool:
+    """Report whether the straight line from the place of an arc to its wall crosses another wall."""
+    start = np.array(arc.centre)
+    return _crosses(start, start + arc.range * direction(wall.normal), np.array(other.start), np.array(other.end))
+
+
+def _crosses(start: FloatArray, end: FloatArray, first: FloatArray, last: FloatArray) -> bool:
+    """Report whether a leg crosses a slightly extended wall and ends well behind it."""
+    along = (last - first) / np.hypot(*(last - first))
+    normal = np.array([-along[1], along[0]])
+    before, behind = (start - first) @ normal, (end - first) @ normal
+    if before * behind >= 0 or abs(behind) < _BEYOND:
+        return False
+    meeting = (start + (end - start) * before / (before - behind) - first) @ along
+    return bool(-_BEYOND <= meeting <= np.hypot(*(last - first)) + _BEYOND)
+
+
+def _longer(wall: Wall, walls: Sequence[Wall]) -> tuple[FloatArray, FloatArray]:
+    """Return the ends of a wall, extended by at most 1 m to where it meets others."""
+    start, end = np.array(wall.start), np.array(wall.end)
+    along = (end - start) / np.hypot(*(end - start))
+    low, high = 0.0, float(np.hypot(*(end - start)))
+    meetings = [at for other in walls if other is not wall for at in _meeting(start, along, other)]
+    before = [at for at in meetings if low - _MEET <= at <= low]
+    behind = [at for at in meetings if high <= at <= high + _MEET]
+    return start + min(before, default=low) * along, start + max(behind, default=high) * along
+
+
+def _meeting(start: FloatArray, along: FloatArray, other: Wall) -> list[float]:
+    """Return where a line crosses another wall or its extension, m along the line; an empty list if it does not."""
+    normal = direction(other.normal)
+    slope = float(along @ normal)
+    if abs(slope) < math.sin(math.radians(10)):
+        return []
+    at = float((np.array(other.start) - start) @ normal) / slope
+    point, first, last = start + at * along, np.array(other.start), np.array(other.end)
+    share = float((point - first) @ (last - first)) / float((last - first) @ (last - first))
+    reach = _MEET / float(np.hypot(*(last - first)))
+    return [at] if -reach <= share <= 1 + reach else []
+
+
+# The map from several scans: grid and features of all readings, and of those without several reflections.
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Grid and features of some of the readings."""
+
+    kept: tuple[BoolArray, ...]  # (n,) for each scan
+    grid: CertaintyGrid
+    features: Features
+
+
+@dataclass(frozen=True)
+class RoomMap:
+    """A room as estimated from scans."""
+
+    scans: tuple[PlacedScan, ...]
+    plain: Layer  # of all readings
+    # the room in which sound is followed: the given one, else one of the confirmed walls. None: not followed
+    followed_room: Room | None
+    direct: Layer  # without readings from several reflections
+    explained: tuple[BoolArray, ...]  # readings with a path in that room, (n,) for each scan
+
+    @property
+    def places(self) -> int:
+        """The number of different positions of the scans."""
+        return count_places(scan.place.position for scan in self.scans)
+
+    @property
+    def echoes(self) -> int:
+        """The number of readings with an echo."""
+        return self._echoes_not(tuple(np.zeros_like(kept) for kept in self.direct.kept))
+
+    @property
+    def rejected(self) -> int:
+        """The number of rejected readings with an echo."""
+        return self._echoes_not(self.direct.kept)
+
+    @property
+    def undetermined(self) -> int:
+        """The number of echoes without a path: whether they came by several reflections is not determined."""
+        return self._echoes_not(self.explained)
+
+    def _echoes_not(self, among: tuple[BoolArray, ...]) -> int:
+        return sum(
+            reading.range is not None and not inside
+            for scan, rows in zip(self.scans, among, strict=True)
+            for reading, inside in zip(scan.readings, rows.tolist(), strict=True)
+        )
+
+
+def map_scans(
+    scans: Sequence[PlacedScan],
+    board: Board,
+    room: Room | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> RoomMap:
+    """Return the map from scans at known places. Readings of the carrier's own body are left out.
+
+    Sound is followed in `room` if given, or else in a room of the walls that three places agree on. `tick` receives the
+    completed share, 0..1. Raises InputError if no reading has an echo, a scan is given twice or the board is a ring.
+    """
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
+    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
+    if all(reading.range is None for scan in scans for reading in scan.readings):
+        raise InputError("nothing to map: no reading has an echo")
+    check_given_once(scans)
+    parts = count()
+
+    def begin_part() -> None:
+        # a layer of all readings, one part for each scan, a layer of the kept readings
+        tick(next(parts) / (len(scans) + 2))
+
+    begin_part()
+    plain = _layer(scans, board, tuple(np.ones(len(scan.readings), dtype=np.bool_) for scan in scans))
+    found = room_of(plain.features) if plain.features.confirmed else None
+    followed_room = found if room is None else room
+    direct, explained = plain, tuple(np.zeros_like(kept) for kept in plain.kept)
+    if followed_room is not None:
+        judged = judged_readings(scans, followed_room, board, begin_part)
+        begin_part()
+        direct, explained = _layer(scans, board, judged.direct), judged.explained
+    tick(1.0)
+    return RoomMap(tuple(scans), plain, followed_room, direct, explained)
+
+
+def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:
+    features = find_features(arcs_of(scans, board, kept))
+    return Layer(kept, certainty_grid(scans, board, kept), with_possible_walls(features, scans, board, kept))

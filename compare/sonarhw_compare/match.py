@@ -1,0 +1,261 @@
+"""Comparison of readings with the prediction at their headings: class, path and residual of each, and a summary."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from sonarhw_sim.board.profile import Board, is_own_body
+from sonarhw_sim.predict.predicted_scan import PredictedScan, nearest_paths
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.room import Place, Room
+
+from sonarhw.readings import FloatArray, Origin, Reading
+from sonarhw_compare.scans import in_degrees
+
+# m, largest residual of a match; slightly over 5 cm, for boards that report whole centimetres
+TOLERANCE = 0.05 + 1e-9
+
+
+class Kind(StrEnum):
+    """Class of a reading compared with its prediction."""
+
+    MATCH = "match"
+    SHORT = "short"  # measured nearer than predicted
+    LONG = "long"  # measured farther than predicted
+    MISSED = "missed"  # predicted, not measured
+    EXTRA = "extra"  # measured, not predicted
+    BOTH_SILENT = "both_silent"
+    OWN_BODY = "own_body"  # an echo of the carrier of the sensor (`own_body` of the board); in no share
+
+    @property
+    def label(self) -> str:
+        """The name in texts, tables and pictures."""
+        return self.value.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Matched:
+    """One reading beside its prediction."""
+
+    index: int  # row among the prediction's headings
+    reading: Reading
+    heading: float  # rad in the room
+    measured: float | None  # m, offset added
+    predicted: float | None  # m
+    kind: Kind
+    path: int | None  # row of the predicted path that explains the reading; None without one
+
+    @property
+    def residual(self) -> float | None:
+        """Measured minus predicted, m; None if one of them has no echo, or the echo is of the carrier's own body."""
+        if self.measured is None or self.predicted is None or self.kind is Kind.OWN_BODY:
+            return None
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Figures of a comparison, the keys of `compare --json`."""
+
+    n: int
+    n_echo: int  # measured echoes, without those of the carrier's own body
+    matched: int
+    within_5cm: float | None  # matched / n_echo; None without measured echoes
+    median_abs_error_m: float | None
+    no_echo_agreement: float | None  # balanced accuracy of silence; None if all headings are of one kind
+    no_echo_roc_area: float | None  # ROC area of predicted levels for silence; None likewise
+    classes: dict[str, int]
+    explained: float | None  # share of n_echo with any predicted echo within 5 cm
+    heading_deg: float  # of turntable step 0 in the room
+    offset_m: float
+    x_m: float  # of the sensor in the room
+    y_m: float
+    origin: str = Origin.MEASURED.value  # of the readings
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every reading of a scan beside its prediction."""
+
+    prediction: PredictedScan  # at exactly the readings' headings
+    rows: tuple[Matched, ...]
+    offset: float  # m, added to every measured range
+    origin: Origin = Origin.MEASURED  # of the readings, in texts and pictures
+
+    @property
+    def heading(self) -> float:
+        """Heading of turntable step 0 in the room, rad."""
+        return self.prediction.place.heading
+
+    def summary(self) -> Summary:
+        """Return the figures of the whole scan."""
+        kinds = Counter(row.kind for row in self.rows)
+        of_room = np.array([row.kind is not Kind.OWN_BODY for row in self.rows], dtype=np.bool_)
+        echoes = [row for row in self.rows if row.measured is not None and row.kind is not Kind.OWN_BODY]
+        sounding = [row.measured is not None for row in self.rows if row.kind is not Kind.OWN_BODY]
+        errors = [abs(row.residual) for row in self.rows if row.residual is not None]
+        matched = kinds[Kind.MATCH]
+        return Summary(
+            n=len(self.rows),
+            n_echo=len(echoes),
+            matched=matched,
+            within_5cm=matched / len(echoes) if echoes else None,
+            median_abs_error_m=float(np.median(errors)) if errors else None,
+            no_echo_agreement=_balanced_accuracy(kinds),
+            no_echo_roc_area=roc_area(self.prediction.over_threshold[of_room], sounding),
+            classes={kind.value: kinds[kind] for kind in Kind},
+            explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
+            heading_deg=in_degrees(self.heading),
+            offset_m=self.offset,
+            x_m=self.prediction.place.position[0],
+            y_m=self.prediction.place.position[1],
+            origin=self.origin.value,
+        )
+
+
+def compare_readings(
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place,
+    board: Board,
+    options: PredictionOptions | None = None,
+    *,
+    offset: float = 0.0,
+) -> Comparison:
+    """Return each reading with the prediction at its heading.
+
+    The heading of the place is the actual one of the turntable's zero (`Board.faced`). `offset` (m) is added to every
+    measured range. Raises InputError if the board is a ring and no sensor points along a reading.
+    """
+    prediction = predict_scan(room, place, board, headings_of(readings, place, board), options)
+    return match_readings(readings, prediction, offset)
+
+
+def headings_of(readings: Sequence[Reading], place: Place, board: Board) -> FloatArray:
+    """Return the heading of each reading in the room, (n,) rad; that of the place is the actual one of step 0."""
+    return np.array([place.heading + board.turned(reading.angle) for reading in readings], dtype=np.float64)
+
+
+def match_readings(readings: Sequence[Reading], prediction: PredictedScan, offset: float = 0.0) -> Comparison:
+    """Return each of n readings beside its row of a prediction at their headings; `offset` (m) is added to its range.
+
+    The origin is that of the first reading.
+    """
+    origin = (readings[0].origin if readings else None) or Origin.MEASURED
+    return Comparison(prediction, _matched(prediction, readings, offset), offset, origin)
+
+
+def _matched(prediction: PredictedScan, readings: Sequence[Reading], offset: float) -> tuple[Matched, ...]:
+    """Return each reading beside its prediction; `offset` (m) is added to its range."""
+    parts = prediction.board.own_body
+    measured = [None if reading.range is None else reading.range + offset for reading in readings]
+    predicted = [None if math.isnan(distance) else distance for distance in prediction.ranges.tolist()]
+    kinds = [
+        Kind.OWN_BODY if is_own_body(parts, reading.angle, reading.range) else classify(distance, expected)
+        for reading, distance, expected in zip(readings, measured, predicted, strict=True)
+    ]
+    paths = _accounting_paths(prediction, measured, kinds)
+    columns = readings, prediction.headings.tolist(), measured, predicted, kinds, paths
+    return tuple(Matched(index, *row) for index, row in enumerate(zip(*columns, strict=True)))
+
+
+def classify(measured: float | None, predicted: float | None) -> Kind:
+    """Return the class of a reading from its measured and predicted range (m; None: no echo)."""
+    if measured is None:
+        return Kind.BOTH_SILENT if predicted is None else Kind.MISSED
+    if predicted is None:
+        return Kind.EXTRA
+    if abs(measured - predicted) <= TOLERANCE:
+        return Kind.MATCH
+    return Kind.SHORT if measured < predicted else Kind.LONG
+
+
+def _accounting_paths(
+    prediction: PredictedScan, measured: Sequence[float | None], kinds: Sequence[Kind]
+) -> list[int | None]:
+    """Return for each reading the path that explains it: the predicted one if it matches, else that of another echo.
+
+    The other echo is the one nearest in range. None: no echo within 5 cm, silence, or an echo of the own body.
+    """
+    found = np.full(len(measured), -1, dtype=np.intp)
+    matching = np.array([kind is Kind.MATCH for kind in kinds], dtype=np.bool_)
+    found[matching] = prediction.winners[matching]
+    sounding = np.array([distance is not None for distance in measured], dtype=np.bool_)
+    of_body = np.array([kind is Kind.OWN_BODY for kind in kinds], dtype=np.bool_)
+    unexplained = np.flatnonzero(sounding & ~of_body & (found < 0))
+    ranges = np.array(measured, dtype=np.float64)[unexplained]
+    found[unexplained] = nearest_paths(prediction, unexplained, ranges, TOLERANCE)
+    return [None if path < 0 else path for path in found.tolist()]
+
+
+def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
+    silent = kinds[Kind.BOTH_SILENT] + kinds[Kind.MISSED]
+    sounding = kinds.total() - silent - kinds[Kind.OWN_BODY]
+    if silent == 0 or sounding == 0:
+        return None
+    return (kinds[Kind.BOTH_SILENT] / silent + (sounding - kinds[Kind.EXTRA]) / sounding) / 2
+
+
+def roc_area(scores: FloatArray, sounding: Sequence[bool]) -> float | None:
+    """Return the area under the ROC curve of scores (n,); a higher score predicts an echo, and 0.5 is chance.
+
+    Consider all pairs of a heading with an echo and one without. The area is the share of pairs in which the heading
+    with an echo has the higher score; ties count half. None if all headings are of one kind.
+    """
+    echo = np.asarray(sounding, dtype=np.bool_)
+    silent = np.sort(scores[~echo])
+    if echo.all() or not echo.any():
+        return None
+    below, up_to = (np.searchsorted(silent, scores[echo], side) for side in ("left", "right"))
+    return float((below + up_to).mean() / (2 * len(silent)))
+
+
+# The warning that a prediction explains few echoes of a scan, one for `compare`, `report`, `fit` and `locate`.
+
+
+FEWEST = 0.6  # of the echoes; nine real scans have at least 76 % within 5 cm in the right room
+
+
+def explains_few(share: float | None) -> bool:
+    """Return whether a share of echoes within 5 cm of the prediction is too small; not if it is unknown."""
+    return share is not None and share < FEWEST
+
+
+def few_explained(scan: str, share: float | None, echoes: int, *, located: bool = False) -> tuple[str, ...]:
+    """Return a warning if only a small share of `echoes` is within 5 cm of the prediction.
+
+    `located`: the place was searched in the whole room, so it is not the cause.
+    """
+    if share is None or not explains_few(share):
+        return ()
+    return (few_explained_line(scan, share, echoes, located=located),)
+
+
+def few_explained_line(scan: str, share: float, echoes: int, *, located: bool = False) -> str:
+    """Return the warning of `few_explained` for a `share` that is too small."""
+    found = f"{scan}: only {share:.0%} of {echoes} echoes are within 5 cm of the prediction"
+    if located:
+        return f"{found}; check the room and the board"
+    return f"{found}; check the room, the place and the board; `sonarhw locate` finds an unknown place"
+
+
+# Bootstrap of readings in blocks of neighbours, whose errors are alike.
+
+
+DRAWS = 400
+
+
+def drawn_blocks(readings: int, redundancy: float, random: np.random.Generator) -> FloatArray:
+    """Return how often each reading is drawn, (draws, readings), if blocks of neighbours are drawn with replacement.
+
+    A block has `redundancy` readings, which is the number of readings per independent reading.
+    """
+    length = max(1, round(redundancy))
+    starts = random.integers(0, readings, (DRAWS, max(1, readings // length)))
+    counts = np.zeros((DRAWS, readings))
+    for by in range(length):
+        np.add.at(counts, (np.arange(DRAWS)[:, None], (starts + by) % readings), 1.0)
+    return counts

@@ -1,1 +1,0 @@
-"""Notes on readings, kept in a file beside the log."""

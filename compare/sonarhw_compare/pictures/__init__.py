@@ -1,1 +1,0 @@
-"""Pictures of scans: overlay, B-scan, colours."""

@@ -1,1 +1,0 @@
-"""Processes that compute parts of one result at once."""

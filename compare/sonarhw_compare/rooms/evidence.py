@@ -1,0 +1,553 @@
+"""How well a draft explains scans, computed in several processes: every echo and every silence, with all reflections."""
+
+import math
+import os
+import pickle
+import subprocess
+import sys
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, BinaryIO, TypeVar
+
+import numpy as np
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.compiled import core_count, use_one_thread
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.room import Room
+
+from sonarhw.errors import WorkersLost
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.likelihood import PathMemory, ReadingNoise
+from sonarhw_compare.fit.objective import Problem, make_problem
+from sonarhw_compare.fit.quantities import Parameter
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.rooms import draft as right_angles
+from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
+
+# The loop of a process that computes for another one: it reads calls from standard input until that is closed.
+
+
+def run() -> None:
+    """Answer each call with its result, or with the error that it raised; end with the process that calls."""
+    calls, answers = sys.stdin.buffer, sys.stdout.buffer
+    sys.stdout = sys.stderr  # what a function prints is not an answer
+    use_one_thread()
+    try:
+        compute(calls, answers)
+    except (EOFError, BrokenPipeError):
+        os._exit(0)  # the process that calls has ended: no one reads the rest of an answer
+
+
+def compute(calls: BinaryIO, answers: BinaryIO) -> None:
+    """Answer pickled calls, `(function, arguments)`, each with `(succeeded, result or error)`.
+
+    `(None, kept)` has no answer: `kept` is the first argument of every function from then on. Raises EOFError at the
+    end of `calls`.
+    """
+    kept: Any = None
+    while True:
+        function, arguments = pickle.load(calls)
+        if function is None:
+            kept = arguments
+            continue
+        try:
+            answer = True, function(kept, *arguments)
+        except Exception as error:  # noqa: BLE001 - raised again by the process that calls
+            error.add_note(traceback.format_exc())  # the frames of this process
+            answer = False, error
+        pickle.dump(answer, answers)
+        answers.flush()
+
+
+# Processes that call functions for this one, each with a part of the arguments.
+#
+# They are started with the interpreter, not with `multiprocessing`: a script that calls the library then needs no `if
+# __name__ == "__main__"`, and Ctrl-C, which a terminal sends to all of its processes, reaches this one only.
+
+
+# of numeric libraries, so that each process uses one core
+ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_BETWEEN_CHECKS = 0.05  # s
+_RUN = "import sys; sys.path[:] = {!r}; from sonarhw_compare.rooms.evidence import run; run()"
+
+
+class ComputeProcesses:
+    """Processes with one thread each. They end with `close`, and when this process ends for any reason."""
+
+    def __init__(self, count: int, kept: Any) -> None:
+        """Start `count` processes, and send `kept` to each, the first argument of every function."""
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._threads = ThreadPoolExecutor(count)  # one waits for each process
+        try:
+            for _ in range(count):
+                self._processes.append(_started())
+            self.keep(kept)
+        except BaseException:
+            self.close()
+            raise
+
+    def __len__(self) -> int:
+        return len(self._processes)
+
+    def keep(self, kept: Any) -> None:
+        """Send another first argument of every function from now on."""
+        for process in self._processes:
+            _send(process, (None, kept))
+
+    def results(
+        self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]], check: Callable[[], None]
+    ) -> list[Any]:
+        """Return `function(kept, *part)` for each part; each process takes the next part when it has finished one.
+
+        Raises the first error that the function raised, and WorkersLost if a process was killed. `check` is called
+        while the processes compute; after an exception from it, only `close` may be called.
+        """
+        waiting = deque(enumerate(parts))
+        answers: dict[int, tuple[bool, Any]] = {}
+
+        def compute(process: "subprocess.Popen[bytes]") -> None:
+            while waiting:
+                try:
+                    number, part = waiting.popleft()
+                except IndexError:  # another thread took the last one
+                    return
+                _send(process, (function, part))
+                answers[number] = _answer(process)
+                if not answers[number][0]:
+                    waiting.clear()
+
+        working = [self._threads.submit(compute, process) for process in self._processes[: len(parts)]]
+        while wait(working, _BETWEEN_CHECKS).not_done:
+            check()
+        for one in working:
+            one.result()  # raises WorkersLost
+        for number in sorted(answers):
+            succeeded, answer = answers[number]
+            if not succeeded:
+                raise answer
+        return [answers[number][1] for number in range(len(parts))]
+
+    def close(self) -> None:
+        """End the processes at once, also while they compute."""
+        for process in self._processes:
+            process.kill()
+        self._threads.shutdown()  # they have read the end of all answers
+        for process in self._processes:
+            process.communicate()  # closes the pipes, and waits
+        self._processes = []
+
+
+def _send(process: "subprocess.Popen[bytes]", one: Any) -> None:
+    assert process.stdin is not None
+    try:
+        pickle.dump(one, process.stdin)
+        process.stdin.flush()
+    except BrokenPipeError as error:
+        raise _lost() from error
+
+
+def _answer(process: "subprocess.Popen[bytes]") -> tuple[bool, Any]:
+    assert process.stdout is not None
+    try:
+        succeeded, answer = pickle.load(process.stdout)
+    except (EOFError, pickle.UnpicklingError) as error:
+        raise _lost() from error
+    return succeeded, answer
+
+
+def _lost() -> WorkersLost:
+    return WorkersLost("a process that computes was killed, perhaps because memory was short; start again")
+
+
+def _started() -> "subprocess.Popen[bytes]":
+    hidden: dict[str, Any] = {"start_new_session": True}
+    if sys.platform == "win32":
+        hidden = {"creationflags": subprocess.CREATE_NO_WINDOW}
+    return subprocess.Popen(
+        [sys.executable, "-c", _RUN.format(sys.path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | ONE_THREAD,
+        **hidden,
+    )
+
+
+# Processes for work of unknown size: they start when so much is done that more is likely.
+
+
+class LateProcesses(AbstractContextManager["LateProcesses"]):
+    """Processes that start once `least` units of work are done; they end at the end of the context."""
+
+    def __init__(self, most: int, least: int) -> None:
+        """At most `most` processes, and one for each core; none on one core."""
+        self._count, self._least, self._done = min(most, core_count()), least, 0
+        self._started: ComputeProcesses | None = None
+        self._owner: object = None  # of what the processes keep
+
+    def __exit__(self, *_: object) -> None:
+        if self._started is not None:
+            self._started.close()
+
+    def for_work(self, units: int, owner: object, kept: Callable[[], Any]) -> ComputeProcesses | None:
+        """Return the processes for so many more units of work; None if it is still too little.
+
+        `kept` returns what the processes receive when the owner of the work is another one (`ComputeProcesses`).
+        """
+        if self._started is None and self._count > 1 and self._done >= self._least:
+            self._started, self._owner = ComputeProcesses(self._count, kept()), owner
+        self._done += units
+        if self._started is not None and self._owner is not owner:
+            self._started.keep(kept())
+            self._owner = owner
+        return self._started
+
+
+# Progress of a search whose number of steps is unknown.
+
+
+_STEP = 0.01  # of what is left of a part
+
+
+class SearchProgress:
+    """The completed share of a search, 0..1, which never decreases.
+
+    A search has parts that end at known shares. Each step of a part takes the same share of what is left of it.
+    """
+
+    def __init__(self, tick: Callable[[float], None] | None = None) -> None:
+        """`tick` receives the share at each step; it can end the search by an exception."""
+        self._tick, self._share, self._end = tick, 0.0, 0.0
+
+    def begin(self, end: float) -> None:
+        """Begin the part that ends at this share of the search, where the part before it ends."""
+        self._share, self._end = self._end, end
+        self.repeat()
+
+    def step(self) -> None:
+        """Report one more step."""
+        self._share += _STEP * (self._end - self._share)
+        self.repeat()
+
+    def repeat(self) -> None:
+        """Report the share again."""
+        if self._tick is not None:
+            self._tick(self._share)
+
+    def inner(self, part: float) -> Callable[[float], None]:
+        """Return the `tick` of a search that is a step of this one, and takes this part of what is left."""
+        begin, width = self._share, part * (self._end - self._share)
+
+        def tick(share: float) -> None:
+            self._share = begin + width * share
+            self.repeat()
+
+        return tick
+
+
+# How well a draft explains scans: the likelihood of a fit, for every echo and every silence, with all reflections.
+
+
+REFLECTANCE = 0.9  # of found walls, assumed
+FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
+# later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
+FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
+PRICE = 10.0  # log-likelihood that a wall or post must add
+_ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
+ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
+FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
+_AT_ONCE = 8  # drafts between two checks whether the search is cancelled
+_FIRST_SCANS = 2  # by which many drafts are compared at first
+_LEAST_KEPT = 4  # drafts, at least, that are compared by all scans
+_HOPELESS = 100.0  # log-likelihood: in no room so far, a draft worse by so much in some scans was the better one in all
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where a search begins, what it leaves out, and the function that receives what it accepts."""
+
+    start: RoomDraft | None = None  # its walls and posts move, but stay in the room; its places are not used
+    refused: tuple[DraftWall | DraftPost, ...] = ()  # not found again
+    accepted: Callable[[RoomDraft], None] | None = None  # receives each draft with which the search goes on
+    likely: RoomDraft | None = None  # where the search begins a second time, with the places of these scans
+
+    def refusing(self, wall: DraftWall) -> "Course":
+        """Return the course of a search that does not find this wall again."""
+        return replace(self, refused=(*self.refused, wall))
+
+    @property
+    def unseen(self) -> "Course":
+        """The course of a part of the search whose result can be rejected."""
+        return replace(self, accepted=None)
+
+    def accept(self, draft: RoomDraft) -> None:
+        """Report a draft with which the search goes on."""
+        if self.accepted is not None:
+            self.accepted(draft)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Scans and board, with which drafts are compared."""
+
+    scans: tuple[PlacedScan, ...]
+    problems: tuple[Problem, ...]  # one for each scan; room and place are those of the draft
+    spreads: tuple[PoseSpread, ...]  # of the places; each is expected where the search begins, unless it says where
+    first: RoomDraft  # with the walls and posts at which the search begins
+    air: Air
+    course: Course = field(default_factory=Course)
+    # log-likelihoods of the readings of a scan, by all that they depend on: one draft in ten was scored before
+    known: dict[bytes, FloatArray] = field(default_factory=dict, compare=False, repr=False)
+    # compute the scans of a large search at once; None: this process computes all
+    processes: LateProcesses | None = field(default=None, compare=False, repr=False)
+    progress: SearchProgress = field(default_factory=SearchProgress, compare=False, repr=False)
+
+    def log_likelihood(self, draft: RoomDraft, noise: ReadingNoise) -> float:
+        """Return the log-likelihood of all scans plus the logarithm of the prior of their places."""
+        return self.log_likelihoods([draft], noise)[0]
+
+    def log_likelihoods(
+        self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
+    ) -> list[float]:
+        """Return `log_likelihood` of several drafts, of all scans or these. Many drafts at once use all processes."""
+        found = [
+            one
+            for begin in range(0, len(drafts), _AT_ONCE)
+            for one in self._by_reading(drafts[begin : begin + _AT_ONCE], noise, scans)
+        ]
+        return [
+            float(np.concatenate(one).sum()) + self.log_prior(draft) for draft, one in zip(drafts, found, strict=True)
+        ]
+
+    def by_reading(self, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
+        """Return the log-likelihood of each reading, (n,) for each scan."""
+        return self._by_reading([draft], noise)[0]
+
+    def _by_reading(
+        self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None
+    ) -> list[list[FloatArray]]:
+        """Return `by_reading` of several drafts, of all scans or these."""
+        self.progress.step()
+        scans = range(len(self.problems)) if scans is None else scans
+        rooms = [draft.room(REFLECTANCE, self.air) for draft in drafts]
+        keys = [[_key(draft, room, scan, noise) for scan in scans] for draft, room in zip(drafts, rooms, strict=True)]
+        missing = {
+            key: (draft, room, scan)
+            for draft, room, of_draft in zip(drafts, rooms, keys, strict=True)
+            for scan, key in zip(scans, of_draft, strict=True)
+            if key not in self.known
+        }
+        self.known.update(zip(missing, self.in_processes(_of_scans, [*missing.values()], noise), strict=True))
+        return [[self.known[key] for key in of_draft] for of_draft in keys]
+
+    def in_processes(self, function: Callable[..., list[_Result]], items: Sequence[Any], *others: Any) -> list[_Result]:
+        """Return `function(evidence, items, *others)`, a result for each item; a large search divides the items.
+
+        The function is one of a module. An item takes about as long as the search for the paths of one scan.
+        """
+        processes = None if self.processes is None else self.processes.for_work(len(items), self, self._to_send)
+        if processes is None or len(items) < 2:
+            return function(self, items, *others)
+        bounds = _bounds(len(items), len(processes))
+        parts = processes.results(
+            function, [(items[begin:end], *others) for begin, end in pairwise(bounds)], self.progress.repeat
+        )
+        return [result for part in parts for result in part]
+
+    def of_first_echoes(self) -> "Evidence | None":
+        """Return the evidence of the first echo of each reading; None if no reading has another one."""
+        if all(len(reading.echo_times) < 2 for scan in self.scans for reading in scan.readings):
+            return None
+        problems = tuple(
+            make_problem([scan], one.room, one.board, one.parameters, one.prediction, all_echoes=False)
+            for scan, one in zip(self.scans, self.problems, strict=True)
+        )
+        return replace(self, problems=problems, known={})
+
+    def _to_send(self) -> "Evidence":
+        """Return what other processes need of it."""
+        problems = tuple(replace(problem, memory=PathMemory()) for problem in self.problems)
+        return Evidence((), problems, self.spreads, RoomDraft(self.first.places), self.air)
+
+    def of_draft(self, draft: RoomDraft, room: Room, scan: int, free: tuple[Parameter, ...] = ()) -> Problem:
+        """Return the problem of one scan with `free` parameters; `room` is that of the draft."""
+        board, places = as_found(self.problems[scan].board, draft), (draft.places[scan],)
+        return replace(self.problems[scan], room=room, places=places, board=board, parameters=free)
+
+    @property
+    def board(self) -> Board:
+        """The board of all scans, as its profile states it."""
+        return self.problems[0].board
+
+    @property
+    def has_free_headings(self) -> bool:
+        """Whether the heading of any scan is uncertain."""
+        return any(spread.heading > 0 for spread in self.spreads)
+
+    def log_prior(self, draft: RoomDraft) -> float:
+        """Return the logarithm of the prior of directions, places and sensor; 0 where they are as expected."""
+        errors = [error for scan in range(len(self.spreads)) for error in self.pose_errors(draft, scan)]
+        errors += [(draft.offset, self.offset_spread), (draft.threshold_db, self.threshold_spread)]
+        return right_angles.log_prior(draft) - 0.5 * sum((away / sd) ** 2 for away, sd in errors if sd > 0)
+
+    @property
+    def offset_spread(self) -> float:
+        """Standard deviation of the range offset, m: the spread of ranges that the profile states, 0 if it states none.
+
+        A profile with a spread describes a population, of which the scans show one sensor.
+        """
+        return self.board.range_sd
+
+    @property
+    def threshold_spread(self) -> float:
+        """Standard deviation of the threshold, dB: the one that the profile states, likewise."""
+        return self.board.threshold_sd_db
+
+    def refuses(self, one: DraftWall | DraftPost) -> bool:
+        """Return whether a wall or post is almost one that was refused."""
+        return any(_alike(one, other) for other in self.course.refused)
+
+    def pose_errors(self, draft: RoomDraft, scan: int) -> tuple[tuple[float, float], ...]:
+        """Return how far x, y (m) and heading (rad) of a place are from the expected ones, each with its deviation."""
+        spread, now = self.spreads[scan], draft.places[scan]
+        then = spread.around or self.first.places[scan]
+        turned = math.remainder(now.heading - then.heading, math.tau)
+        x, y = (at - first for at, first in zip(now.position, then.position, strict=True))
+        return (x, spread.xy), (y, spread.xy), (turned, spread.heading)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A draft and its log-likelihood."""
+
+    draft: RoomDraft
+    score: float
+
+
+def as_found(board: Board, draft: RoomDraft) -> Board:
+    """Return a board with the range offset and the threshold of a draft."""
+    if not draft.offset and not draft.threshold_db:
+        return board
+    offset, threshold = board.range_offset + draft.offset, board.threshold_db + draft.threshold_db
+    return replace(board, range_offset=offset, threshold_db=threshold)
+
+
+def all_scored(evidence: Evidence, drafts: Iterable[RoomDraft], noise: ReadingNoise = ROUGH) -> list[Scored]:
+    """Return drafts with their log-likelihoods; -inf if a wall has no length."""
+    drafts = list(drafts)
+    sound = [draft for draft in drafts if draft.is_sound]
+    scores = iter(evidence.log_likelihoods(sound, noise))
+    return [Scored(draft, next(scores) if draft.is_sound else -np.inf) for draft in drafts]
+
+
+def scored(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise = ROUGH) -> Scored:
+    """Return a draft with its log-likelihood; -inf if a wall has no length."""
+    return all_scored(evidence, [draft], noise)[0]
+
+
+def leading(
+    evidence: Evidence, drafts: Iterable[RoomDraft], scans: Sequence[int], noise: ReadingNoise = ROUGH
+) -> list[Scored]:
+    """Return the drafts that explain most, in their order, with the log-likelihoods of all scans.
+
+    `scans` are all, in the order of their use: the first two select the better half of the drafts, the first half the
+    better quarter, but not fewer than four (successive halving). So a scan should be early if more is unexplained.
+    """
+    left = [draft for draft in drafts if draft.is_sound]
+    total = len(left)
+    for some, share in zip(_stages(scans), (2, 4), strict=True):
+        kept = max(_LEAST_KEPT, -(-total // share))
+        if kept < len(left) and len(some) < len(scans):
+            scores = evidence.log_likelihoods(left, noise, some)
+            best = sorted(range(len(left)), key=lambda row: -scores[row])[:kept]
+            left = [left[row] for row in sorted(best)]
+    return all_scored(evidence, left, noise)
+
+
+def scored_if_near(evidence: Evidence, drafts: Sequence[RoomDraft], best: Scored) -> list[Scored]:
+    """Return drafts with their log-likelihoods; -inf if some scans show that one is far worse than the best draft."""
+    left, scans = [draft for draft in drafts if draft.is_sound], range(len(evidence.problems))
+    for some in _stages(scans):
+        if len(some) < len(scans):
+            least = evidence.log_likelihoods([best.draft], ROUGH, some)[0] - _HOPELESS
+            scores = evidence.log_likelihoods(left, ROUGH, some)
+            left = [draft for draft, score in zip(left, scores, strict=True) if score > least]
+    near = {id(one.draft): one for one in all_scored(evidence, left)}
+    return [near.get(id(draft), Scored(draft, -np.inf)) for draft in drafts]
+
+
+def _stages(scans: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:
+    """Return the first scans, and the first half of all, but at least one more than these."""
+    return scans[:_FIRST_SCANS], scans[: max(_FIRST_SCANS + 1, -(-len(scans) // 2))]
+
+
+def _bounds(items: int, processes: int) -> list[int]:
+    """Return where the parts of items begin and end that processes take in turn: large ones first, single ones last."""
+    bounds = [0]
+    while bounds[-1] < items:
+        bounds.append(bounds[-1] + max(1, (items - bounds[-1]) // (2 * processes)))
+    return bounds
+
+
+def _key(draft: RoomDraft, room: Room, scan: int, noise: ReadingNoise) -> bytes:
+    """Return all that the log-likelihoods of the readings of a scan depend on; `room` is that of the draft."""
+    place = draft.places[scan]
+    others = np.array([*place.position, place.heading, draft.offset, draft.threshold_db, scan, *noise])
+    surfaces = room.walls, room.posts, room.reflectances, room.scattered, room.heights
+    return b"|".join(array.tobytes() for array in (others, *surfaces))
+
+
+def _of_scans(
+    evidence: Evidence, items: Sequence[tuple[RoomDraft, Room, int]], noise: ReadingNoise
+) -> list[FloatArray]:
+    """Return the log-likelihood of each reading of scans, (n,) each; items are a draft, its room, and a scan."""
+    found = []
+    for draft, room, scan in items:
+        problem = evidence.of_draft(draft, room, scan)
+        values = problem.with_noise(np.empty(0), noise)
+        found.append(problem.near(values).by_reading(values, 0))
+    return found
+
+
+def _alike(one: DraftWall | DraftPost, other: DraftWall | DraftPost) -> bool:
+    if isinstance(one, DraftPost) and isinstance(other, DraftPost):
+        return math.dist(one.center, other.center) < _ALIKE
+    if not isinstance(one, DraftWall) or not isinstance(other, DraftWall):
+        return False
+    away, turned = np.array(one.middle) - other.middle, math.remainder(one.angle - other.angle, math.pi)
+    ends = sorted(float((away + end.at * one.along) @ other.along) for end in one.ends)
+    overlap = ends[0] < other.ends[1].at and ends[1] > other.ends[0].at
+    return overlap and abs(float(away @ other.normal)) < _ALIKE and abs(turned) < _ALIKE_TURNED
+
+
+def evidence_of(
+    scans: Sequence[PlacedScan],
+    spreads: Sequence[PoseSpread],
+    board: Board,
+    air: Air,
+    course: Course | None = None,
+    processes: LateProcesses | None = None,
+    progress: SearchProgress | None = None,
+    prediction: PredictionOptions | None = None,
+) -> Evidence:
+    """Return scans from places with these spreads as evidence.
+
+    Likelihoods are those of this prediction, by default of one that follows more reflections if readings have several
+    echoes.
+    """
+    several = any(len(reading.echo_times) > 1 for scan in scans for reading in scan.readings)
+    prediction = prediction or (FOLLOWED_LATER if several else FOLLOWED)
+    first = RoomDraft(tuple(scan.place for scan in scans))
+    nowhere = first.room(REFLECTANCE, air)
+    problems = tuple(make_problem([scan], nowhere, board, [], prediction, all_echoes=True) for scan in scans)
+    course, progress = course or Course(), progress or SearchProgress()
+    first = first if course.start is None else replace(course.start, places=first.places)
+    return Evidence(tuple(scans), problems, tuple(spreads), first, air, course, processes=processes, progress=progress)

@@ -1,0 +1,321 @@
+"""The result of a search for a room: its file with uncertainties as comments, and where to scan next."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.room import Place, Room, parse_room
+from tomlkit.items import AoT, Table
+
+from sonarhw.errors import counted, harmless
+from sonarhw.readings import FloatArray
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.locate import Pose
+from sonarhw_compare.rooms.draft import MATERIAL, SHARE, SPREAD, at_right_angles, post_name, wall_name
+from sonarhw_compare.rooms.evidence import FOLLOWED, REFLECTANCE
+from sonarhw_compare.rooms.search import RANGE, FoundRoom, LengthSlopes, PlacedRoom
+from sonarhw_compare.scans import in_degrees
+
+# The room file of a found room: walls, posts and places, with uncertainties and what is not known as comments.
+
+
+_DIGITS = 5  # of metres
+
+
+def found_room_text(placed: PlacedRoom, board: Board) -> str:
+    """Return the text of a room file with the found walls, posts and places."""
+    found, file = placed.found, tomlkit.document()
+    for line in _header(placed, board):
+        file.add(tomlkit.comment(line))
+    file["name"] = "Found room"
+    material = tomlkit.table()
+    material["reflectance"] = REFLECTANCE
+    material["reflectance"].comment("assumed; `sonarhw fit --free reflectance` finds it")
+    file["materials"] = tomlkit.table(is_super_table=True).append(MATERIAL, material)
+    file["walls"] = _array([_wall(found, number, key) for number, key in enumerate(found.draft.walls)])
+    if found.draft.posts:
+        file["posts"] = _array([_post(found, row) for row in range(len(found.draft.posts))])
+    places = tomlkit.table(is_super_table=True)
+    for number, name in enumerate(_place_names(placed)):
+        places[name] = _place(found, number)
+    file["places"] = places
+    return tomlkit.dumps(file)
+
+
+def found_room(placed: PlacedRoom, board: Board) -> Room:
+    """Return the room of `found_room_text`."""
+    return parse_room(found_room_text(placed, board), "the found room")
+
+
+def found_room_figures(found: FoundRoom) -> dict[str, Any]:
+    """Return walls, posts and open ends for JSON, in metres and degrees."""
+    return {
+        "echoes": found.echoes,
+        "explained": found.explained,
+        "offset_m": round(found.draft.offset, _DIGITS),
+        "offset_sd_m": found.offset_deviation,
+        "threshold_higher_db": found.draft.threshold_db,
+        "threshold_sd_db": found.threshold_deviation,
+        "right_angled": at_right_angles(found.draft),
+        "walls": [
+            {
+                "points_m": [[x, y], [x2, y2]],
+                "across_sd_m": _deviation(found, "wall", key, 0),
+                "angle_sd_deg": math.degrees(_deviation(found, "wall", key, 1)),
+                "touches": len(found.touches.walls[key]),
+            }
+            for key in found.draft.walls
+            for x, y, x2, y2 in [_rounded(found.draft.segment(key))]
+        ],
+        "posts": [
+            {
+                "center_m": _rounded(post.center),
+                "radius_m": round(post.radius, _DIGITS),
+                "center_sd_m": [_deviation(found, "post", row, part) for part in (0, 1)],
+                "radius_sd_m": _deviation(found, "post", row, 2),
+                "touches": found.touches.posts[row],
+            }
+            for row, post in enumerate(found.draft.posts)
+        ],
+        "open_ends_m": [_rounded(end) for end in open_ends(found)],
+    }
+
+
+def pose_text(pose: Pose) -> str:
+    """Return one possible pose of a located scan with its probability."""
+    x, y = pose.position
+    return f"{pose.probability:.1%} at {x:.3f}, {y:.3f} m, turntable step 0 at {in_degrees(pose.heading, 1):.1f}°"
+
+
+def assumptions(found: FoundRoom, board: Board) -> list[str]:
+    """Return a line for each value that was expected to be near a known one, and what was found."""
+    of, walls = at_right_angles(found.draft), len(found.draft.walls)
+    lines = [
+        f"assumed that {SHARE:.0%} of the walls are parallel or at right angles within {math.degrees(SPREAD):.0f}°; "
+        f"{of} of {walls} are"
+    ]
+    if found.offset_deviation is not None:
+        lines.append(
+            f"range offset of the sensor: {found.draft.offset * 1000:.0f} ± {found.offset_deviation * 1000:.0f} mm "
+            f"beside that of board {board.name!r}; 0 ± {board.range_sd * 1000:.0f} mm was expected (its range_sd)"
+        )
+    if found.threshold_deviation is not None:
+        lines.append(
+            f"threshold of the sensor: {found.draft.threshold_db:+.1f} ± {found.threshold_deviation:.1f} dB beside "
+            f"that of board {board.name!r}; 0 ± {board.threshold_sd_db:.1f} dB was expected (its threshold_sd_db)"
+        )
+    return lines
+
+
+def open_ends(found: FoundRoom) -> list[tuple[float, float]]:
+    """Return the ends of walls (m) beyond which the scans show nothing."""
+    ends = []
+    for key in found.draft.walls:
+        x, y, x2, y2 = found.draft.segment(key).tolist()
+        ends += [at for which, at in enumerate(((x, y), (x2, y2))) if found.draft.is_free(key, which)]
+    return ends
+
+
+def _header(placed: PlacedRoom, board: Board) -> list[str]:
+    found, scans = placed.found, placed.scans
+    lines = [
+        f"Found by `sonarhw map` in {counted(len(scans), 'scan')} with board {board.name!r}: "
+        + ", ".join(harmless(scan.title) for scan in scans),
+        f"{found.explained} of {found.echoes} echoes are within 5 cm of one that this room predicts.",
+        "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
+    ]
+    lines += [f"{line[0].upper()}{line[1:]}." for line in assumptions(found, board)]
+    ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(found))
+    if ends:
+        lines.append(f"The walls may continue beyond these points (m): {ends}")
+    for title, poses in placed.poses.items():
+        lines.append(f"Possible poses of {harmless(title)}: {'; '.join(map(pose_text, poses))}")
+    lines += [f"Left out, because its pose was not found: {harmless(title)}" for title in placed.left_out]
+    return lines
+
+
+def _place_names(placed: PlacedRoom) -> list[str]:
+    """Return a name for the place of each scan, with a number behind a name that another one has already."""
+    names: list[str] = []
+    for scan, place in zip(placed.scans, placed.found.draft.places, strict=True):
+        name, number = scan.name or place.name, 2
+        while name in names:
+            name, number = f"{scan.name or place.name}-{number}", number + 1
+        names.append(name)
+    return names
+
+
+def _place(found: FoundRoom, number: int) -> Table:
+    table, place = tomlkit.table(), found.draft.places[number]
+    table["position"] = _point(place.position)
+    table["heading_deg"] = round(math.degrees(place.heading), 4) + 0.0
+    deviations = {move.part: by for move, by in found.deviations.items() if move.is_of("place", number)}
+    if 0 in deviations:  # else it is exact
+        x, y = (deviations[part] * 1000 for part in (0, 1))
+        table["position"].comment(f"± {x:.1f} mm in x, ± {y:.1f} mm in y")
+    if 2 in deviations:
+        table["heading_deg"].comment(f"± {math.degrees(deviations[2]):.2f}°")
+    return table
+
+
+def _wall(found: FoundRoom, number: int, key: int) -> Table:
+    across, turned = (_deviation(found, "wall", key, part) for part in (0, 1))
+    table = tomlkit.table()
+    table["name"] = wall_name(number)
+    table["edges"] = [wall_name(number)]  # not "wall 1[0]" in `via`
+    x, y, x2, y2 = found.draft.segment(key).tolist()
+    points = tomlkit.array()
+    points.extend([_point((x, y)), _point((x2, y2))])
+    table["points"] = points
+    touched = len(found.touches.walls[key])
+    table["points"].comment(f"± {across * 1000:.1f} mm across, ± {math.degrees(turned):.2f}°; {touched} touches")
+    table["material"] = MATERIAL
+    return table
+
+
+def _post(found: FoundRoom, row: int) -> Table:
+    post = found.draft.posts[row]
+    x, y, radius = (_deviation(found, "post", row, part) * 1000 for part in range(3))
+    table = tomlkit.table()
+    table["name"] = post_name(row)
+    table["center"] = _point(post.center)
+    table["center"].comment(f"± {x:.1f} mm, ± {y:.1f} mm; {found.touches.posts[row]} touches")
+    table["radius"] = round(post.radius, _DIGITS)
+    table["radius"].comment(f"± {radius:.1f} mm")
+    table["material"] = MATERIAL
+    return table
+
+
+def _deviation(found: FoundRoom, what: str, which: int, part: int) -> float:
+    return next(
+        deviation
+        for move, deviation in found.deviations.items()
+        if (move.what, move.which, move.part) == (what, which, part)
+    )
+
+
+def _point(point: Sequence[float]) -> tomlkit.items.Array:
+    array = tomlkit.array()
+    array.extend(_rounded(point))
+    return array
+
+
+def _rounded(values: Sequence[float] | FloatArray) -> list[float]:
+    return [round(float(at), _DIGITS) + 0.0 for at in values]
+
+
+def _array(tables: Sequence[Table]) -> AoT:
+    return AoT(list(tables))
+
+
+# The places and headings from which another scan makes a found room most certain.
+#
+# The gain of a place is the expected decrease of the entropy of walls and posts, ½ ln det(I + D J Jᵀ D / σ²) in nats:
+# D has their present standard deviations, J the derivative of each predicted range by them (Cover and Thomas,
+# Elements of Information Theory, 2006, section 8.4, for normal distributions). Correlations of the present errors,
+# echoes that appear or disappear, and surfaces that no scan has touched are left out.
+
+
+_PLACES = 60  # that are tried, about
+_CLEARANCE = 0.15  # m, of a place from walls and posts
+_HEADINGS, _SECTORS = 72, 12  # of a scan
+_LARGEST = 0.1  # m or rad, standard deviation of a wall or end; a larger one is not linear, and counts as this one
+_MOST_OF_GAIN = 0.6  # share of the sum over headings that the reported sectors have
+
+
+@dataclass(frozen=True)
+class NextPlace:
+    """A place for the next scan."""
+
+    position: tuple[float, float]  # m
+    gain: float  # nats
+    sectors: tuple[tuple[float, float], ...]  # rad, first and last heading of each run of 30° sectors
+
+
+def next_places(
+    found: FoundRoom,
+    room: Room,
+    board: Board,
+    count: int = 3,
+    tick: Callable[[float], None] = lambda _share: None,
+    best: Callable[[tuple[NextPlace, ...]], None] = lambda _places: None,
+) -> tuple[NextPlace, ...]:
+    """Return the `count` best places, best first, each farther than 0.3 m from the better ones.
+
+    `room` is the found room with its places. `tick` receives the completed share, 0..1, and `best` the best places so
+    far whenever they change; places all over the room come first.
+    """
+    moves = [move for move in found.deviations if move.what in ("wall", "post") and found.deviations[move] > 0]
+    draft_room, by_move = found.draft.room(REFLECTANCE, room.air), LengthSlopes(found.draft, moves)
+    spreads = np.minimum([found.deviations[move] for move in moves], _LARGEST)
+    tried: list[NextPlace] = []
+    known: tuple[NextPlace, ...] = ()
+    places = _spread_first(_candidates(room))
+    for row, place in enumerate(places):
+        tick(row / len(places))
+        tried.append(_weighed(place, _slopes(place, draft_room, by_move, board) * spreads[:, None]))
+        known, before = _apart(sorted(tried, key=lambda one: -one.gain), count), known
+        if known != before:
+            best(known)
+    return known
+
+
+def _candidates(room: Room) -> FloatArray:
+    """Return free positions on a lattice, (n, 2) m."""
+    free = find_free_space(room)
+    area = len(free.middles) * free.spacing**2
+    middles = find_free_space(room, math.sqrt(area / _PLACES)).middles
+    return np.array([point for point in middles if free.holds(point, _CLEARANCE)]).reshape(-1, 2)
+
+
+def _spread_first(positions: FloatArray) -> list[tuple[float, float]]:
+    """Return positions (n, 2) in another order: each is as far as possible from those before it."""
+    order: list[tuple[float, float]] = []
+    away = np.full(len(positions), np.inf)
+    for _ in range(len(positions)):
+        x, y = positions[int(np.argmax(away))].tolist()
+        order.append((x, y))
+        away = np.minimum(away, np.hypot(positions[:, 0] - x, positions[:, 1] - y))
+    return order
+
+
+def _slopes(position: tuple[float, float], room: Room, by_move: LengthSlopes, board: Board) -> FloatArray:
+    """Return the derivative of each predicted range by each move, in standard deviations of a range, (m, n)."""
+    headings = np.arange(_HEADINGS, dtype=np.float64) * (math.tau / _HEADINGS)
+    scan = predict_scan(room, Place("", position), board, headings, FOLLOWED)
+    slopes = np.zeros((by_move.count, _HEADINGS))  # 0 where there is no echo
+    for path in np.unique(scan.winners[scan.winners >= 0]).tolist():
+        slopes[:, scan.winners == path] = by_move.of(scan.paths.outline(path))[:, None] / (2 * RANGE)
+    return slopes
+
+
+def _weighed(position: tuple[float, float], scaled: FloatArray) -> NextPlace:
+    """Return a place with the gain of its scan; `scaled` (m, n): slopes times standard deviations of the moves."""
+    gain = float(np.linalg.slogdet(np.eye(len(scaled)) + scaled @ scaled.T)[1]) / 2
+    by_sector = np.log1p((scaled**2).sum(axis=0)).reshape(_SECTORS, -1).sum(axis=1)
+    order = np.argsort(-by_sector, kind="stable")
+    enough = int(np.searchsorted(np.cumsum(by_sector[order]), _MOST_OF_GAIN * by_sector.sum())) + 1
+    return NextPlace(position, gain, _runs(np.sort(order[:enough])) if gain > 0 else ())
+
+
+def _runs(sectors: NDArray[np.intp]) -> tuple[tuple[float, float], ...]:
+    """Return begin and end, rad, of each run of neighbouring sectors; a run may pass 0."""
+    runs = np.split(sectors, np.flatnonzero(np.diff(sectors) > 1) + 1)
+    ends = [(int(run[0]), int(run[-1]) + 1) for run in runs]
+    if len(ends) > 1 and ends[0][0] == 0 and ends[-1][1] == _SECTORS:
+        ends = [*ends[1:-1], (ends[-1][0], ends[0][1] + _SECTORS)]
+    return tuple((first * math.tau / _SECTORS, last * math.tau / _SECTORS) for first, last in ends)
+
+
+def _apart(places: Sequence[NextPlace], count: int) -> tuple[NextPlace, ...]:
+    kept: list[NextPlace] = []
+    for place in places:
+        if len(kept) < count and all(math.dist(place.position, other.position) > 0.3 for other in kept):
+            kept.append(place)
+    return tuple(kept)

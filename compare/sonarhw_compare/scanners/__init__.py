@@ -1,1 +1,0 @@
-"""Scanners by URL: a port, a fake scanner in this process, or a log that is replayed as a scanner."""

@@ -1,0 +1,1144 @@
+"""Studies: many predicted scans over grids and random draws, from a TOML file to a folder of Parquet files.
+
+    from sonarhw_compare.study import load_study, read_study, run_study
+
+    run_study(load_study(Path("study.toml")), Path("results"))
+    results = read_study("results")  # an xarray.Dataset
+
+This module needs the extra `study`: pip install '.[study]' in the source folder.
+"""
+
+import hashlib
+import json
+import logging
+import multiprocessing
+import os
+import platform
+import shutil
+import signal
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from importlib import import_module
+from importlib.metadata import version
+from io import BytesIO
+from itertools import product
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
+from zlib import crc32
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+from sonarhw_sim.air import Air, EdgeStrength, Model, Receiver, Unit
+from sonarhw_sim.board.profile import Board, BoardFile, board_from, load_board
+from sonarhw_sim.compiled import core_count
+from sonarhw_sim.files import TomlModel, checked, is_file, parse_table, parse_toml, read_text
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import (
+    PredictionOptions,
+    paths_for,
+    paths_serve_all_headings,
+    predict_with,
+    search_for,
+    weigh_paths,
+)
+from sonarhw_sim.rays.fan import distances_ahead
+from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.room.room import Place, Room, load_room, parse_room, with_air, with_material
+from sonarhw_sim.room.room_file import AirSection, Material, RoomFile
+from sonarhw_sim.space.sections import cut, spanning_at
+
+from sonarhw.errors import InputError, MissingExtra, OutputError, WorkersLost
+from sonarhw.files import atomic_file
+from sonarhw.readings import FloatArray, headings_between, sector
+from sonarhw_compare.free_space import FreeSpace, find_free_space
+from sonarhw_compare.match import TOLERANCE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Apache Arrow for the tables of a study, installed only with the extra `study` because of its size.
+#
+# It is imported when it is first used, so that `help(sonarhw)` and `from sonarhw import *` work without it.
+
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+else:
+
+    class _OnFirstUse:
+        """A module that is imported when one of its names is used. Raises MissingExtra if it is not installed."""
+
+        def __init__(self, name: str) -> None:
+            self._name = name
+
+        def __getattr__(self, name: str) -> Any:
+            try:
+                return getattr(import_module(self._name), name)
+            except ModuleNotFoundError as error:
+                raise MissingExtra("studies need pyarrow", "study") from error
+
+    pa, pq = _OnFirstUse("pyarrow"), _OnFirstUse("pyarrow.parquet")
+
+
+def check_arrow() -> None:
+    """Raise MissingExtra if Arrow is not installed."""
+    _ = pa.table, pq.write_table
+
+
+# Axes of a study: the values of a key of `[vary]`.
+#
+# A value or a list becomes a `Listed` grid axis. A distribution becomes a `Drawn` axis with one value for each draw.
+
+
+Value = bool | int | float | str
+
+FARTHEST = 3.0  # standard deviations; a normal draw farther from the mean is repeated
+_EXPECTED = "expected a value, a list of values, { uniform = [low, high] } or { normal = [mean, deviation] }"
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A grid axis; a constant has one value."""
+
+    values: tuple[Value, ...]
+
+    @property
+    def extremes(self) -> tuple[Value, ...]:
+        """The values to validate."""
+        return self.values
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A random value for each draw."""
+
+    kind: str  # uniform or normal
+    first: float  # low, or mean
+    second: float  # high, or standard deviation
+
+    @property
+    def extremes(self) -> tuple[Value, ...]:
+        """The lowest and highest possible value."""
+        if self.kind == "uniform":
+            return self.first, self.second
+        return self.first - FARTHEST * self.second, self.first + FARTHEST * self.second
+
+    def value(self, random: np.random.Generator) -> float:
+        """Draw one value."""
+        if self.kind == "uniform":
+            return float(random.uniform(self.first, self.second))
+        drawn = float(random.normal())
+        while abs(drawn) > FARTHEST:
+            drawn = float(random.normal())
+        return self.first + self.second * drawn
+
+
+Axis = Listed | Drawn
+
+
+def read_axis(written: object) -> Axis:
+    """Return the axis of a key. Raises ValueError with the expected form."""
+    if isinstance(written, Value):
+        return Listed((written,))
+    if isinstance(written, tuple) and written and all(isinstance(value, Value) for value in written):
+        if len(set(written)) < len(written):
+            raise ValueError(f"expected different values, got {list(written)}")
+        return Listed(_of_one_kind(written))
+    if isinstance(written, Mapping) and len(written) == 1:
+        ((kind, numbers),) = written.items()
+        if kind in ("uniform", "normal") and isinstance(numbers, tuple) and len(numbers) == 2:
+            return _drawn(kind, *numbers)
+    raise ValueError(f"{_EXPECTED}, got {_as_written(written)!r}")
+
+
+def _of_one_kind(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Return the values with one type for a column; integers among floats become floats."""
+    kinds = {type(value) for value in values}
+    if kinds == {int, float}:
+        return tuple(float(value) for value in values)
+    if len(kinds) > 1:
+        raise ValueError(f"expected values of one kind, got {list(values)}")
+    return values
+
+
+def _drawn(kind: str, first: object, second: object) -> Drawn:
+    for number in (first, second):
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise ValueError(f"{_EXPECTED}, got {number!r} in {kind}")
+    drawn = Drawn(kind, float(first), float(second))  # type: ignore[arg-type]
+    if kind == "uniform" and drawn.first >= drawn.second:
+        raise ValueError(f"expected uniform = [low, high] with low below high, got {[first, second]}")
+    if kind == "normal" and drawn.second <= 0:
+        raise ValueError(f"expected normal = [mean, deviation] with a deviation over 0, got {[first, second]}")
+    return drawn
+
+
+def _as_written(value: object) -> object:
+    """Return a value with lists instead of tuples, as in the file."""
+    if isinstance(value, tuple):
+        return list(value)
+    return {key: _as_written(part) for key, part in value.items()} if isinstance(value, Mapping) else value
+
+
+WrittenAxis = Annotated[Any, AfterValidator(read_axis)]
+
+
+def random_of(seed: int, draw: int, key: str) -> np.random.Generator:
+    """Return the random numbers of `key` in a draw. They depend on these three values only."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(draw, crc32(key.encode()))))
+
+
+# Study files: format and validation.
+#
+# A `Study` contains the text of all its rooms and boards, so that any process on any machine can work on it. Errors
+# name the file and the key, and are raised before anything is predicted.
+
+
+ANYWHERE = "anywhere"  # name of a place that is random in each draw
+MOST_SCANS = 100_000_000
+MOST_HEADINGS = 65_535  # as of a scan command
+
+_BY_NAME = Field(strict=False)  # a file has the name of a choice, which a strict model would reject
+
+Degrees = Annotated[float, Field(ge=-720, le=720)]
+
+
+class HeadingsSection(TomlModel):
+    """`[headings]` of every scan, in the room, degrees, as for `simulate`."""
+
+    start: Annotated[Degrees, Field(alias="from")] = 0.0
+    stop: Annotated[Degrees, Field(alias="to")] = 360.0
+    step: Annotated[float, Field(gt=0, le=360)] = 5.0
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        count = headings_between(self.start, self.stop, self.step)
+        if count > MOST_HEADINGS:
+            raise ValueError(
+                f"step: a scan has {count:.6g} headings, at most {MOST_HEADINGS} are possible; use a larger step"
+            )
+        return self
+
+
+class RoomSection(TomlModel):
+    """`[[rooms]]`."""
+
+    file: str
+    # names, X,Y or anywhere; default: all places of the room
+    places: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    clearance: Annotated[float, Field(ge=0, le=1000)] = 0.1  # m, distance of a random place from walls and posts
+
+
+class OptionValues(TomlModel):
+    """One value for each key of `[vary.options]`."""
+
+    model: Annotated[Model, _BY_NAME] = Model.RAY_FOLLOWING
+    receiver: Annotated[Receiver | None, _BY_NAME] = None
+    unit: Annotated[Unit, _BY_NAME] = Unit.PASS
+    edge_strength: Annotated[EdgeStrength | None, _BY_NAME] = None
+    diffraction: bool = True
+    max_bounces: Annotated[int, Field(ge=0, le=1000)] = 64
+    rays: Annotated[int, Field(ge=8, le=1_000_000)] = 5760
+    sections: Annotated[int, Field(ge=1, le=99)] = 1
+    noise: Annotated[float, Field(ge=0, le=1)] = 0.0  # rms of the receiver, 1 is full scale
+
+
+class VarySection(TomlModel):
+    """`[vary]`: each key has a value, a list (a grid) or a distribution."""
+
+    board: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of a board profile
+    mount: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of its [mount]
+    air: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of a room's [air]
+    materials: dict[str, dict[str, WrittenAxis]] = Field(default_factory=dict)  # keys of a room's materials
+    options: dict[str, WrittenAxis] = Field(default_factory=dict)
+
+    @property
+    def axes(self) -> tuple[tuple[str, Axis], ...]:
+        """Every axis with its key, such as `board.threshold_db`."""
+        sections = ["board", "mount", "air", "options"]
+        plain = [(f"{name}.{key}", axis) for name in sections for key, axis in getattr(self, name).items()]
+        materials = [
+            (f"materials.{name}.{key}", axis) for name, keys in self.materials.items() for key, axis in keys.items()
+        ]
+        return (*plain, *materials)
+
+
+class StudyFile(TomlModel):
+    """A whole study file."""
+
+    name: str
+    rooms: Annotated[tuple[RoomSection, ...], Field(min_length=1)]
+    boards: Annotated[tuple[str, ...], Field(min_length=1)] = ("polaroid-6500",)
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    draws: Annotated[int, Field(ge=1, le=MOST_SCANS)] = 1  # of all random values; each passes through the whole grid
+    rows: Literal["headings", "scans"] = "headings"  # what is kept: every heading, or only the figures of each scan
+    headings: HeadingsSection = HeadingsSection()
+    vary: VarySection = VarySection()
+
+
+@dataclass(frozen=True)
+class StudyRoom:
+    """A room of a study."""
+
+    name: str  # as in the room file, so that results do not depend on its path
+    text: str
+    places: tuple[str, ...]
+    clearance: float  # m
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything that determines the results of a study."""
+
+    name: str
+    text: str  # the study file
+    rooms: tuple[StudyRoom, ...]
+    boards: tuple[tuple[str, str], ...]  # name and profile
+    seed: int
+    draws: int
+    rows: str
+    headings: tuple[float, float, float]  # degrees: from, to, step
+    axes: tuple[tuple[str, Axis], ...]  # keys such as `board.threshold_db`, in the order of the file
+
+    @property
+    def points(self) -> int:
+        """The number of points of the grid."""
+        count = sum(len(room.places) for room in self.rooms) * len(self.boards)
+        for _, axis in self.axes:
+            count *= len(axis.values) if isinstance(axis, Listed) else 1
+        return count
+
+    @property
+    def headings_of_scan(self) -> int:
+        """The number of headings of a scan."""
+        return headings_between(*self.headings)
+
+    @property
+    def scans(self) -> int:
+        """The number of scans."""
+        return self.draws * self.points
+
+
+def load_study(path: Path) -> Study:
+    """Return the study in a file; rooms and boards are files relative to it, or included ones. Raises InputError."""
+    text = read_text(path, "study file")
+    file = parse_toml(text, str(path), StudyFile)
+    rooms = tuple(_read_room(section, path, number) for number, section in enumerate(file.rooms))
+    _check_names([room for room, _ in rooms], path)
+    boards = tuple(_read_board(name, path, number) for number, name in enumerate(file.boards))
+    _check_axes(file.vary, str(path), [room for _, room in rooms], boards)
+    study = Study(
+        file.name,
+        text,
+        tuple(room for room, _ in rooms),
+        tuple((name, board.text) for name, board in zip(file.boards, boards, strict=True)),
+        file.seed,
+        file.draws,
+        file.rows,
+        (file.headings.start, file.headings.stop, file.headings.step),
+        file.vary.axes,
+    )
+    _check_count(study, str(path))
+    return study
+
+
+def _check_count(study: Study, where: str) -> None:
+    if study.scans > MOST_SCANS:
+        raise InputError(
+            f"{where}: {study.scans} scans, expected at most {MOST_SCANS}; use fewer values or fewer draws"
+        )
+    drawn = any(isinstance(axis, Drawn) or key == "options.noise" for key, axis in study.axes)
+    if study.draws > 1 and not drawn and not any(ANYWHERE in room.places for room in study.rooms):
+        raise InputError(f"{where}: draws: nothing is random, so {study.draws} draws would all be equal; use draws = 1")
+
+
+def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom, Room]:
+    try:
+        room = load_room(_from_spec(section.file, spec))
+    except InputError as error:
+        raise InputError(f"{spec}: rooms[{number}].file: {error}") from error
+    places = tuple(room.places) if section.places is None else section.places
+    where = f"{spec}: rooms[{number}].places"
+    if not places:
+        raise InputError(f"{where}: {section.file} has no places; give X,Y or {ANYWHERE!r}")
+    if len(set(places)) < len(places):
+        raise InputError(f"{where}: expected different places, got {list(places)}")
+    for name in places:
+        if name != ANYWHERE:
+            try:
+                room.place(name)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from error
+    if ANYWHERE in places:
+        _check_clearance(room, section.clearance, f"{spec}: rooms[{number}].clearance")
+    return StudyRoom(room.name, room.text, places, section.clearance), room
+
+
+def _from_spec(name: str, spec: Path) -> Path | str:
+    """Return the name of something shipped, or the file that the study names, relative to the study."""
+    return spec.parent / name if is_file(name) else name
+
+
+def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
+    """Raise InputError if two rooms have the same name, which identifies them in results."""
+    texts: dict[str, str] = {}
+    for number, room in enumerate(rooms):
+        if texts.setdefault(room.name, room.text) != room.text:
+            raise InputError(
+                f"{spec}: rooms[{number}].file: another room of the study has the same name {room.name!r}, so results "
+                "would be ambiguous; change the name in the room file"
+            )
+
+
+def _check_clearance(room: Room, clearance: float, where: str) -> None:
+    """Raise InputError if no random place can have this clearance."""
+    try:
+        find_free_space(room).draw(np.random.default_rng(0), clearance)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _read_board(name: str, spec: Path, number: int) -> Board:
+    try:
+        return load_board(_from_spec(name, spec))
+    except InputError as error:
+        raise InputError(f"{spec}: boards[{number}]: {error}") from error
+
+
+def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[Board, ...]) -> None:
+    """Raise InputError if a key is unknown, or a value is not allowed in its file."""
+    for section, keys in (("board", vary.board), ("mount", vary.mount)):
+        for key, axis in keys.items():
+            for board, value in product(boards, axis.extremes):
+                board_with(board.text, {f"{section}.{key}": value}, f"{where}: vary.{section}")
+    for key, axis in vary.air.items():
+        for value in axis.extremes:
+            checked({key: value}, f"{where}: vary.air", AirSection)
+    for material, keys in vary.materials.items():
+        if not any(material in room.materials for room in rooms):
+            raise InputError(f"{where}: vary.materials.{material}: no wall or post of any room has this material")
+        for key, axis in keys.items():
+            for value in axis.extremes:
+                checked({"reflectance": 1.0, key: value}, f"{where}: vary.materials.{material}", Material)
+    for key, axis in vary.options.items():
+        for value in axis.extremes:
+            checked({key: value}, f"{where}: vary.options", OptionValues)
+    _check_noise(vary.options, where, boards)
+
+
+def _check_noise(options: dict[str, Axis], where: str, boards: tuple[Board, ...]) -> None:
+    """Raise InputError if there is noise, but no scan has a receiver that uses it."""
+    noisy = "noise" in options and any(options["noise"].extremes)
+    named = options["receiver"].extremes if "receiver" in options else [board.receiver.value for board in boards]
+    if noisy and "board" not in named:
+        raise InputError(f'{where}: vary.options: noise: has no effect with this receiver; add receiver = "board"')
+
+
+def board_with(profile: str, values: dict[str, Value], where: str) -> Board:
+    """Return the board of a profile with the values of `board.…` and `mount.…` keys replaced. Raises InputError."""
+    table = parse_table(profile, where)
+    for name, value in values.items():
+        section, _, key = name.partition(".")
+        if section == "board":
+            table[key] = value
+        elif section == "mount":
+            table["mount"] = table.get("mount", {}) | {key: value}
+    return board_from(checked(table, where, BoardFile))
+
+
+# Cases: the room, place, board and options of each scan of a study, from its number alone.
+#
+# Scan numbers pass through the whole grid once for each draw. Drawn values, such as a place, are therefore the same
+# at every point of the grid. Points can be compared in pairs, and neighbouring scans share the paths of a place.
+
+
+_KNOWN_OF_WALLS = (
+    "surfaces",
+    "enclosures",
+    "edges_on_walls",
+)  # computed once for each room, because they do not depend on air and materials
+
+
+@dataclass(frozen=True)
+class Case:
+    """The input of one predicted scan."""
+
+    number: int
+    draw: int
+    room_name: str
+    room: Room
+    place: Place
+    board_name: str
+    board: Board
+    most_sensitive: Board  # the board with the lowest threshold of the grid, for paths that serve all points
+    model: Model
+    options: PredictionOptions
+    headings: FloatArray  # (n,), rad in the room
+    values: dict[str, Value]  # of every key of [vary]
+    where: tuple[object, ...]  # equal for scans at the same position in the same room with the same materials
+
+
+class Cases:
+    """The scans of a study by number."""
+
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._rooms = [parse_room(room.text, room.name) for room in study.rooms]
+        self._materials = [parse_toml(room.text, room.name, RoomFile).materials for room in study.rooms]
+        for room in self._rooms:
+            for known in _KNOWN_OF_WALLS:
+                getattr(room, known)
+        self._spots = [(number, place) for number, room in enumerate(study.rooms) for place in room.places]
+        self._thresholds = [
+            float(value) for key, axis in study.axes if key == "board.threshold_db" for value in axis.extremes
+        ]
+        lengths = [len(axis.values) if isinstance(axis, Listed) else 1 for _, axis in study.axes]
+        self._shape = (len(self._spots), len(study.boards), *lengths)
+        self._headings = sector(*study.headings).angles()
+        self._board = lru_cache(maxsize=64)(self._make_board)
+        self._free_space = lru_cache(maxsize=None)(lambda room: find_free_space(self._rooms[room]))
+        self._place = lru_cache(maxsize=64)(self._find_place)
+
+    def case(self, number: int) -> Case:
+        """Return scan `number` of the study. Raises InputError if its drawn values do not fit together."""
+        study = self._study
+        draw, point = divmod(number, study.points)
+        spot, board_at, *listed = np.unravel_index(point, self._shape)
+        at, place_name = self._spots[spot]
+        values = {
+            key: axis.value(random_of(study.seed, draw, key)) if isinstance(axis, Drawn) else axis.values[at_value]
+            for (key, axis), at_value in zip(study.axes, listed, strict=True)
+        }
+        place = self._place(at, place_name, draw if place_name == ANYWHERE else 0)
+        board = self._board(
+            int(board_at), tuple(item for item in values.items() if _section(item[0]) in ("board", "mount"))
+        )
+        model, options = _options(values, study.seed, number)
+        return Case(
+            number,
+            draw,
+            study.rooms[at].name,
+            self._changed(at, values),
+            place,
+            study.boards[board_at][0],
+            board,
+            replace(board, threshold_db=min([board.threshold_db, *self._thresholds])),
+            model,
+            options,
+            self._headings if board.ring is None else board.ring.headings(place),
+            values,
+            (at, place, *(item for item in values.items() if _section(item[0]) == "materials")),
+        )
+
+    def _find_place(self, room: int, name: str, draw: int) -> Place:
+        if name != ANYWHERE:
+            return self._rooms[room].place(name)
+        space: FreeSpace = self._free_space(room)
+        random = random_of(self._study.seed, draw, f"place in {self._study.rooms[room].name}")
+        return Place(name, space.draw(random, self._study.rooms[room].clearance))
+
+    def _make_board(self, number: int, values: tuple[tuple[str, Value], ...]) -> Board:
+        name, profile = self._study.boards[number]
+        return board_with(profile, dict(values), f"study {self._study.name!r}, board {name}")
+
+    def _changed(self, number: int, values: dict[str, Value]) -> Room:
+        """Return the room with the air and the materials of a case."""
+        room = self._rooms[number]
+        air = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "air"}
+        if air:
+            room = with_air(room, Air(**(vars(room.air) | air)))
+        for name, material in self._materials[number].items():
+            new = {key: values.get(f"materials.{name}.{key}") for key in ("reflectance", "scatter")}
+            if any(value is not None for value in new.values()):
+                # a new reflectance replaces a table
+                old = {"scatter": material.scatter} if new["reflectance"] is not None else vars(material)
+                given = {key: value for key, value in new.items() if value is not None}
+                changed = Material.model_validate(old | given)
+                room = with_material(room, name, changed.reflectance, changed.scatter)
+        return room
+
+
+def _section(key: str) -> str:
+    return key.partition(".")[0]
+
+
+def _options(values: dict[str, Value], seed: int, number: int) -> tuple[Model, PredictionOptions]:
+    """Return the model and the options of a case; its seed follows from its number."""
+    given = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "options"}
+    chosen = OptionValues.model_validate(given)
+    return chosen.model, PredictionOptions(
+        unit=chosen.unit,
+        max_bounces=chosen.max_bounces,
+        diffraction=chosen.diffraction,
+        rays=chosen.rays,
+        edge_strength=chosen.edge_strength,
+        receiver=chosen.receiver,
+        noise=chosen.noise,
+        # without noise nothing is random
+        seed=int(random_of(seed, number, "noise").integers(2**32)) if chosen.noise else None,
+        sections=chosen.sections,
+    )
+
+
+# Prediction of the scans of a study, as two Arrow tables.
+#
+# One table has a row for each scan, with the varied values and the figures of the scan. The other has a row for each
+# heading. The result of a scan does not depend on the other scans of a call.
+
+
+_PATHS_KEPT = 16  # sets of paths, for points of the grid that use the same place again soon
+
+
+@dataclass(frozen=True)
+class ScanColumns:
+    """The columns of one scan, (n,) each; NaN for no echo."""
+
+    heading_deg: FloatArray
+    range_m: FloatArray
+    path_m: FloatArray
+    level_db: FloatArray
+    bounces: FloatArray
+    bent: FloatArray  # 1 if the path is diffracted at an edge, else 0
+    axis_m: FloatArray  # m, straight ahead to the first wall or post; NaN without one
+
+
+class PathCache:
+    """Cache of the paths of the last few places, so that sound is followed once for each place."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[object, Paths] = OrderedDict()
+
+    def of(self, case: Case) -> Paths:
+        """Return all paths that the board of a case can detect, at any threshold of its study."""
+        options = case.options
+        search = search_for(case.room, case.most_sensitive, options)
+        key = case.where, search, case.board.aperture_radius, options.sections
+        paths = self._kept.pop(key, None)
+        if paths is None:
+            paths = paths_for(case.room, case.place, case.most_sensitive, options)
+        self._kept[key] = paths
+        if len(self._kept) > _PATHS_KEPT:
+            self._kept.popitem(last=False)
+        return paths
+
+
+@lru_cache(maxsize=4)
+def cases_of(study: Study) -> Cases:
+    """Return the cases of a study, computed once in a process."""
+    return Cases(study)
+
+
+def predict_case(case: Case, cache: PathCache) -> PredictedScan:
+    """Return the predicted scan of a case."""
+    room, place, board, options = case.room, case.place, case.board, case.options
+    if case.model is Model.RAY_FOLLOWING and paths_serve_all_headings(board, options.unit):
+        return weigh_paths(room, place, board, case.headings, cache.of(case), options)
+    return predict_with(case.model, room, place, board, case.headings, options)
+
+
+def columns_of(scan: PredictedScan) -> ScanColumns:
+    """Return the columns of a scan."""
+    echo = scan.winners >= 0
+    winners = scan.winners[echo]
+
+    def at_echoes(values: FloatArray) -> FloatArray:
+        filled = np.full(len(echo), np.nan)
+        filled[echo] = values
+        return filled
+
+    return ScanColumns(
+        # rounded as in the output of all commands
+        np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
+        scan.ranges,
+        at_echoes(scan.paths.lengths[winners]),
+        at_echoes(np.array([scan.ping(int(k)).level_of_reading for k in np.flatnonzero(echo)])),
+        at_echoes(scan.paths.bounces[winners].astype(np.float64)),
+        at_echoes((scan.paths.edges[winners] >= 0).astype(np.float64)),
+        _axis_distances(scan),
+    )
+
+
+def _axis_distances(scan: PredictedScan) -> FloatArray:
+    height = scan.place.height
+    room = scan.room if height is None else cut(scan.room, spanning_at(scan.room, height))
+    ahead = distances_ahead(scan.standpoints, scan.headings, room.surfaces)
+    return np.where(np.isfinite(ahead), ahead, np.nan)
+
+
+def figures_of(columns: ScanColumns) -> dict[str, float]:
+    """Return the figures of one scan; shares are of its echoes, NaN without echoes."""
+    echo = ~np.isnan(columns.range_m)
+    count = int(echo.sum())
+    several = columns.bounces[echo] + columns.bent[echo] > 1
+    errors = np.abs(columns.range_m - columns.axis_m)[echo]
+    found = errors[~np.isnan(errors)]
+    return {
+        "n": len(echo),
+        "n_echo": count,
+        "by_several": float(several.mean()) if count else np.nan,
+        "by_edge": float(columns.bent[echo].mean()) if count else np.nan,
+        "within_5cm_of_axis": float((errors <= TOLERANCE).mean()) if count else np.nan,
+        "median_abs_error_m": float(np.median(found)) if len(found) else np.nan,
+    }
+
+
+def predict_scans(study: Study, first: int, last: int) -> "tuple[pa.Table, pa.Table]":
+    """Return the tables of scans and of headings for scans `first` to `last` (excluded).
+
+    Raises InputError if drawn values of a scan do not fit together.
+    """
+    cases, cache = cases_of(study), PathCache()
+    rows, readings, numbers = [], [], []
+    for number in range(first, last):
+        case = cases.case(number)
+        columns = columns_of(predict_case(case, cache))
+        rows.append(_description(case) | figures_of(columns))
+        if study.rows == "headings":
+            readings.append(columns)
+            numbers.append(np.full(len(columns.range_m), number))
+    return _scan_table(rows), _reading_table(numbers, readings)
+
+
+def _description(case: Case) -> dict[str, object]:
+    x, y = case.place.position
+    here = {"room": case.room_name, "place": case.place.name, "x_m": x, "y_m": y, "board": case.board_name}
+    return {"scan": case.number, "draw": case.draw} | here | case.values
+
+
+def _scan_table(rows: list[dict[str, object]]) -> "pa.Table":
+    columns = {key: [row[key] for row in rows] for key in rows[0]}
+    return pa.table({key: pa.array(np.array(values), from_pandas=True) for key, values in columns.items()})
+
+
+def _reading_table(
+    numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[ScanColumns]
+) -> "pa.Table":
+    if not readings:
+        return pa.table({})
+    several = {key: np.concatenate([getattr(one, key) for one in readings]) for key in vars(readings[0])}
+    table = {"scan": pa.array(np.concatenate(numbers))}
+    table |= {key: pa.array(values, from_pandas=True) for key, values in several.items()}
+    table["bounces"] = table["bounces"].cast(pa.int16())
+    table["bent"] = table["bent"].cast(pa.bool_())
+    return pa.table(table)
+
+
+# The folder of a study: Parquet part files in `scans` and `headings`, and a manifest.
+#
+# The folder is called FOLDER.unfinished until all parts exist. Each part is written under another name and then
+# renamed, so every part is complete. After an interruption, the existing parts are reused.
+
+
+MANIFEST = "manifest.json"
+FORMAT = 1
+_MOST_PER_PART = 500
+_MOST_ROWS_PER_PART = 1_000_000  # headings, so that a part of fine scans fits into memory
+_PARTS = 40  # in a study of fewer than 20 000 scans
+_VERSIONS = ("sonarhw", "numpy", "numba", "scipy", "pyarrow")
+
+
+@dataclass(frozen=True)
+class Part:
+    """The results of consecutive scans, as the bytes of Parquet files."""
+
+    number: int
+    scans: bytes
+    headings: bytes | None  # None if a study keeps the figures of scans only
+    versions: tuple[tuple[str, str], ...]  # of Python and the packages that computed it
+
+
+def scans_per_part(study: Study) -> int:
+    """Return the number of scans in a part. It depends on the study only, not on the number of workers."""
+    return min(_MOST_PER_PART, -(-study.scans // _PARTS), max(1, _MOST_ROWS_PER_PART // study.headings_of_scan))
+
+
+def part_count(study: Study) -> int:
+    """Return the number of parts of a study."""
+    return -(-study.scans // scans_per_part(study))
+
+
+def make_part(study: Study, number: int) -> Part:
+    """Predict part `number` of a study. Raises InputError if drawn values of a scan do not fit together."""
+    size = scans_per_part(study)
+    scans, headings = predict_scans(study, number * size, min((number + 1) * size, study.scans))
+    return Part(number, _parquet(scans), _parquet(headings) if study.rows == "headings" else None, versions())
+
+
+def _parquet(table: "pa.Table") -> bytes:
+    sink = BytesIO()
+    pq.write_table(table, sink, compression="zstd")
+    return sink.getvalue()
+
+
+# once, because an installation meanwhile does not change what is imported
+@cache
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return names and versions of Python and the packages that determine results."""
+    return ("python", platform.python_version()), *((name, version(name)) for name in _VERSIONS)
+
+
+def unfinished_of(folder: Path) -> Path:
+    """Return the path of the folder until all parts exist."""
+    return folder.with_name(folder.name + ".unfinished")
+
+
+class StudyFolder:
+    """The folder for the results of one study."""
+
+    def __init__(self, folder: Path, study: Study) -> None:
+        self.folder = folder
+        self.unfinished = unfinished_of(folder)
+        self._study = study
+        self._manifest = _manifest(study)
+
+    def begin(self, resume: bool) -> list[int]:
+        """Create the folder, or continue in it with `resume`, and return the numbers of the missing parts.
+
+        Raises InputError if it exists without `resume` or belongs to another study, OutputError if it cannot be
+        created.
+        """
+        if self.folder.exists():
+            if not resume:
+                raise InputError(f"{self.folder}: exists already; choose another folder")
+            self._check(self.folder)
+            return []
+        if self.unfinished.exists():
+            if not resume:
+                raise InputError(f"{self.unfinished}: an interrupted study; resume it, or remove it")
+            self._check(self.unfinished)
+        else:
+            self._make()
+        return [number for number in range(part_count(self._study)) if not self._path("scans", number).exists()]
+
+    def write(self, part: Part) -> None:
+        """Write a part. Raises OutputError if it cannot be written, or if its versions differ from those here."""
+        if part.versions != versions():
+            raise OutputError(
+                f"{self.unfinished}: a worker has {_named(part.versions)}, this computer has {_named(versions())}; "
+                "results could differ; install the same versions everywhere"
+            )
+        # the file of scans is last: it marks the part as complete
+        if part.headings is not None:
+            _write_whole(self._path("headings", part.number), part.headings)
+        _write_whole(self._path("scans", part.number), part.scans)
+
+    def drop_if_empty(self) -> None:
+        """Remove the unfinished folder if it contains no part."""
+        if not any(self.unfinished.glob("scans/part-*.parquet")):
+            shutil.rmtree(self.unfinished, ignore_errors=True)
+
+    def finish(self) -> None:
+        """Rename the complete folder to its final name. Raises OutputError."""
+        try:
+            self.unfinished.rename(self.folder)
+        except OSError as error:
+            raise _unwritable(self.folder, error) from error
+
+    def _path(self, kind: str, number: int) -> Path:
+        return self.unfinished / kind / f"part-{number:06d}.parquet"
+
+    def _make(self) -> None:
+        if not self.folder.parent.is_dir():
+            raise InputError(f"{self.folder}: folder {self.folder.parent} does not exist; create it first")
+        kinds = ("scans", "headings") if self._study.rows == "headings" else ("scans",)
+        try:
+            for kind in kinds:
+                (self.unfinished / kind).mkdir(parents=True)
+        except OSError as error:
+            raise _unwritable(self.unfinished, error) from error
+        _write_whole(self.unfinished / MANIFEST, json.dumps(self._manifest, indent=2).encode())
+
+    def _check(self, there: Path) -> None:
+        """Raise InputError if the folder `there` belongs to another study."""
+        held = read_manifest(there)
+        changed = [key for key, value in self._manifest.items() if held.get(key) != value]
+        if changed:
+            raise InputError(
+                f"{there}: belongs to another study, with different {' and '.join(changed)}; "
+                "restore them, or choose another folder"
+            )
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of the folder of a study. Raises InputError if there is none."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder}: not the folder of a study; it has no readable {MANIFEST}") from error
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        raise InputError(f"{folder}: {MANIFEST} has an unknown format; this version reads format {FORMAT} only")
+    return manifest
+
+
+def _manifest(study: Study) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "study": study.text,
+        "rooms": {room.name: _digest(room.text) for room in study.rooms},
+        "boards": {name: _digest(text) for name, text in study.boards},
+        "scans": study.scans,
+        "scans_per_part": scans_per_part(study),
+        "versions": [list(pair) for pair in versions()],
+    }
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _named(pairs: tuple[tuple[str, str], ...]) -> str:
+    return ", ".join(f"{name} {number}" for name, number in pairs)
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    # an interrupted study may have left the headings of a part
+    with atomic_file(path, overwrite=True) as file:
+        file.write(content)
+
+
+def _unwritable(path: Path, error: OSError) -> OutputError:
+    return OutputError(f"{path}: {error.strerror or error}; choose another folder")
+
+
+# Results of a study for notebooks: the folder as an `xarray.Dataset`, or as Arrow tables.
+
+
+def read_tables(folder: Path | str) -> "tuple[pa.Table, pa.Table | None]":
+    """Return a table of scans, and one of headings (None if the study kept figures only), in order of scans.
+
+    Raises InputError if the folder is not a finished study.
+    """
+    folder = Path(folder)
+    unfinished = unfinished_of(folder)
+    if not folder.exists() and unfinished.exists():
+        raise InputError(f"{folder}: not finished; resume the study")
+    read_manifest(folder)
+    headings = folder / "headings"
+    return _table(folder / "scans"), _table(headings) if headings.is_dir() else None
+
+
+def _table(folder: Path) -> "pa.Table":
+    parts = sorted(folder.glob("part-*.parquet"))
+    return pa.concat_tables([pq.read_table(part) for part in parts]).combine_chunks()
+
+
+def read_study(folder: Path | str) -> "xr.Dataset":
+    """Return the results of a study, with figures as variables along `scan` and varied values as coordinates.
+
+    Readings, if kept, are variables along `scan` and `heading_deg`, or `reading` if scans have different headings; NaN
+    for no echo. Raises InputError if the folder is not a finished study, or xarray is not installed.
+    """
+    xarray = _load_xarray()
+    scans, headings = read_tables(folder)
+    columns = {name: scans[name].to_numpy() for name in scans.column_names}
+    number = columns.pop("scan")
+    first_figure = list(columns).index("n")
+    along = {name: ("scan", values) for name, values in list(columns.items())[:first_figure]}
+    figures = {name: ("scan", values) for name, values in list(columns.items())[first_figure:]}
+    dataset = xarray.Dataset(
+        figures, coords={"scan": number} | along, attrs={"study": read_manifest(Path(folder))["study"]}
+    )
+    return cast("xr.Dataset", dataset if headings is None else dataset.assign(_arrays(headings, columns["n"])))
+
+
+def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
+    """Return each column of the readings as an array (scans, readings), padded with NaN."""
+    xr = _load_xarray()
+    filled = np.arange(counts.max()) < counts[:, None]
+
+    def spread(name: str) -> FloatArray:
+        values: FloatArray = np.full(filled.shape, np.nan)
+        values[filled] = headings[name].cast(pa.float64()).to_numpy()
+        return values
+
+    names = [name for name in headings.column_names if name not in ("scan", "heading_deg")]
+    degrees = spread("heading_deg")
+    if (degrees == degrees[0]).all():
+        coords = {"heading_deg": degrees[0]}
+        return {name: xr.DataArray(spread(name), dims=("scan", "heading_deg"), coords=coords) for name in names}
+    found = {name: xr.DataArray(spread(name), dims=("scan", "reading")) for name in names}
+    return found | {"heading_deg": xr.DataArray(degrees, dims=("scan", "reading"))}
+
+
+def _load_xarray() -> ModuleType:
+    try:
+        return import_module("xarray")
+    except ImportError as error:
+        raise MissingExtra("labelled results need xarray", "study") from error
+
+
+# Start of a worker process: it ignores Ctrl-C and ends with its parent process.
+#
+# This module imports nothing that computes, so that a worker can end while it still loads those modules.
+
+
+def begin_worker(listener: Connection) -> None:
+    """Leave Ctrl-C to the parent process, and end when the parent closes its end of the pipe or no longer exists."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(listener,), daemon=True).start()
+
+
+def _end_with(listener: Connection) -> None:
+    # nothing is ever sent, so this returns when the other end is closed
+    wait([listener])
+    os._exit(1)
+
+
+# Workers that compute the parts of a study: this process, several processes, or a Dask cluster.
+#
+# Parts are returned as soon as they are complete, in any order. A part is the same from any worker.
+
+
+_ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_ANSWER_WITHIN = 10.0  # s, timeout for the scheduler
+
+
+def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[Part, None, None]:
+    """Yield the parts, computed by `workers` processes of this machine. Raises WorkersLost if one is killed."""
+    workers = min(workers, len(numbers))
+    if workers <= 1:
+        yield from (make_part(study, number) for number in numbers)
+        return
+    # the first part is computed here, so that the workers find the kernels compiled
+    first, *others = numbers
+    yield make_part(study, first)
+    # spawned, not forked: the same on every system, and safe with threads in this process
+    context = multiprocessing.get_context("spawn")
+    receiving, sending = context.Pipe(duplex=False)
+    with _one_thread_each():
+        with _interrupts_deferred():
+            pool = ProcessPoolExecutor(workers, context, initializer=begin_worker, initargs=(receiving,))
+        try:
+            with _interrupts_deferred():
+                waiting = [pool.submit(make_part, study, number) for number in others]
+            for done in as_completed(waiting):
+                yield done.result()
+        except BrokenProcessPool as error:
+            raise WorkersLost("a process of the study was killed; complete parts are kept: resume the study") from error
+        finally:
+            # ends the workers at once; parts in progress are discarded
+            sending.close()
+            pool.shutdown(wait=True, cancel_futures=True)
+            receiving.close()
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Defer Ctrl-C until the end. Processes started meanwhile defer it from their start, while they import."""
+    handler = signal.getsignal(signal.SIGINT)
+    # Windows has no masks; only the main thread can set a handler, and one set by C code cannot be restored
+    main = threading.current_thread() is threading.main_thread()
+    if not hasattr(signal, "pthread_sigmask") or not main or handler is None:
+        yield
+        return
+    # otherwise this tracker would start with the first process and unblock Ctrl-C again
+    resource_tracker.ensure_running()
+    received: list[int] = []
+    # processes inherit the mask, but other threads of this process have none: note the signals that they receive
+    signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+        if received:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes started meanwhile use one thread each, because there is one process for each core."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Generator[Part, None, None]:
+    """Yield the parts, computed by the Dask cluster of a scheduler. Parts of a lost worker go to the others.
+
+    Raises MissingExtra without Dask, InputError if the scheduler does not answer, WorkersLost if a part fails.
+    """
+    distributed = _distributed()
+    # a loss is reported here in one line; Dask would add tracebacks
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        client = distributed.Client(scheduler, timeout=_ANSWER_WITHIN, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(f"scheduler {scheduler}: no Dask scheduler answers; expected tcp://HOST:PORT") from error
+    with client:
+        waiting = client.map(make_part, [study] * len(numbers), list(numbers), pure=False)
+        finished: Any = distributed.as_completed(waiting, loop=client.loop)
+        try:
+            for done in finished:
+                yield done.result()
+                # frees the memory of the worker
+                done.release()
+        except (distributed.KilledWorker, CancelledError) as error:
+            raise WorkersLost(
+                "the connection to the cluster or its workers was lost; complete parts are kept: resume the study"
+            ) from error
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError as error:
+        raise MissingExtra("a scheduler needs Dask", "study") from error
+    return distributed
+
+
+# Running a study: compute and write the missing parts, then finish the folder.
+
+
+def run_study(
+    study: Study,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    progress: Callable[[], None] = lambda: None,
+) -> None:
+    """Predict every scan of a study into `folder`, with `workers` processes (all cores) or the cluster at `scheduler`.
+
+    `progress` is called once for each existing part. Results are the same bit for bit with any number of workers, on
+    machines of one kind. Raises InputError if the folder exists already or, with `resume`, belongs to another study.
+    Raises MissingExtra if Arrow is not installed. Raises WorkersLost or OutputError if the study cannot finish;
+    complete parts are kept.
+    """
+    check_arrow()  # now, rather than after the first predictions
+    target = StudyFolder(folder, study)
+    numbers = target.begin(resume)
+    for _ in range(part_count(study) - len(numbers)):
+        progress()
+    if folder.exists():
+        return
+    workers = core_count() if workers is None else workers
+    made = parts_on_cluster(study, numbers, scheduler) if scheduler else parts_here(study, numbers, workers)
+    try:
+        with closing(made) as parts:
+            for part in parts:
+                target.write(part)
+                progress()
+    finally:
+        target.drop_if_empty()
+    target.finish()

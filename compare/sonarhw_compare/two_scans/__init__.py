@@ -1,1 +1,0 @@
-"""Two scans from one place, compared by heading without a room."""
