@@ -5,7 +5,7 @@ locates and maps a small scan. A terminal shows the progress.
 """
 
 import numpy as np
-from sonarhw_cli.console.progress import CompilationProgress
+from sonarhw_cli.outputs import CompilationProgress
 from sonarhw_compare import PlacedScan, locate_scan, map_scans
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_board, load_room, predict_scan, predict_with

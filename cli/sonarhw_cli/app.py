@@ -6,44 +6,113 @@ Each subcommand has its own file and imports heavy modules inside its function, 
 import errno
 import logging
 import os
+import re
 import sys
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 from sonarhw_sim.compiled import watch_compilation
 
 from sonarhw.errors import ExitStatus, SonarError
-from sonarhw_cli.bringup import doctor_command as doctor
-from sonarhw_cli.bringup import flash_command as flash
-from sonarhw_cli.bringup import wiring_command as wiring
-from sonarhw_cli.comparison import calibrate_command as calibrate
-from sonarhw_cli.comparison import compare_command as compare
-from sonarhw_cli.comparison import fit_command as fit
-from sonarhw_cli.comparison import locate_command as locate
-from sonarhw_cli.comparison import map_command
-from sonarhw_cli.comparison import report_command as report
-from sonarhw_cli.comparison import study_command as study
-from sonarhw_cli.console.lines import choose_verbosity, print_detail, print_error, print_help, print_line
-from sonarhw_cli.console.output import ClosedOutput
-from sonarhw_cli.console.plain_help import CommandList
-from sonarhw_cli.console.progress import CompilationProgress
-from sonarhw_cli.error_wording import library_message, parser_message
-from sonarhw_cli.instrument import bench_commands as bench
-from sonarhw_cli.instrument import board_command as board
-from sonarhw_cli.instrument import fake_command as fake
-from sonarhw_cli.instrument import import_command, log_command
-from sonarhw_cli.instrument import info_command as info
-from sonarhw_cli.instrument import ping_command as ping
-from sonarhw_cli.instrument import ports_command as ports
-from sonarhw_cli.instrument import replay_command as replay
-from sonarhw_cli.instrument import scan_command as scan
-from sonarhw_cli.instrument import serve_command as serve
-from sonarhw_cli.prediction import figures_command as figures
-from sonarhw_cli.prediction import paths_command as paths
-from sonarhw_cli.prediction import profile_command, room_command
-from sonarhw_cli.prediction import simulate_command as simulate
-from sonarhw_cli.window import demo_command as demo
-from sonarhw_cli.window import gui_command as gui
+from sonarhw_cli import calibrate, compare, fit, logs, rooms, scan, scanner, simulate, window
+from sonarhw_cli import compare as report
+from sonarhw_cli import fit as locate
+from sonarhw_cli import fit as study
+from sonarhw_cli import map as map_command
+from sonarhw_cli import scan as ping
+from sonarhw_cli import scan as serve
+from sonarhw_cli import simulate as figures
+from sonarhw_cli import simulate as paths
+from sonarhw_cli.options import CommandList, choose_verbosity, print_detail, print_error, print_help, print_line
+from sonarhw_cli.outputs import ClosedOutput, CompilationProgress
+
+# The wording of errors for people who type commands: with options, with what was expected, and with what to do.
+
+
+# phrases in the messages of the option parser about numbers, and their replacements
+_REWORDED = (
+    ("Value error, ", ""),
+    ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
+    ("Input should be a valid number, unable to parse string as a number", "expected a number"),
+    ("Input should be ", "expected a number "),
+)
+
+# options in errors of the library, which names none: it serves the window and Python programs too
+_OPTIONS = (
+    (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
+    (r"^places: expected", "--place: expected"),
+    (r"; free it too, or", "; add it to --free, or"),
+    (r"; give a room$", "; give one with --room"),
+    (r"; give a place, or free the position$", "; give --place, or add position to --free"),
+    (r"; give a place, or X,Y in metres;", "; give --place NAME or --place X,Y in metres;"),
+    (r": give a place, or X,Y in metres;", ": give --place NAME or --place X,Y in metres;"),
+)
+
+
+def library_message(error: SonarError, arguments: Sequence[str]) -> str:
+    """Return an error of the library with the names of the options that the reader needs."""
+    message = str(error)
+    for words, option in _OPTIONS:
+        message = re.sub(words, option, message)
+    return _with_argument_hint(message, arguments)
+
+
+def parser_message(error: typer.TyperException, arguments: Sequence[str]) -> str:
+    """Return an error of the option parser. Without a command, it is the help, which begins with `Usage:`."""
+    return _with_argument_hint(_with_help(_reworded(error), error), arguments)
+
+
+def _reworded(error: typer.TyperException) -> str:
+    """Return the message of the option parser; about a value, as `--step x: expected a number`."""
+    from pydantic import ValidationError
+
+    message = error.format_message()
+    for theirs, ours in _REWORDED:
+        message = message.replace(theirs, ours)
+    choice = re.fullmatch(r"Invalid value for '([^']+)': '(.*)' is not one of '(.*)'\.", message, re.DOTALL)
+    if choice is not None:
+        *others, last = choice[3].split("', '")
+        return f"{choice[1]} {choice[2]}: expected {', '.join(others)} or {last}"
+    rejected = re.match(r"Invalid value for '([^']+)': (expected .*)", message)
+    if rejected is None or not isinstance(error.__cause__, ValidationError):
+        return message
+    return f"{rejected[1]} {error.__cause__.errors()[0]['input']}: {rejected[2]}"
+
+
+def _with_help(message: str, error: typer.TyperException) -> str:
+    """Return the message with the command that lists arguments and options, if one is missing or unknown."""
+    context = getattr(error, "ctx", None)
+    if context is not None and (group := _group_with_command(message, context.command)):
+        return f"{message.partition('.')[0]}; did you mean `{context.command_path} {group}`?"
+    if context is None or message.endswith("?") or not message.startswith(("Missing ", "No such ", "Got unexpected ")):
+        return message
+    return f"{message.rstrip('.')}; see `{context.command_path} --help`"
+
+
+def _group_with_command(message: str, root: object) -> str:
+    """Return `log export` for the message that `export` is unknown; empty if no group has such a command."""
+    unknown = re.match(r"No such command '([^']*)'", message)
+    groups: dict[str, object] = getattr(root, "commands", {})
+    found = (
+        f"{name} {unknown[1]}"
+        for name, group in groups.items()
+        if unknown and unknown[1] in getattr(group, "commands", {})
+    )
+    return next(found, "")
+
+
+def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
+    """Return the message with how to write X,Y or a second log if there is an argument too many."""
+    is_extra = message.startswith("Got unexpected extra argument")
+    if (is_extra or message.startswith("--place: expected one for each")) and any(
+        one.endswith(",") for one in arguments
+    ):
+        return f"{message}; write X,Y without a space"
+    if is_extra and "compare" in arguments:
+        return f"{message}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"
+    return message
+
 
 app = CommandList(
     name="sonarhw",
@@ -54,37 +123,37 @@ app = CommandList(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-app.command("demo")(demo.demo)
-app.command("ports")(ports.ports)
-app.command("info")(info.info)
+app.command("demo")(window.demo)
+app.command("ports")(scanner.ports)
+app.command("info")(scanner.info)
 app.command("scan")(scan.scan)
 app.command("serve")(serve.serve)
-app.command("home")(bench.home)
-app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
-app.command("stop")(bench.stop)
-app.command("monitor")(bench.monitor)
+app.command("home")(scanner.home)
+app.command("turn", context_settings={"ignore_unknown_options": True})(scanner.turn)  # -90 is an angle
+app.command("stop")(scanner.stop)
+app.command("monitor")(scanner.monitor)
 app.command("ping")(ping.ping)
-app.command("flash")(flash.flash)
-app.command("doctor")(doctor.doctor)
-app.command("wiring")(wiring.wiring)
+app.command("flash")(scanner.flash)
+app.command("doctor")(scanner.doctor)
+app.command("wiring")(scanner.wiring)
 app.command("calibrate")(calibrate.calibrate)
-app.command("fake")(fake.fake)
+app.command("fake")(scanner.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)
 app.command("figures")(figures.figures)
-app.command("import")(import_command.import_scan)
-app.command("replay")(replay.replay)
-app.add_typer(log_command.app, name="log")
-app.add_typer(room_command.app, name="room")
-app.add_typer(profile_command.app, name="profile")
+app.command("import")(logs.import_scan)
+app.command("replay")(scanner.replay)
+app.add_typer(logs.app, name="log")
+app.add_typer(rooms.room_app, name="room")
+app.add_typer(rooms.profile_app, name="profile")
 app.command("compare")(compare.compare)
 app.command("report")(report.report)
 app.command("locate")(locate.locate)
 app.command("map")(map_command.map_logs)
 app.command("study")(study.study)
 app.command("fit")(fit.fit)
-app.command("gui")(gui.gui)
-app.command("board", hidden=True)(board.board)
+app.command("gui")(window.gui)
+app.command("board", hidden=True)(scanner.board)
 
 
 def _show_version(wanted: bool) -> None:

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from io import TextIOWrapper
 from types import FrameType
 
-from sonarhw_cli.console.interruption import SIGNALS
+from sonarhw_cli.interruption import SIGNALS
 
 INTERRUPTED = 130  # ExitStatus.INTERRUPTED, which is not imported before the handler is installed
 UNWINDING = 3.0  # s for cleaning up after Ctrl-C; only a library that swallowed the KeyboardInterrupt takes longer

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
-from sonarhw_cli.console.connect import resolve
+from sonarhw_cli.inputs import resolve
 from sonarhw_compare.one_call import open_scanner
 
 from sonarhw.errors import SonarError

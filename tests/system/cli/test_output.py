@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_cli.console.options import LOG
-from sonarhw_cli.console.output import atomic_file, checked_out, text_output
+from sonarhw_cli.options import LOG
+from sonarhw_cli.outputs import atomic_file, checked_out, text_output
 
 from sonarhw.errors import InputError
 from sonarhw.export import export_suffixes, write_scan

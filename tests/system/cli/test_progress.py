@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_cli.console.progress import CompilationProgress, progress_of_share
 from sonarhw_cli.entry import INTERRUPTED
+from sonarhw_cli.outputs import CompilationProgress, progress_of_share
 
 from tests.checkout import CHECKOUT
 from tests.hang_guard import HANG

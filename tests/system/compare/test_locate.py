@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_cli.comparison.locate_command import _figures_of, _heading_doubts
+from sonarhw_cli.fit import _figures_of, _heading_doubts
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
 from sonarhw_compare.rooms.evidence import FOLLOWED

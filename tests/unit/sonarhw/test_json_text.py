@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_cli.console.lines import print_json
+from sonarhw_cli.options import print_json
 
 from sonarhw.errors import json_text
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarhw_cli.instrument.ping_command import COLUMNS, LEVELS, trace_row
+from sonarhw_cli.scan import COLUMNS, LEVELS, trace_row
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.served import serve

@@ -13,7 +13,7 @@ from threading import main_thread
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_cli.console.interruption import sigterm_exits
+from sonarhw_cli.interruption import sigterm_exits
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.served import serve

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_cli.console.demo_room import PLACE, ROOM
+from sonarhw_cli.options import PLACE, ROOM
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import load_room

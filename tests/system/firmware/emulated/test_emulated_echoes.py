@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_cli.console.demo_room import PLACE, ROOM
+from sonarhw_cli.options import PLACE, ROOM
 from sonarhw_compare.calibration.plate import calibrate_with_plates
 from sonarhw_compare.calibration.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_cli.window.gui_command import _Scanners
+from sonarhw_cli.window import _Scanners
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.scanner_choice import ScannerFinder
 from sonarhw_gui.shell.main_window import MainWindow

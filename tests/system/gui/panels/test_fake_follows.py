@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_cli.window.gui_command import _Scanners
+from sonarhw_cli.window import _Scanners
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.one_call import read_fake_url
 from sonarhw_gui.bars.status_bar import FAKE as FAKE_LABEL

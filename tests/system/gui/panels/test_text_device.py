@@ -8,7 +8,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
-from sonarhw_cli.window.gui_command import _board_of, _Scanners
+from sonarhw_cli.window import _board_of, _Scanners
 from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.session.scanner_choice import ScannerFinder
 from sonarhw_gui.shell.main_window import MainWindow

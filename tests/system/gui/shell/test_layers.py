@@ -26,7 +26,7 @@ def test_sonarhw_sim_compare_and_the_model_of_the_window_load_no_qt() -> None:
 
 
 def test_the_window_opens_without_matplotlib() -> None:
-    script = "import sys; import sonarhw_gui.shell.application, sonarhw_cli.window.gui_command; "
+    script = "import sys; import sonarhw_gui.shell.application, sonarhw_cli.window; "
     script += "print([m for m in sys.modules if m.split('.')[0] == 'matplotlib'])"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"

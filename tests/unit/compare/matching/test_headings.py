@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_cli.comparison.compare_command import summary_lines
-from sonarhw_cli.comparison.fit_table import fit_lines
-from sonarhw_cli.console.number_format import deviation_text, estimate_text
+from sonarhw_cli.compare import summary_lines
+from sonarhw_cli.fit import fit_lines
+from sonarhw_cli.options import deviation_text, estimate_text
 from sonarhw_compare.explain import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, SeveralSolutions, free_parameters
 from sonarhw_compare.fit.fitting import warnings_of

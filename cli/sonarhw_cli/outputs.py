@@ -1,25 +1,28 @@
-"""Output of the commands: standard output, and files that are written completely or not at all.
-
-`checked_out` checks a file name before the work begins. Logs are not written here: they grow on disk reading by
-reading, and are readable after any interruption.
-"""
+"""Output of the commands: standard output, progress, and files that are written completely or not at all."""
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from io import StringIO, TextIOBase
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, TextIO
+from typing import TYPE_CHECKING, Annotated, BinaryIO, TextIO
 from urllib.parse import parse_qsl
 
-from sonarhw.errors import InputError, OutputError
+import typer
+
+from sonarhw.errors import InputError, OutputError, harmless
 from sonarhw.files import atomic_file, is_special
-from sonarhw_cli.console.lines import print_note
-from sonarhw_cli.console.options import STDOUT
+from sonarhw_cli.options import STDOUT, Verbosity, print_note, prints, warn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.progress import Progress
+
+# Output of the commands: standard output, and files that are written completely or not at all.
+#
+# `checked_out` checks a file name before the work begins. Logs are not written here: they grow on disk reading by
+# reading, and are readable after any interruption.
 
 
 @contextmanager
@@ -187,3 +190,135 @@ def _files_read(given: str) -> list[Path]:
         return [Path(given)] if given else []
     room, _, query = given.removeprefix("fake:").partition("?")
     return [Path(room), *(Path(value) for key, value in parse_qsl(query) if key == "board")]
+
+
+# The progress bar of long work, shown only if standard error is a terminal, and not with --quiet.
+#
+# Elsewhere, a line announces a compilation: it takes up to a minute, and a program must not seem to hang.
+
+
+_PARTS = 100  # of a bar that shows a share
+_COMPILING = "Compiling the ray kernels, once per installation…"
+_shown: list["Progress"] = []  # at most one bar: a second one would be drawn over it
+_interjections: list[str] = []  # shown instead of the word for the work in progress
+
+
+@contextmanager
+def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None]]:
+    """Yield a function to call once for each of `total` parts; `doing` returns a word for the work in progress."""
+    with _bar(total, doing) as bar:
+        yield lambda: bar.advance(bar.task_ids[0]) if bar else None
+
+
+@contextmanager
+def _interjected(total: int, text: str) -> Iterator[Callable[[int], None]]:
+    """Yield a function to call with the number of completed parts of other work that the work in progress waits for.
+
+    If a bar is shown already, `text` replaces its word, and no second bar is shown.
+    """
+    _interjections.append(text)
+    try:
+        with _bar(total, lambda: text) as bar:
+            yield lambda done: bar.update(bar.task_ids[0], completed=done) if bar else None
+    finally:
+        _interjections.remove(text)
+
+
+@contextmanager
+def progress_of_share() -> Iterator[Callable[[float, str], None]]:
+    """Yield a function to call with the completed share, 0 to 1, and a word for the work in progress."""
+    now = ""
+    with _bar(_PARTS, lambda: now) as bar:
+
+        def show(share: float, doing: str) -> None:
+            nonlocal now
+            changed, now = doing != now, doing
+            if bar:
+                # a new word is drawn at once: short work might end before the next regular drawing
+                bar.update(bar.task_ids[0], completed=int(share * _PARTS), refresh=changed)
+
+        yield show
+
+
+@contextmanager
+def progress_of_fit(fit: str) -> Iterator[Callable[[float], None]]:
+    """Yield a function to call with the completed share of the fit that --fit names; no bar is shown without --fit."""
+    if not fit:
+        yield lambda _share: None
+        return
+    with progress_of_share() as show:
+        yield lambda share: show(share, "fitting")
+
+
+class CompilationProgress:
+    """Shows a progress bar while kernels are compiled; a single line if standard error is not a terminal."""
+
+    def __init__(self) -> None:
+        self._announced = False
+        self._bar = ExitStack()
+        self._show: Callable[[int], None] | None = None
+
+    def compiling(self, done: int, known: int) -> None:
+        """Show the bar, or print the line at the first call."""
+        if not (self._announced or sys.stderr.isatty()):
+            self._announced = True
+            print_note(f"sonarhw: {_COMPILING}")
+        if self._show is None:
+            self._show = self._bar.enter_context(_interjected(known, _COMPILING))
+        self._show(done)
+
+    def compiled(self) -> None:
+        """Remove the bar."""
+        self._bar.close()
+        self._show = None
+
+    def not_stored(self, reason: str) -> None:
+        """Print a warning."""
+        warn(reason)
+
+
+@contextmanager
+def _bar(total: int, doing: Callable[[], str]) -> Iterator["Progress | None"]:
+    if _shown or not (sys.stderr.isatty() and prints(Verbosity.NORMAL)):
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+    from rich.table import Column
+    from rich.text import Text
+
+    class Doing(ProgressColumn):
+        """The word for the work in progress, updated each time the bar is drawn."""
+
+        def render(self, task: Task) -> Text:
+            return Text(harmless(_interjections[-1] if _interjections else doing()))
+
+    word = Doing(table_column=Column(no_wrap=True))
+    columns = (word, BarColumn(None), TextColumn("{task.completed:g}/{task.total:g}"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
+        bar.add_task("", total=total)
+        _shown.append(bar)
+        try:
+            yield bar
+        finally:
+            _shown.remove(bar)
+
+
+# New room files and board profiles from a template.
+
+
+NewFile = Annotated[Path, typer.Argument(help="File to create.", metavar="NAME.toml")]
+
+
+def write_template(package: str, file: Path) -> None:
+    """Write the template of a package to a new file. Raises InputError if it exists or has another suffix."""
+    from importlib.resources import files
+
+    if file.suffix != ".toml":
+        raise InputError(f"{file}: expected a name ending in .toml")
+    if file.exists() or file.is_symlink():
+        raise InputError(f"{file}: exists already; choose another name")
+    if not file.parent.is_dir():
+        raise InputError(f"{file}: no such folder: {file.parent}; create it first")
+    with atomic_file(file) as out:
+        out.write((files(package) / "template.toml").read_bytes())

@@ -1,20 +1,190 @@
-"""Options that several commands share, and checks of their values."""
+"""Options that several commands share, checks of their values, and printing of text that is made harmless."""
 
+import csv
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
+from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
 
 import typer
 from sonarhw_sim.air import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
+from typer.core import TyperCommand, TyperGroup
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, harmless, json_text, shortened
+from sonarhw.export import number, text_cell
 from sonarhw.wire.messages import MOST_DEGREES
-from sonarhw_cli.console.completions import complete_board, complete_place, complete_room
-from sonarhw_cli.console.lines import warn
 
 if TYPE_CHECKING:
     from sonarhw.readings import ScanOrder
+
+# Completion of the names of rooms, places and boards in shells. Names of files are completed by the shell.
+
+
+def complete_room(incomplete: str) -> list[str]:
+    """Return the shipped rooms that begin with a text."""
+    from sonarhw_sim.room.room import SHIPPED_ROOMS
+
+    return [name for name in SHIPPED_ROOMS.names() if name.startswith(incomplete)]
+
+
+def complete_board(incomplete: str) -> list[str]:
+    """Return the shipped board profiles that begin with a text."""
+    from sonarhw_sim.board.profile import board_names
+
+    return [name for name in board_names() if name.startswith(incomplete)]
+
+
+def complete_place(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the places of the room on the command line that begin with a text; none without a valid room."""
+    from sonarhw.errors import SonarError
+
+    # after an option without its value, the arguments before it are still in `args`
+    given = [context.params.get("room_name"), *context.args]
+    room = next((name for name in given if name), None)
+    if room is None:
+        return []
+    from sonarhw_sim.room.room import load_room
+
+    try:
+        return [name for name in load_room(room).places if name.startswith(incomplete)]
+    except SonarError:
+        return []
+
+
+# The demo: a shipped room, a place in it, and the URL of the fake scanner there.
+
+
+ROOM = "laboratory"
+PLACE = "bench"
+_SEED = 1
+
+
+def demo_url(pace: str = "real") -> str:
+    """Return the URL of the fake scanner in the demo room."""
+    return f"fake:{ROOM}?place={PLACE}&seed={_SEED}&pace={pace}"
+
+
+# Format of numbers on the command line: 9 significant digits, and nothing for a missing value.
+#
+# An estimate has the decimals of two significant digits of its standard deviation.
+
+
+_MOST_DECIMALS = 6
+
+
+def written(value: float | int | str | None) -> str:
+    """Return one CSV field; None and NaN are empty."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return number(value) if isinstance(value, float) else text_cell(str(value))
+
+
+def estimate_text(value: float, deviation: float) -> str:
+    """Return a value with the decimals of two significant digits of its standard deviation, never -0."""
+    return f"{value:z.{_decimals(deviation)}f}"
+
+
+def deviation_text(deviation: float, unit: str) -> str:
+    """Return a standard deviation with two significant digits and its unit; metres as millimetres."""
+    if unit == "m":
+        return deviation_text(deviation * 1000, "mm")
+    return with_unit(f"{deviation:.{_decimals(deviation)}f}", unit)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a number with its unit: `1.5 mm`, `90°`, `0.9`."""
+    return text + unit if unit in ("", "°") else f"{text} {unit}"
+
+
+def _decimals(deviation: float) -> int:
+    # rounding may need one decimal less: 0.0996 is 0.10
+    rounded = float(f"{deviation:.1e}")
+    return min(_MOST_DECIMALS, max(0, 1 - math.floor(math.log10(rounded)))) if rounded > 0 else _MOST_DECIMALS
+
+
+def write_rows(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
+    """Write a header and rows as CSV; each line ends with a line feed."""
+    out.write(header + "\n")
+    csv.writer(out, lineterminator="\n").writerows(map(written, row) for row in rows)
+
+
+# Lines that the commands print. Names from files and devices may contain anything, so each line is made harmless.
+#
+# Only this module prints text. A rule of ruff forbids `typer.echo` elsewhere. The global options --quiet and
+# --verbose select the messages on standard error. Results and errors are always printed.
+
+
+_MOST = 1000  # characters of a line on standard error
+
+
+class Verbosity(IntEnum):
+    """The messages that are printed."""
+
+    QUIET = 0  # none: no warnings, no progress bars, no closing lines
+    NORMAL = 1
+    VERBOSE = 2  # also what a command has read and chosen, and the class of an error
+
+
+_chosen = Verbosity.NORMAL
+
+
+def choose_verbosity(*, quiet: bool, verbose: bool) -> None:
+    """Select the messages of this run. --quiet wins."""
+    global _chosen
+    _chosen = Verbosity.QUIET if quiet else Verbosity.VERBOSE if verbose else Verbosity.NORMAL
+
+
+def prints(level: Verbosity) -> bool:
+    """Report whether messages of a level are printed."""
+    return _chosen >= level
+
+
+def print_line(text: str = "") -> None:
+    """Print a line on standard output."""
+    typer.echo(harmless(text))
+
+
+def print_json(figures: object) -> None:
+    """Print JSON on standard output, indented. JSON escapes control characters itself."""
+    typer.echo(json_text(figures))
+
+
+def print_note(text: str) -> None:
+    """Print text as one line on standard error, unless --quiet is given."""
+    if prints(Verbosity.NORMAL):
+        _print_on_stderr(text)
+
+
+def warn(message: str) -> None:
+    """Print a warning as one line on standard error, unless --quiet is given."""
+    print_note(f"sonarhw: warning: {message}")
+
+
+def print_detail(text: str) -> None:
+    """With --verbose, print on standard error what a command has read or chosen."""
+    if prints(Verbosity.VERBOSE):
+        _print_on_stderr(f"sonarhw: {text}")
+
+
+def print_error(message: str) -> None:
+    """Print an error as one line on standard error."""
+    _print_on_stderr(f"sonarhw: {message}")
+
+
+def print_help(text: str) -> None:
+    """Print a help text with its line breaks on standard error."""
+    typer.echo(text, err=True)
+
+
+def _print_on_stderr(text: str) -> None:
+    """Print text as one line. Of a very long text only the begin and the end are printed."""
+    typer.echo(shortened(harmless(" ".join(text.split())), _MOST), err=True)
+
+
+# Options that several commands share, and checks of their values.
+
 
 ROOM_NAME = "NAME|FILE.toml"
 RoomName = Annotated[
@@ -249,3 +419,52 @@ def check_temperature(temperature: float | None) -> None:
     """Raise InputError if --temperature is not between -40 and 60 °C."""
     if temperature is not None and not -40 <= temperature <= 60:
         raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
+
+
+# The help of a command, with arguments and values as users type them: `LOG...`, not `{LOG}...` and `<list[Path]>`.
+#
+# In lists of commands, each has its whole first sentence; Typer cuts it on narrow terminals.
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_WHOLE_SENTENCE = 1000  # characters
+_VALUES = {"int": "INTEGER", "float": "NUMBER", "path": "FILE", "str": "TEXT"}
+
+
+class CommandList(typer.Typer):
+    """Commands whose help shows no Python types."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(cls=_PlainGroup, **settings)
+
+    def command(self, name: str | None = None, **settings: Any) -> Callable[[_Function], _Function]:
+        """Return the decorator that adds a command, as `Typer.command` does."""
+        return super().command(name, cls=_PlainCommand, **settings)
+
+
+class _PlainGroup(TyperGroup):
+    def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:
+        return super().get_short_help_str(max(limit, _WHOLE_SENTENCE))
+
+
+class _PlainCommand(TyperCommand):
+    def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:
+        return super().get_short_help_str(max(limit, _WHOLE_SENTENCE))
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        for title, kind in (("Arguments", "argument"), ("Options", "option")):
+            parameters = [parameter for parameter in self.get_params(ctx) if parameter.param_type_name == kind]
+            rows = [(parameter, parameter.get_help_record(ctx)) for parameter in parameters]
+            if shown := [(_plain(parameter, row[0]), row[1]) for parameter, row in rows if row is not None]:
+                with formatter.section(title):
+                    formatter.write_dl(shown)
+
+
+def _plain(parameter: Any, name: str) -> str:
+    """Return an argument as in the usage, and an option with the value that it expects."""
+    if parameter.param_type_name == "argument":
+        return f"{parameter.display_name_raw}{'...' if parameter.nargs != 1 else ''}"
+    return re.sub(r"<(?:list\[)?([^] >]+)[^>]*>", lambda type_: _VALUES.get(type_[1], type_[1]), name)

@@ -1,4 +1,4 @@
-"""`sonarhw room`: list the shipped rooms, write a template, check a room file, print its JSON Schema."""
+"""`sonarhw room` and `sonarhw profile`: list, write and check room files and board profiles."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -9,22 +9,22 @@ from sonarhw_compare.pictures import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import counted
-from sonarhw_cli.console.lines import print_json, print_line, print_note
-from sonarhw_cli.console.options import BoardName, Force, RoomName
-from sonarhw_cli.console.output import checked_out, write_figure
-from sonarhw_cli.console.plain_help import CommandList
-from sonarhw_cli.prediction.new_file import NewFile, write_template
+from sonarhw_cli.options import BoardName, CommandList, Force, Profile, RoomName, print_json, print_line, print_note
+from sonarhw_cli.outputs import NewFile, checked_out, write_figure, write_template
 
 if TYPE_CHECKING:
     from sonarhw_sim.check import Finding
     from sonarhw_sim.room.room import Room
 
+# `sonarhw room`: list the shipped rooms, write a template, check a room file, print its JSON Schema.
+
+
 REFUSED = 2  # exit status
 
-app = CommandList(help="List, write and check room files.", no_args_is_help=True)
+room_app = CommandList(help="List, write and check room files.", no_args_is_help=True)
 
 
-@app.command("list")
+@room_app.command("list")
 def list_rooms() -> None:
     """List the shipped rooms with their places."""
     from sonarhw_sim.room.room import load_room, room_names
@@ -33,15 +33,15 @@ def list_rooms() -> None:
         print_line(f"{name:15} places: {', '.join(load_room(name).places) or 'none'}")
 
 
-@app.command("new")
-def new(file: NewFile) -> None:
+@room_app.command("new")
+def new_room(file: NewFile) -> None:
     """Write an annotated room file to start from. An existing file is never overwritten."""
     write_template("sonarhw_sim.room", file)
     print_note(f"{file}: edit it, then run: sonarhw room check {file}")
 
 
-@app.command("schema")
-def schema() -> None:
+@room_app.command("schema")
+def room_schema() -> None:
     """Print the JSON Schema of room files, for editors."""
     from sonarhw_sim.files import json_schema
     from sonarhw_sim.room.room_file import RoomFile
@@ -55,8 +55,8 @@ RoomPicture = Annotated[
 ]
 
 
-@app.command("check")
-def check(
+@room_app.command("check")
+def check_room_file(
     room_name: RoomName,
     board: BoardName = DEFAULT_BOARD,
     plot: RoomPicture = None,
@@ -112,3 +112,48 @@ def _print(where: str, room: "Room", findings: "list[Finding]") -> None:
         )
     )
     print_line(f"{where}: {counted(len(findings), 'finding') if findings else 'no findings'}; {content}")
+
+
+# `sonarhw profile`: list the shipped board profiles, write a template, check a profile, print its JSON Schema.
+
+
+profile_app = CommandList(help="List, write and check board profiles.", no_args_is_help=True)
+
+
+@profile_app.command("list")
+def list_profiles() -> None:
+    """List the shipped board profiles."""
+    from sonarhw_sim.board.profile import board_names, load_board
+
+    for name in board_names():
+        board = load_board(name)
+        print_line(f"{name:15} {board.frequency / 1000:g} kHz, to {board.max_range:g} m")
+
+
+@profile_app.command("new")
+def new_profile(file: NewFile) -> None:
+    """Write an annotated board profile to start from. An existing file is never overwritten."""
+    write_template("sonarhw_sim.board", file)
+    print_note(f"{file}: edit it, then run: sonarhw profile check {file}")
+
+
+@profile_app.command("schema")
+def profile_schema() -> None:
+    """Print the JSON Schema of board profiles, for editors."""
+    from sonarhw_sim.board.profile import BoardFile
+    from sonarhw_sim.files import json_schema
+
+    print_json(json_schema(BoardFile))
+
+
+@profile_app.command("check")
+def check_profile(profile: Profile) -> int:
+    """Check a board profile. Prints one line for each error. Exit status: 0 without errors, else 2."""
+    from sonarhw_sim.board.profile import SHIPPED_BOARDS, BoardFile
+    from sonarhw_sim.files import parse_table, problems_of
+
+    text, where = SHIPPED_BOARDS.read(profile)
+    problems = problems_of(parse_table(text, where), BoardFile)
+    for line in problems or ["no findings"]:
+        print_line(f"{where}: {line}")
+    return 2 if problems else 0

@@ -1,10 +1,11 @@
-"""`sonarhw gui`: open the window on a log, a CSV scan, a room, a scanner or the demo."""
+"""`sonarhw demo` and `sonarhw gui`: open the window."""
 
 import gc
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from itertools import count
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -12,10 +13,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.air import DEFAULT_BOARD
 
-from sonarhw.errors import InputError
-from sonarhw_cli.console.connect import resolve
-from sonarhw_cli.console.demo_room import demo_url
-from sonarhw_cli.console.options import LOG, ROOM_NAME, PlaceName
+from sonarhw.errors import InputError, MissingExtra, json_text
+from sonarhw.files import atomic_file
+from sonarhw_cli.inputs import resolve
+from sonarhw_cli.options import LOG, PLACE, ROOM, ROOM_NAME, ForceFiles, PlaceName, demo_url, print_line
+from sonarhw_cli.outputs import made_folder, refuse_existing_in
 
 if TYPE_CHECKING:
     from sonarhw_compare.one_call import Find
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
     from sonarhw.plugins.plugin_scanner import PluginScanner
+
+# `sonarhw gui`: open the window on a log, a CSV scan, a room, a scanner or the demo.
 
 
 _SCAN, _ROOM = ".csv", ".toml"
@@ -142,7 +146,7 @@ def _kind(source: str) -> str:
 def _replay(path: Path, request: _Request) -> int:
     from sonarhw_gui.shell.display import check_display
 
-    from sonarhw_cli.console.log_input import open_log
+    from sonarhw_cli.inputs import open_log
 
     log = open_log(path)
     scene = _log_scene(log, request)
@@ -316,3 +320,78 @@ def _log_scene(log: "Log", request: _Request) -> "Scene":
     if scene.room is None:
         raise InputError(f"--place {request.place}: the log contains no room; give one with --room")
     return replace(scene, place=scene.room.place(request.place))
+
+
+# `sonarhw demo`: scan the demo room with a fake scanner, and show the scan over its prediction.
+
+
+RESULT = "demo-result"  # folder of the demo's files when there is no display
+OPTION = "--headless"
+FILES = ("scan.mcap", "overlay.png", "summary.json")
+STEP_DEGREES = 3.0
+
+
+Headless = Annotated[
+    Path | None,
+    typer.Option(help=f"Without a window: write {FILES[0]}, {FILES[1]} and {FILES[2]} to DIR.", metavar="DIR"),
+]
+
+
+def demo(
+    context: typer.Context,
+    headless: Headless = None,
+    force: ForceFiles = False,
+) -> int:
+    """Scan the demo room with a fake scanner and show the overlay.
+
+    The overlay is the scan drawn over its prediction. Without a display and without --headless, the files are written
+    to a new folder: demo-result, or demo-result-2 and so on. The seed is fixed, so each run gives the same result.
+    """
+    if force and headless is None:
+        raise InputError(f"--force: needs {OPTION} DIR; without it, the demo overwrites nothing")
+    if headless is None and _can_open_window():
+        return show_demo()
+    folder = _free_folder() if headless is None else headless
+    refuse_existing_in(folder, [folder / name for name in FILES], force, OPTION)
+    with made_folder(folder):
+        _write_result(context, folder, force)
+    return 0
+
+
+def _free_folder() -> Path:
+    names = (Path(RESULT if number == 1 else f"{RESULT}-{number}") for number in count(1))
+    return next(name for name in names if not (name.exists() or name.is_symlink()))
+
+
+def _can_open_window() -> bool:
+    from sonarhw_gui.shell.display import NoDisplay, check_display
+
+    try:
+        check_display()
+    except NoDisplay:
+        print_line("There is no display: the demo runs without a window.")
+        return False
+    except MissingExtra as error:
+        print_line(f"The demo runs without a window: {error}")
+        return False
+    return True
+
+
+def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
+    from sonarhw_compare.drawings import draw_comparison
+    from sonarhw_compare.pictures import write_picture
+    from sonarhw_compare.score import score_comparison
+
+    from sonarhw_cli.compare import compare_log, summary_lines
+    from sonarhw_cli.scan import scan
+
+    log, picture, figures = (folder / name for name in FILES)
+    scan(context, demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
+    comparison, _ = compare_log(log, ROOM, PLACE)
+    with atomic_file(picture, OPTION, overwrite=force) as file:
+        write_picture(draw_comparison(comparison), file, picture.suffix)
+    with atomic_file(figures, OPTION, overwrite=force) as file:
+        file.write((json_text(asdict(comparison.summary()) | asdict(score_comparison(comparison))) + "\n").encode())
+    for line in summary_lines(comparison.summary()):
+        print_line(line)
+    print_line(f"The picture is in {picture}, the scan in {log}, the summary in {figures}.")

@@ -1,1 +1,0 @@
-"""Commands that bring a new scanner up."""

@@ -1,1 +1,0 @@
-"""Commands that compare measured scans with predicted ones."""

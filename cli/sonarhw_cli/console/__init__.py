@@ -1,1 +1,0 @@
-"""Options, inputs, outputs, progress bars and interruption, shared by the commands."""

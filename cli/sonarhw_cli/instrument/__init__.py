@@ -1,1 +1,0 @@
-"""Commands that drive a scanner or read and write its logs."""
