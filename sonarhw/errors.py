@@ -18,7 +18,7 @@
     ├── Cancelled              long work was cancelled before it had finished                      exit 1
     ├── WorkersLost            processes or a cluster ended before their work had finished         exit 1
     ├── MissingExtra           the window or studies are not installed                             exit 1
-    ├── NoDisplay              there is no display for a window (`sonarhw_gui.shell.display`)      exit 1
+    ├── NoDisplay              there is no display for a window (`sonarhw_gui.window.start`)      exit 1
     ├── LogError               a scan cannot be recorded: its log cannot be written                exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 

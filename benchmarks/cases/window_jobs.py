@@ -21,10 +21,9 @@ from unittest.mock import patch
 
 from PySide6.QtCore import QEvent, QEventLoop, QObject, QPoint, QPointF, Qt, QTimer
 from PySide6.QtTest import QTest
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.application import WindowStart, open_application, open_window
-from sonarhw_gui.shell.garbage import collected_between_events
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.start import WindowStart, collected_between_events, open_application, open_window
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 
@@ -429,11 +428,11 @@ def repaints(times: int) -> list[Figure]:
 
 def first_window(began: float) -> list[Figure]:
     """Measure `sonarhw demo` from the start of its process, at wall clock `began`, to the first paint."""
-    import sonarhw_gui.shell.application
+    import sonarhw_gui.window.start
     from sonarhw_cli.entry import main
 
     took: list[tuple[float, float]] = []
-    open_it = sonarhw_gui.shell.application.open_window
+    open_it = sonarhw_gui.window.start.open_window
 
     def timed(start: WindowStart) -> MainWindow:
         window = open_it(start)
@@ -446,7 +445,7 @@ def first_window(began: float) -> list[Figure]:
         Paints(window, painted)
         return window
 
-    sonarhw_gui.shell.application.open_window = timed
+    sonarhw_gui.window.start.open_window = timed
     sys.argv = ["sonarhw", "demo"]
     with suppress(SystemExit):
         main()

@@ -21,10 +21,9 @@ from sonarhw_cli.outputs import made_folder, refuse_existing_in
 
 if TYPE_CHECKING:
     from sonarhw_compare.one_call import Find
-    from sonarhw_gui.live.scanner_jobs import ScannerOpener
-    from sonarhw_gui.scene.scene import Scene
-    from sonarhw_gui.session.scanner_choice import ScannerTarget
-    from sonarhw_gui.shell.application import WindowStart
+    from sonarhw_gui.model.scene import Scene
+    from sonarhw_gui.session.scanner import ScannerOpener, ScannerTarget
+    from sonarhw_gui.window.start import WindowStart
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
@@ -144,7 +143,7 @@ def _kind(source: str) -> str:
 
 
 def _replay(path: Path, request: _Request) -> int:
-    from sonarhw_gui.shell.display import check_display
+    from sonarhw_gui.window.start import check_display
 
     from sonarhw_cli.inputs import open_log
 
@@ -154,7 +153,7 @@ def _replay(path: Path, request: _Request) -> int:
     check_display(
         f"`sonarhw report {named} --out FILE.html` and `sonarhw compare {named} --plot FILE.png` work without a window"
     )
-    from sonarhw_gui.shell.application import WindowStart
+    from sonarhw_gui.window.start import WindowStart
 
     used = (*_used(request.room), path)
     return _run(WindowStart(scene, log, source_name=path.name, source_file=path, used=used))
@@ -176,10 +175,10 @@ def _show_room(room: str, request: _Request) -> int:
 
 def _show(scene: "Scene", room: str | None, file: Path | None, instead: str) -> int:
     """Open the window on a scene without a scanner, and open `file` in it. `instead` is for a missing display."""
-    from sonarhw_gui.shell.display import check_display
+    from sonarhw_gui.window.start import check_display
 
     check_display(instead)
-    from sonarhw_gui.shell.application import WindowStart
+    from sonarhw_gui.window.start import WindowStart
 
     return _run(WindowStart(scene, source_file=file, used=_used(room)))
 
@@ -193,14 +192,14 @@ def _used(room: str | None) -> tuple[Path, ...]:
 
 def _scan(url: str, request: _Request, resume: bool = False) -> int:
     from sonarhw_compare.one_call import is_fake
-    from sonarhw_gui.shell.display import DEMO, check_display
+    from sonarhw_gui.window.start import DEMO, check_display
 
     fake = is_fake(url)
     takes_board = not fake and request.board is None
     request = replace(request, board=request.board or _board_of(url))
     scene = _fake_scene(url, request) if fake else _scene(request)
     check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
-    from sonarhw_gui.shell.application import WindowStart
+    from sonarhw_gui.window.start import WindowStart
 
     # a fake scanner may start at once; a real turntable must not move without a request
     start = WindowStart(scene, url=url, autostart=fake, takes_board=takes_board, resume=resume)
@@ -209,8 +208,8 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
 
 def _run(start: "WindowStart") -> int:
     """Show the window, with the scanner at its URL if there is one, and let it find others."""
-    from sonarhw_gui.session.memory import memory_file
-    from sonarhw_gui.shell.application import run_window
+    from sonarhw_gui.session.kept import memory_file
+    from sonarhw_gui.window.start import run_window
 
     with ExitStack() as exit_stack:
         scanners = _Scanners(exit_stack)
@@ -238,7 +237,7 @@ class _Scanners:
     def find(self, url: str) -> "ScannerTarget":
         """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL."""
         from sonarhw_compare.one_call import is_fake
-        from sonarhw_gui.session.scanner_choice import ScannerTarget
+        from sonarhw_gui.session.scanner import ScannerTarget
 
         from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 
@@ -274,7 +273,7 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
     the user can move the sensor or fit its place later. For a new scan `begin_at` is None. A place must then be
     requested if the room has several.
     """
-    from sonarhw_gui.scene.scene import first_place, scene_with
+    from sonarhw_gui.model.scene import first_place, scene_with
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.files import file_name
     from sonarhw_sim.room.room import load_room
@@ -308,7 +307,7 @@ def _fake_scene(url: str, request: _Request) -> "Scene":
 
 def _log_scene(log: "Log", request: _Request) -> "Scene":
     from sonarhw_compare.scans import board_of_log
-    from sonarhw_gui.scene.scene import scene_of_log
+    from sonarhw_gui.model.scene import scene_of_log
     from sonarhw_sim.board.profile import load_board
 
     board = board_of_log(log.metadata) if request.board is None else load_board(request.board)
@@ -364,7 +363,7 @@ def _free_folder() -> Path:
 
 
 def _can_open_window() -> bool:
-    from sonarhw_gui.shell.display import NoDisplay, check_display
+    from sonarhw_gui.window.start import NoDisplay, check_display
 
     try:
         check_display()

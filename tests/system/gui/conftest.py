@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.scanner_jobs import ScanJob, ScannerOpener, ScanSettings
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.application import WindowStart, open_application, open_window
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.scanner import LiveDevice, ScanJob, ScannerOpener, ScanSettings
+from sonarhw_gui.window.start import WindowStart, open_application, open_window
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.fake_board import FakeBoard

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.model.scene import Scene
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.export import write_scan

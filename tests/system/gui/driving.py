@@ -9,9 +9,9 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.palette import DARK
-from sonarhw_gui.plots.marks import ReadingMarks
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.look import DARK
+from sonarhw_gui.views.marks import ReadingMarks
+from sonarhw_gui.window.window import MainWindow
 
 from tests.hang_guard import HANG
 

@@ -9,8 +9,8 @@ from PySide6.QtGui import QAction, QContextMenuEvent, QWheelEvent
 from PySide6.QtWidgets import QAbstractItemView, QApplication, QComboBox, QDialog, QLineEdit, QSlider, QTabBar, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
-from sonarhw_gui.finding.find_request import ACCURACIES
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.jobs.searches import ACCURACIES
+from sonarhw_gui.window.window import MainWindow
 
 _KEYS = (
     *(Qt.Key.Key_Left, Qt.Key.Key_Right, Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_Tab, Qt.Key.Key_Return),

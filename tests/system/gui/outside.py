@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtGui import QClipboard, QColor, QGuiApplication, QImage
 from scipy.ndimage import binary_erosion, center_of_mass, label
-from sonarhw_gui.look.palette import DARK, LIGHT, Palette
+from sonarhw_gui.model.look import DARK, LIGHT, Palette
 
 from tests.hang_guard import HANG
 

@@ -16,12 +16,12 @@ from PySide6.QtCore import QCoreApplication, QEvent, QtMsgType
 from PySide6.QtWidgets import QApplication, QDialog
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.scans import notes_path
-from sonarhw_gui.dialogs.import_dialog import ImportDialog
-from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.scanner_choice import ScannerTarget
-from sonarhw_gui.shell.garbage import collected_between_events
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.look import Look
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.scanner import ScannerTarget
+from sonarhw_gui.window.import_dialog import ImportDialog
+from sonarhw_gui.window.start import collected_between_events
+from sonarhw_gui.window.window import MainWindow
 
 from tests.checkout import CHECKOUT
 from tests.conftest import Count

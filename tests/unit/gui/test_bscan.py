@@ -20,11 +20,10 @@ from sonarhw_compare.pictures import (
     predicted_row,
     trace_row,
 )
-from sonarhw_gui.look.palette import LIGHT
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.bscan_picture import (
+from sonarhw_gui.jobs.traces import (
     Arm,
     BScanPixels,
+    BScanRequest,
     BScans,
     BScanSettings,
     ColourScale,
@@ -34,7 +33,8 @@ from sonarhw_gui.work.bscan_picture import (
     flat_area,
     polar_area,
 )
-from sonarhw_gui.work.bscan_request import BScanRequest
+from sonarhw_gui.model.look import LIGHT
+from sonarhw_gui.model.scene import Scene
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Mount, load_board
 from sonarhw_sim.predict.predicted_scan import arm

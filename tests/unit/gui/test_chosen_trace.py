@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.chosen_trace import chosen_trace
+from sonarhw_gui.jobs.traces import chosen_trace
+from sonarhw_gui.model.scene import Scene
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.signal import CONVERTER_RATE

@@ -1,8 +1,8 @@
 """The list of echoes at one heading: all rows state half of the path, also that of the winner."""
 
 import numpy as np
-from sonarhw_gui.echo_list.echo_list import EchoList
-from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.model.look import LengthUnit
+from sonarhw_gui.views.echoes import EchoList
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import load_room

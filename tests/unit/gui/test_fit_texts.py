@@ -6,10 +6,9 @@ import pytest
 from sonarhw_compare.fit import AtBound, free_parameters
 from sonarhw_compare.fit.fitting import unexplained, warnings_of
 from sonarhw_compare.match import Summary
-from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings, FitSolution
-from sonarhw_gui.fitting.fit_texts import warnings
-from sonarhw_gui.scene.scene import scene_with
-from sonarhw_gui.work.run_progress import RunProgress
+from sonarhw_gui.jobs.jobs import RunProgress
+from sonarhw_gui.jobs.searches import FitFound, FitRequest, FitSettings, FitSolution, warnings
+from sonarhw_gui.model.scene import scene_with
 
 from tests.unit.compare.matching.test_headings import PAPER, PLACE, ROOM, heading_fit
 

@@ -5,10 +5,9 @@ from dataclasses import replace
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.evidence import FINE, evidence_of
-from sonarhw_gui.finding.loaded_scans import loaded_scans
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shown.overlaid_scan import overlaid
-from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.jobs.searches import loaded_scans
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Shown, overlaid
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import OwnBodyPart, load_board
 from sonarhw_sim.room.room import load_room

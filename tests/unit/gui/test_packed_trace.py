@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from sonarhw_gui.live.packed_trace import PackedTrace, packed, with_packed_trace
+from sonarhw_gui.session.scanner import PackedTrace, packed, with_packed_trace
 
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.messages import FULL_SCALE

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from sonarhw_gui.store.save_requests import Picture, SaveRequest
+from sonarhw_gui.jobs.files import Picture, SaveRequest
 
 from sonarhw.errors import InputError, OutputError
 

@@ -7,13 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_compare.edits import add_post
-from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.plan.plan_texts import pose_text, surface_text
-from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip, surface_at
-from sonarhw_gui.scene.plan_geometry import bounce_losses
-from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned, with_material_values
-from sonarhw_gui.store.new_recording import start_recording
+from sonarhw_gui.model.edits import (
+    Grip,
+    GripPart,
+    dragged,
+    room_grip,
+    sensor_at,
+    sensor_grip,
+    sensor_turned,
+    surface_at,
+    with_material_values,
+)
+from sonarhw_gui.model.look import LengthUnit
+from sonarhw_gui.model.scene import Scene, bounce_losses, scene_of_log
+from sonarhw_gui.session.scanner import start_recording
+from sonarhw_gui.views.plan_tools import pose_text, surface_text
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.predict.prediction import predict_scan

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QObject
-from sonarhw_gui.live.scanner_jobs import ScanSettings
-from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session import shown_model
-from sonarhw_gui.session.reading_source import ReadingSource
-from sonarhw_gui.session.scanner_choice import ScannerChoice
-from sonarhw_gui.session.shown_model import ShownModel
+from sonarhw_gui.model.look import Look
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session import session
+from sonarhw_gui.session.scanner import ScannerChoice, ScanSettings
+from sonarhw_gui.session.session import ShownModel
+from sonarhw_gui.session.source import ReadingSource
 from sonarhw_sim.board.profile import load_board
 
 
@@ -27,7 +26,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(shown_model, "time", clock)
+    monkeypatch.setattr(session, "time", clock)
     return clock
 
 

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import pytest
-from sonarhw_gui.scene import scene as scene_module
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import with_sensor_at
-from sonarhw_gui.session.unsaved_file import is_changed, room_text
+from sonarhw_gui.model import scene
+from sonarhw_gui.model.edits import with_sensor_at
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.kept import is_changed, room_text
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place, load_room
 
@@ -37,6 +37,6 @@ def test_a_drag_of_the_sensor_writes_no_text(monkeypatch: pytest.MonkeyPatch) ->
     def refuse(room: object, place: object) -> None:
         raise AssertionError("the text of the room was written")
 
-    monkeypatch.setattr(scene_module, "with_place", refuse)
+    monkeypatch.setattr(scene, "with_place", refuse)
     for step in range(1, 5):
         assert is_changed(SCENE, with_sensor_at(SCENE, (0.3, 0.1 * step), 0.0))

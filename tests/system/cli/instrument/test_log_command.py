@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from mcap.writer import MCAP0_MAGIC, Writer
 from sonarhw_cli.app import run
-from sonarhw_gui.scene.scene import scene_with
-from sonarhw_gui.store.save_requests import Data, SaveRequest
+from sonarhw_gui.jobs.files import Data, SaveRequest
+from sonarhw_gui.model.scene import scene_with
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw import export

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.scanner_jobs import WHOLE_TURN, ScanJob, ScanSettings
-from sonarhw_gui.scene.scene import scene_with
+from sonarhw_gui.model.scene import scene_with
+from sonarhw_gui.session.scanner import WHOLE_TURN, LiveDevice, ScanJob, ScanSettings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window import _Scanners
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.scanner_choice import ScannerFinder
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.scanner import ScannerFinder
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 

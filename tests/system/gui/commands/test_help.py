@@ -7,9 +7,9 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind
-from sonarhw_gui.dialogs.help_page import HelpPage
-from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.look import Look
+from sonarhw_gui.window.dialogs import HelpPage
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.checkout import CHECKOUT

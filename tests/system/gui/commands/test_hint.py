@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.model.scene import Scene
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

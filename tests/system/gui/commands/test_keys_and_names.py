@@ -9,10 +9,9 @@ from PySide6.QtPrintSupport import QPrinter
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
-from sonarhw_gui.commands.undo_list import UndoList
-from sonarhw_gui.shell.accessible_names import spoken_name
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.work.prediction_requests import PathsRequest
+from sonarhw_gui.jobs.forecast import PathsRequest
+from sonarhw_gui.window.commands import UndoList
+from sonarhw_gui.window.window import MainWindow, spoken_name
 from sonarhw_sim.room.room import load_room
 
 from sonarhw.log import read_log

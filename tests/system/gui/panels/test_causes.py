@@ -7,10 +7,10 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind
-from sonarhw_gui.causes.causes_panel import CausesPanel
-from sonarhw_gui.scene.scene import scene_with
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.reading_rows import CLASSES
+from sonarhw_gui.model.rows import CLASSES
+from sonarhw_gui.model.scene import scene_with
+from sonarhw_gui.panels.searches import CausesPanel
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

@@ -9,12 +9,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.one_call import read_fake_url
-from sonarhw_gui.live.scanner_state import Phase
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.scanner_choice import ScannerTarget
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.file_watch import WatchedFile
-from sonarhw_gui.work.port_list import PortList
+from sonarhw_gui.jobs.files import WatchedFile
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.scanner import Phase, PortList, ScannerTarget
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.errors import InputError
 from sonarhw.host.scanner import Scanner, probe_port

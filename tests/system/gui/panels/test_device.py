@@ -9,14 +9,13 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.bars.status_bar import badge_text
-from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.live.device_texts import link_figures, order_of_sector, scan_summary
-from sonarhw_gui.live.scanner_state import Phase
-from sonarhw_gui.live.window_status import Source, Status
-from sonarhw_gui.panels.device_panel import DevicePanel
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.panels.device import DevicePanel
+from sonarhw_gui.session.scanner import Phase
+from sonarhw_gui.session.status import Source, Status, link_figures, order_of_sector, scan_summary
+from sonarhw_gui.window.bars import badge_text
+from sonarhw_gui.window.commands import Commands
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 
 from sonarhw.device.fake_board import FakeBoard

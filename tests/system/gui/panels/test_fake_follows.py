@@ -12,10 +12,10 @@ from pytestqt.qtbot import QtBot
 from sonarhw_cli.window import _Scanners
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.one_call import read_fake_url
-from sonarhw_gui.bars.status_bar import FAKE as FAKE_LABEL
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import with_sensor_at
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.edits import with_sensor_at
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.bars import FAKE as FAKE_LABEL
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place, Room, load_room
 

@@ -17,11 +17,10 @@ from sonarhw_compare.locate import Pose, PoseSpread
 from sonarhw_compare.rooms import evidence, outcome
 from sonarhw_compare.rooms import search as unknown_poses
 from sonarhw_compare.rooms.evidence import ComputeProcesses
-from sonarhw_gui.finding.find_control import FindState
-from sonarhw_gui.finding.find_request import FindRequest, RoomAnswer
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import with_board
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.jobs.searches import FindRequest, FindState, RoomAnswer
+from sonarhw_gui.model.edits import with_board
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.errors import InputError

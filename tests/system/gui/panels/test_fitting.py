@@ -9,13 +9,11 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
-from sonarhw_gui.fitting.fit_request import FitFound, FitRequest, FitSettings
-from sonarhw_gui.fitting.fit_scene import fitted
-from sonarhw_gui.fitting.fit_texts import value_text
-from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import sensor_at
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.jobs.searches import FitFound, FitRequest, FitSettings, fitted, value_text
+from sonarhw_gui.model.edits import sensor_at
+from sonarhw_gui.model.look import LengthUnit
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import parse_board
 
 from sonarhw.log import read_log

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.scanner_jobs import Phase, ScannerOpener
-from sonarhw_gui.live.window_status import Source
-from sonarhw_gui.look.palette import MARKS, Unclassed
-from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.scene.scene_edit import with_sensor_at
-from sonarhw_gui.session import tick_timer
+from sonarhw_gui.model.edits import with_sensor_at
+from sonarhw_gui.model.look import MARKS, Unclassed
+from sonarhw_gui.model.scene import Scene, scene_of_log
+from sonarhw_gui.session import session as tick_timer
+from sonarhw_gui.session.scanner import Phase, ScannerOpener
+from sonarhw_gui.session.status import Source
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.fake_board import FakeBoard

@@ -10,10 +10,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QGraphicsView
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.window_status import Source, lost_in
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.replay_control import SPEEDS
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.source import SPEEDS
+from sonarhw_gui.session.status import Source, lost_in
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.device.replayed_log import Playback
 from sonarhw.log import Log, read_log

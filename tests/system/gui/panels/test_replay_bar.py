@@ -11,11 +11,11 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QToolButton
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.window_status import Source
-from sonarhw_gui.look.palette import DARK, LIGHT, Palette
-from sonarhw_gui.panels.replay_bar import time_text
-from sonarhw_gui.session.replay_control import SPEEDS
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.look import DARK, LIGHT, Palette
+from sonarhw_gui.panels.replay import time_text
+from sonarhw_gui.session.source import SPEEDS
+from sonarhw_gui.session.status import Source
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import Log, read_log
 from sonarhw.log.mcap_records import OpenFile

@@ -9,11 +9,11 @@ import pytest
 from PySide6.QtCore import QEvent, QObject, QPoint, Qt
 from PySide6.QtWidgets import QFileDialog, QSlider, QStyle, QStyleOptionSlider
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.panels.room_panel import RoomPanel
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.application import open_application
-from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.model.look import LengthUnit, Look
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.panels.room import RoomPanel
+from sonarhw_gui.window.start import open_application
 from sonarhw_sim.air import Air, EdgeStrength, Receiver, Unit
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room

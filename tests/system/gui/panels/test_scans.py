@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QFileDialog, QGraphicsTextItem, QStyle, QStyleOpti
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_compare.two_scans import ScanChange
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.overlaid_scan import SHOWN, ScanPair
+from sonarhw_gui.model.shown import SHOWN, ScanPair
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

@@ -9,10 +9,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window import _board_of, _Scanners
-from sonarhw_gui.live.scanner_state import Phase
-from sonarhw_gui.session.scanner_choice import ScannerFinder
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.work.port_list import PortList
+from sonarhw_gui.session.scanner import Phase, PortList, ScannerFinder
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from sonarhw.readings import Origin

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.log import read_log

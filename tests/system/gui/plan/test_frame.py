@@ -11,15 +11,14 @@ from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.scans import heading_text
-from sonarhw_gui.look.palette import ViewLayer
-from sonarhw_gui.plan.edge_arrows import edge_arrows
-from sonarhw_gui.plan.plan_drawing import PlanDrawing
-from sonarhw_gui.plots.legend import Legend
-from sonarhw_gui.plots.view_picture import png_pixels, svg_text
-from sonarhw_gui.scene.plan_geometry import decibels_text, wall_lines
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.bounces import bounces_text, chosen_path
+from sonarhw_gui.model.look import ViewLayer
+from sonarhw_gui.model.scene import Scene, decibels_text, wall_lines
+from sonarhw_gui.model.shown import bounces_text, chosen_path
+from sonarhw_gui.views.base import png_pixels, svg_text
+from sonarhw_gui.views.legend import Legend
+from sonarhw_gui.views.plan import PlanDrawing
+from sonarhw_gui.views.plan_layers import edge_arrows
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith

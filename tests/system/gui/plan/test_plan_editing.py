@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import DARK, LIGHT, Palette
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.look import DARK, LIGHT, Look, Palette
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

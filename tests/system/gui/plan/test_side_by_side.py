@@ -8,9 +8,9 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.plan.plan_drawing import PlanDrawing
-from sonarhw_gui.plan.plan_layers import _set_beside
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.views.plan import PlanDrawing
+from sonarhw_gui.views.plan_layers import _set_beside
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.plots.legend import SOUND
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.views.legend import SOUND
+from sonarhw_gui.window.window import MainWindow
 
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import predicted, until

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import ORDER, OpenWith

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.application import WindowStart, open_application, open_window
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.start import WindowStart, open_application, open_window
+from sonarhw_gui.window.window import MainWindow
 
 from tests.system.gui.driving import predicted, until
 
@@ -47,7 +47,7 @@ def test_no_slow_package_is_imported_before_the_first_paint(command: str, record
     """Later, a thread imports the compiler of kernels; it takes longer than all of PySide6."""
     program = """
 import os, sys
-from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.session.session import WindowSession
 
 def end(session):
     print(sorted({"numba", "llvmlite", "scipy", "matplotlib"} & set(sys.modules)), flush=True)

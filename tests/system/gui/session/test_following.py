@@ -6,9 +6,9 @@ import pytest
 import sonarhw_sim.board
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.file_watch import FileWatch, WatchedFile
+from sonarhw_gui.jobs.files import FileWatch, WatchedFile
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.log import read_log
@@ -38,7 +38,7 @@ def test_a_log_that_is_being_written_is_followed_to_its_end(
     recorded: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("sonarhw_gui.store.followed_log.TORN_AFTER", 1e6)
+    monkeypatch.setattr("sonarhw_gui.jobs.files.TORN_AFTER", 1e6)
     path, rest = growing
     window = open_with()
     window.session.open_file(str(path))

@@ -6,9 +6,9 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QFileDialog
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.dialogs.import_dialog import ImportDialog
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.import_dialog import ImportDialog
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

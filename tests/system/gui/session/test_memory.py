@@ -6,16 +6,13 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QByteArray, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.scanner_jobs import ScanSettings
-from sonarhw_gui.live.window_status import Source
-from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.look.palette import DARK
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import sensor_at, with_air_state, with_options
-from sonarhw_gui.scene.scene_memory import SceneMemory
-from sonarhw_gui.session.memory import Memory, read_memory, write_memory
-from sonarhw_gui.session.scanner_choice import ScannerTarget
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.edits import sensor_at, with_air_state, with_options
+from sonarhw_gui.model.look import DARK, LengthUnit, Look
+from sonarhw_gui.model.scene import Scene, SceneMemory
+from sonarhw_gui.session.kept import Memory, read_memory, write_memory
+from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
+from sonarhw_gui.session.status import Source
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.room.room import load_room

@@ -12,9 +12,9 @@ from PySide6.QtWidgets import QApplication, QLineEdit
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_compare.scans import notes_of_log, notes_path
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.reading_cells import Column
-from sonarhw_gui.store.note_store import NoteStore
+from sonarhw_gui.model.rows import Column
+from sonarhw_gui.session.kept import NoteStore
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.errors import OutputError
 from sonarhw.log import read_log

@@ -8,9 +8,9 @@ from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.window_status import Source
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.open_requests import OpenRoomRequest
+from sonarhw_gui.jobs.files import OpenRoomRequest
+from sonarhw_gui.session.status import Source
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.export import write_scan
 from sonarhw.log import LogMetadata, read_log

@@ -5,9 +5,9 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_gui.plots.reading_tip import reading_tip
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.reading_cells import Column
+from sonarhw_gui.model.rows import Column
+from sonarhw_gui.views.marks import reading_tip
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.dialogs.recordings_dialog import RecordingsDialog
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.recording_list import ListRequest, RecordingList
+from sonarhw_gui.jobs.files import ListRequest, RecordingList
+from sonarhw_gui.window.dialogs import RecordingsDialog
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.export import write_scan
 from sonarhw.log import read_log

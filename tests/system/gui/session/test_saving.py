@@ -12,11 +12,9 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QFileDialog, QLineEdit, QMessageBox
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.save_requests import Data, SaveRequest
-from sonarhw_gui.store.svg_strokes import with_own_coordinates
+from sonarhw_gui.jobs.files import Data, Documents, SaveRequest, with_own_coordinates
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.scene.history import History
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.scene import History, Scene
+from sonarhw_gui.window.window import MainWindow
 
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import predicted, until

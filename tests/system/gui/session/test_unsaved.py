@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.scene.scene_edit import sensor_at, with_air_state, with_corner
-from sonarhw_gui.session.unsaved_rooms import RestoreRoom, UnsavedRooms
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.open_requests import OpenRoomRequest
+from sonarhw_gui.jobs.files import OpenRoomRequest
+from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner
+from sonarhw_gui.model.scene import Scene, scene_of_log
+from sonarhw_gui.session.kept import RestoreRoom, UnsavedRooms
+from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.room.room import parse_room
 

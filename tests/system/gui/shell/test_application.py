@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_gui.shell.application import WindowStart
+from sonarhw_gui.window.start import WindowStart
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
@@ -102,7 +102,7 @@ def starts(monkeypatch: pytest.MonkeyPatch) -> list[WindowStart]:
         starts.append(start)
         return 0
 
-    monkeypatch.setattr("sonarhw_gui.shell.application.run_window", run_window)
+    monkeypatch.setattr("sonarhw_gui.window.start.run_window", run_window)
     return starts
 
 
@@ -153,7 +153,7 @@ def test_a_fake_scanner_has_the_url_that_was_given(monkeypatch: pytest.MonkeyPat
             urls.append(scanner.url)
         return 0
 
-    monkeypatch.setattr("sonarhw_gui.shell.application.run_window", run_window)
+    monkeypatch.setattr("sonarhw_gui.window.start.run_window", run_window)
     typed = f"fake:{ROOM}?place=figure9&pace=max"
     assert run(["gui", typed]) == 0
     assert urls == [typed]

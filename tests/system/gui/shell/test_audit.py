@@ -8,11 +8,11 @@ from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent, QStatusTipEvent
 from PySide6.QtWidgets import QApplication, QDialog
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.palette import DARK
-from sonarhw_gui.session.memory import read_memory
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.work import effort
-from sonarhw_gui.work.forecast import Forecast
+from sonarhw_gui.jobs import forecast
+from sonarhw_gui.jobs.forecast import Forecast
+from sonarhw_gui.model.look import DARK
+from sonarhw_gui.session.kept import read_memory
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
@@ -143,7 +143,7 @@ def test_during_a_drag_the_sentence_says_that_it_is_a_draft(
 ) -> None:
     plan = window.views.plan.drawing
     sensor = window.session.shown.scene.pose.position
-    monkeypatch.setattr(effort, "_SHORT", 0.0)  # s; else a draft of a fast computer can have all bounces
+    monkeypatch.setattr(forecast, "_SHORT", 0.0)  # s; else a draft of a fast computer can have all bounces
     with monkeypatch.context() as moving:  # else all paths can be found before the sentence is read
         moving.setattr(Forecast, "_search_when_due", lambda _: None)
         end = begin_drag(qtbot, plan, plan.plot.vb, sensor, (sensor[0] - 0.1, sensor[1] + 0.1))

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.window.window import MainWindow
 
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import until

@@ -20,13 +20,13 @@ def test_sonarhw_sim_compare_and_the_model_of_the_window_load_no_qt() -> None:
         for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     ]
     modules += [name for folder in MODEL for name in modules_in(f"sonarhw_gui.{folder}")]
-    modules += ["sonarhw_gui.plan.plan_texts", "sonarhw_gui.parts.pixels"]
+    modules += ["sonarhw_gui.views.plan_tools", "sonarhw_gui.views.base"]
     assert len(modules) > 50
     assert first_that_loads(modules, ("PySide6", "pyqtgraph")) == []
 
 
 def test_the_window_opens_without_matplotlib() -> None:
-    script = "import sys; import sonarhw_gui.shell.application, sonarhw_cli.window; "
+    script = "import sys; import sonarhw_gui.window.start, sonarhw_cli.window; "
     script += "print([m for m in sys.modules if m.split('.')[0] == 'matplotlib'])"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"

@@ -9,13 +9,12 @@ from PySide6.QtCore import QRect, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.look.palette import DARK, LIGHT, MARKS
-from sonarhw_gui.plots.legend import Legend
-from sonarhw_gui.plots.reading_tip import reading_tip
-from sonarhw_gui.shell.application import open_application
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.reading_cells import Column
+from sonarhw_gui.model.look import DARK, LIGHT, MARKS, LengthUnit, Look
+from sonarhw_gui.model.rows import Column
+from sonarhw_gui.views.legend import Legend
+from sonarhw_gui.views.marks import reading_tip
+from sonarhw_gui.window.start import open_application
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

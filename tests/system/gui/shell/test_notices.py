@@ -2,9 +2,9 @@
 
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.bars.banner import Banner
-from sonarhw_gui.live.window_status import Status
-from sonarhw_gui.shown.notices import Notice, Notices
+from sonarhw_gui.session.notices import Notice, Notices
+from sonarhw_gui.session.status import Status
+from sonarhw_gui.window.bars import Banner
 
 
 def test_each_message_waits_once_and_the_newest_is_shown() -> None:

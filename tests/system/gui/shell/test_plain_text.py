@@ -4,8 +4,7 @@ import pytest
 from PySide6.QtGui import QTextDocument
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.parts.elided import ElidedLabel
-from sonarhw_gui.parts.plain_label import PlainLabel, plain_tip
+from sonarhw_gui.widgets import ElidedLabel, PlainLabel, plain_tip
 
 HTML = "<h1>big</h1><img src='file:///etc/hostname'>&amp;"
 

@@ -10,9 +10,8 @@ import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.plots.canvas import Canvas
-from sonarhw_gui.plots.plot_look import PlotAxis
-from sonarhw_gui.session.turns import Turns
+from sonarhw_gui.session.session import Turns
+from sonarhw_gui.views.base import Canvas, PlotAxis
 
 from sonarhw.log import read_log
 from tests.conftest import Count

@@ -8,10 +8,9 @@ from PySide6.QtCore import QEvent, QPoint, QPointF, QRect, QSize, Qt
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel, QTabBar, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.look.palette import DARK
-from sonarhw_gui.parts.elided import ElidedLabel
-from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.model.look import DARK, Look
+from sonarhw_gui.widgets import ElidedLabel
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

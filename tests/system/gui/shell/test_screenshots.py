@@ -18,14 +18,10 @@ from PySide6.QtCore import QBuffer, Qt
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.scanner_jobs import ScanJob, ScanSettings
-from sonarhw_gui.look.palette import DARK, LIGHT, Palette
-from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.session.scanner_choice import ScannerTarget
-from sonarhw_gui.shell.docks import Docks
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.work.port_list import PortList
+from sonarhw_gui.model.look import DARK, LIGHT, Palette
+from sonarhw_gui.model.scene import Scene, scene_of_log
+from sonarhw_gui.session.scanner import LiveDevice, PortList, ScanJob, ScannerTarget, ScanSettings
+from sonarhw_gui.window.window import Docks, MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.room import load_room

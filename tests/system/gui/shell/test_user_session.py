@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from sonarhw_gui.look.palette import DARK, LIGHT
+from sonarhw_gui.model.look import DARK, LIGHT
 
 from sonarhw.log import Log, read_log
 from tests.fixtures.window_scene import ROOM

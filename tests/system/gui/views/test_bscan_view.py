@@ -11,15 +11,14 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.pictures import SAME_HEADING, difference
-from sonarhw_gui.bscan.bscan_view import BScanView
-from sonarhw_gui.look.palette import LIGHT
-from sonarhw_gui.plan.plan_drawing import PlanDrawing
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.application import open_application
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.work.bscan_picture import Pane
-from sonarhw_gui.work.bscan_request import BScanRequest
+from sonarhw_gui.jobs.traces import BScanRequest, Pane
+from sonarhw_gui.model.look import LIGHT
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Cursor, Shown
+from sonarhw_gui.views.bscan import BScanView
+from sonarhw_gui.views.plan import PlanDrawing
+from sonarhw_gui.window.start import open_application
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from sonarhw.readings import Reading

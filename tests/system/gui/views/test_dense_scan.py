@@ -12,12 +12,11 @@ from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QGraphicsView
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
-from sonarhw_gui.look.palette import LIGHT, Unclassed, ViewLayer
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.reading_cells import Column
-from sonarhw_gui.work.comparing import STRETCH, Comparer, CompareRequest, StretchesCompared
-from sonarhw_gui.work.prediction_requests import PathsRequest
+from sonarhw_gui.jobs.forecast import STRETCH, Comparer, CompareRequest, PathsRequest, StretchesCompared
+from sonarhw_gui.model.look import LIGHT, Unclassed, ViewLayer
+from sonarhw_gui.model.rows import Column
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

@@ -11,12 +11,21 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import compare_readings
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.comparing import ComparedScan, CompareRequest, StretchesCompared
-from sonarhw_gui.work.effort import Effort, EffortChoice
-from sonarhw_gui.work.forecast import LATE, REST, SHORT_REST, Forecast
-from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
-from sonarhw_gui.work.worker import Failure, Worker
+from sonarhw_gui.jobs.forecast import (
+    LATE,
+    REST,
+    SHORT_REST,
+    ComparedScan,
+    CompareRequest,
+    Effort,
+    EffortChoice,
+    Forecast,
+    PathsFound,
+    PathsRequest,
+    StretchesCompared,
+)
+from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.model.scene import Scene
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan

@@ -6,10 +6,9 @@ import pytest
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind
-from sonarhw_gui.look.palette import LIGHT
-from sonarhw_gui.plots.marks import Placed, ReadingMarks
-from sonarhw_gui.plots.spots import Spots
-from sonarhw_gui.shown.shown import ClassPoints
+from sonarhw_gui.model.look import LIGHT
+from sonarhw_gui.model.shown import ClassPoints
+from sonarhw_gui.views.marks import Placed, ReadingMarks, Spots
 
 
 def _placed(*readings: int, shift: float = 0.0) -> Placed:

@@ -7,9 +7,9 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QImage, QPalette
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.readings.sentence import Sentence
-from sonarhw_gui.scene.scene_edit import sensor_at
-from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
+from sonarhw_gui.jobs.forecast import PathsFound, PathsRequest
+from sonarhw_gui.model.edits import sensor_at
+from sonarhw_gui.views.table import Sentence
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

@@ -10,12 +10,11 @@ from PySide6.QtGui import QColor
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
 from sonarhw_compare.pictures import RangeShading
-from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.readings.range_view import RangeView
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.work.comparing import ComparedScan, Stretch
-from sonarhw_gui.work.outline_chances import OutlineChances
+from sonarhw_gui.jobs.forecast import ComparedScan, OutlineChances, Stretch
+from sonarhw_gui.model.look import LengthUnit, Look
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Cursor, Shown
+from sonarhw_gui.views.ranges import RangeView
 
 from sonarhw.readings import Reading
 from tests.system.gui.driving import PATIENCE, click, position_of, until

@@ -14,16 +14,12 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QColor, QGuiApplication
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
-from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.look.palette import Unclassed
-from sonarhw_gui.readings.table_view import TableView
-from sonarhw_gui.scene.note_texts import NoteTexts
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shown.reading_cells import Column, rows_as_csv
-from sonarhw_gui.shown.reading_order import RowQuery, order_of
-from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
-from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.comparing import ComparedScan, Stretch
+from sonarhw_gui.jobs.forecast import ComparedScan, Stretch
+from sonarhw_gui.model.look import LengthUnit, Look, Unclassed
+from sonarhw_gui.model.rows import CLASSES, NO_ROWS, Column, ReadingRows, RowQuery, order_of, rows_as_csv
+from sonarhw_gui.model.scene import NoteTexts, Scene
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.views.table import TableView
 
 from sonarhw.export import text_cell
 from sonarhw.log import read_log

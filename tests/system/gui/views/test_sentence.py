@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from PySide6.QtGui import QFontMetricsF, QTextLayout
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.readings.sentence import Sentence, shortened_to_lines
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.model.look import Look
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.views.table import Sentence, shortened_to_lines
 
 from tests.system.gui.driving import PATIENCE
 

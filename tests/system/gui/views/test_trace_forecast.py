@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.trace_forecast import TraceForecast
-from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.bscan_picture import BScanSettings, Pane
+from sonarhw_gui.jobs.traces import BScanSettings, Pane
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session.session import TraceForecast
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import NotALog

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.look.appearance import LengthUnit, Look
-from sonarhw_gui.look.palette import DARK
-from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shell.application import open_application
-from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.trace.trace_view import TraceView
-from sonarhw_gui.work.chosen_trace import chosen_trace
+from sonarhw_gui.jobs.traces import chosen_trace
+from sonarhw_gui.model.look import DARK, LengthUnit, Look
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Cursor, Shown
+from sonarhw_gui.views.trace import TraceView
+from sonarhw_gui.window.start import open_application
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 

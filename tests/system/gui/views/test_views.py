@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.view import View
+from sonarhw_gui.views.base import View
+from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

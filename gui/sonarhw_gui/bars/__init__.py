@@ -1,1 +1,0 @@
-"""The menus and bars around the views: toolbar, banner and status bar."""

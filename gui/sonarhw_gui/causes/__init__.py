@@ -1,1 +1,0 @@
-"""The search for causes of misfits, and the panel that lists them."""

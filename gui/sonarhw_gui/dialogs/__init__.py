@@ -1,1 +1,0 @@
-"""The dialogs of the window. None is modal, and one is open at a time."""

@@ -1,1 +1,0 @@
-"""The list of echoes that might be reported."""

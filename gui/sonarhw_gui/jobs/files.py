@@ -1,0 +1,744 @@
+"""The files of the window: opened and saved in threads, watched, followed and listed."""
+
+import math
+import os
+import re
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import BinaryIO, NamedTuple, Protocol
+from xml.etree import ElementTree
+
+from PySide6.QtCore import QObject, Signal
+from sonarhw_compare.film_file import FILMS, write_film
+from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
+from sonarhw_compare.scans import ReadingNote, placed_notes
+from sonarhw_compare.sound import PlayedPing
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.files import file_name
+from sonarhw_sim.room.room import Room, load_room, parse_room
+from sonarhw_sim.room.room_writing import save_room
+
+from sonarhw.errors import InputError, LogError, SonarError, json_text
+from sonarhw.export import export_format, export_suffixes, write_scan
+from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw.readings import Reading
+from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.model.edits import room_and_place
+from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
+from sonarhw_gui.session.notices import with_newest
+from sonarhw_gui.session.scanner import free_name
+from sonarhw_gui.views.base import Pixels
+
+# The readings of a CSV scan as they would be imported, for the preview of the import dialog.
+
+
+@dataclass(frozen=True)
+class CsvRead:
+    """The readings of a CSV file."""
+
+    request: "ReadCsvRequest"
+    readings: tuple[Reading, ...]
+    likely_no_echo: tuple[float, int] | None  # a range that likely means no echo, and its number of readings
+
+
+@dataclass(frozen=True)
+class ReadCsvRequest:
+    """Read a whole CSV file with these columns, units and conventions."""
+
+    path: Path
+    columns: CsvColumns
+    meaning: Meaning
+
+    def answer(self) -> CsvRead:
+        """Read the file. Raises InputError."""
+        readings = tuple(read_foreign_scan(self.path, self.columns, self.meaning))
+        known = self.meaning.no_echo is not None
+        return CsvRead(self, readings, None if known else likely_no_echo(self.path, self.columns))
+
+
+# Requests to open a log, a room or a CSV scan, and their answers.
+
+
+LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
+
+
+@dataclass(frozen=True)
+class LogOpened:
+    """A log and its scene; the room is None if the log contains none."""
+
+    path: Path
+    log: Log
+    scene: Scene
+    notice: str = ""  # where an imported file was stored
+
+
+@dataclass(frozen=True)
+class OpenLogRequest:
+    """Open a log."""
+
+    path: Path
+    last_scene: Scene | None = None  # the scene of the last session; None: use the scene in the log
+
+    def answer(self) -> LogOpened:
+        """Read the log. Raises InputError."""
+        log = read_log(self.path)
+        return LogOpened(self.path, log, self.last_scene or scene_of_log(log.metadata))
+
+
+@dataclass(frozen=True)
+class LogGrown:
+    """A log that was read again, because its file has grown."""
+
+    path: Path
+    log: Log
+    took: float  # s
+
+
+@dataclass(frozen=True)
+class FollowLogRequest:
+    """Read a log that is being written once more."""
+
+    path: Path
+
+    def answer(self) -> LogGrown:
+        """Read the log. Raises InputError."""
+        began = time.perf_counter()
+        log = read_log(self.path)
+        return LogGrown(self.path, log, time.perf_counter() - began)
+
+
+@dataclass(frozen=True)
+class OpenCsvRequest:
+    """Import a CSV scan as a log, and open the log."""
+
+    source: ReadCsvRequest
+    folder: Path  # where the imported log is stored
+
+    def answer(self) -> LogOpened:
+        """Import the file, and read the log. Raises InputError, LogError, OutputError."""
+        readings = self.source.answer().readings
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            why = f"cannot be created: {error.strerror}; imported scans are stored there"
+            raise LogError(f"{self.folder}: {why}") from error
+        path = free_name(self.folder, self.source.path.stem, LOG)
+        write_scan(path, LogMetadata("import", time.time()), readings)
+        log = read_log(path)
+        notice = f"{self.source.path.name} was imported as {path.name}, in {self.folder}"
+        return LogOpened(path, log, scene_of_log(log.metadata), notice)
+
+
+@dataclass(frozen=True)
+class RoomOpened:
+    """The scene of a room file, at its first place."""
+
+    path: Path | None  # None: a shipped room
+    scene: Scene
+
+    def at_known_place(self, here: Scene, recorded: str) -> Scene:
+        """Return the scene at the place of `here` if that is the same room, which was reloaded.
+
+        Else at the place where the readings were recorded, if the room has a place of this name.
+        """
+        room, reloaded = self.scene.room, here.room is not None and here.room_file == self.scene.room_file
+        for name in (here.pose.name if reloaded else "", recorded):
+            if room is not None and name in room.places:
+                return replace(self.scene, place=room.place(name))
+        return self.scene
+
+
+@dataclass(frozen=True)
+class OpenRoomRequest:
+    """Open a room file, or a shipped room by its name."""
+
+    path: Path | str
+    board: Board
+
+    def answer(self) -> RoomOpened:
+        """Read the room. Raises InputError."""
+        room = load_room(self.path)
+        path = self.path if isinstance(self.path, Path) else None
+        return RoomOpened(path, scene_with(self.board, room, first_place(room), file_name(self.path)))
+
+
+Opened = LogOpened | RoomOpened | LogGrown
+OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest | FollowLogRequest
+
+
+def can_open(path: Path) -> bool:
+    """Return whether a file has the extension of a log, a room or a CSV scan."""
+    return path.suffix.lower() in (LOG, ROOM, CSV)
+
+
+def is_csv(path: Path) -> bool:
+    """Return whether a file is a scan that must be imported."""
+    return path.suffix.lower() == CSV
+
+
+def request_for(path: Path, board: Board) -> OpenRequest:
+    """Return the request that opens a file. Raises InputError for an unknown extension."""
+    match path.suffix.lower():
+        case ".mcap":
+            return OpenLogRequest(path)
+        case ".toml":
+            return OpenRoomRequest(path, board)
+    raise InputError(f"{path.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")
+
+
+# The files of the window: opens files in a thread, saves rooms, and lists recent files.
+
+
+class Documents:
+    """Opens one file at a time. A new request replaces a waiting request of the same kind."""
+
+    def __init__(self, folder: Path) -> None:
+        """`folder`: of recordings, where imported scans are stored as logs."""
+        self.recent: tuple[str, ...] = ()
+        self.messages: list[str] = []
+        self.saved_in: Path | None = None
+        self._folder = folder
+        self._worker = Worker("open files")
+
+    def folder(self, shown: str = "") -> Path:
+        """Return the folder for a save dialog: the last one used, else that of the file shown or opened last.
+
+        The folder of recordings and folders without write permission are skipped; the default is the home folder.
+        """
+        if self.saved_in is not None:
+            return self.saved_in
+        folders = (Path(name).parent for name in (shown, *self.recent) if name)
+        fit = (folder for folder in folders if folder != self._folder and os.access(folder, os.W_OK))
+        return next(fit, Path.home())
+
+    @property
+    def busy(self) -> bool:
+        """Whether a file is being opened."""
+        return self._worker.busy
+
+    def open(self, path: Path, board: Board) -> None:
+        """Start to open a file; a room is opened with this board."""
+        try:
+            self._worker.submit(request_for(path, board))
+        except InputError as error:
+            self.messages.append(str(error))
+
+    def import_csv(self, source: ReadCsvRequest) -> None:
+        """Start to import a CSV scan as a log in the folder of recordings, and to open the log."""
+        self._worker.submit(OpenCsvRequest(source, self._folder))
+
+    def submit(self, request: OpenRequest) -> None:
+        """Start to open a file by a request."""
+        self._worker.submit(request)
+
+    def take(self) -> list[Opened]:
+        """Return what was opened since the last call."""
+        opened: list[Opened] = []
+        for answer in self._worker.take():
+            if isinstance(answer, Failure):
+                self.messages.append(answer.message)
+            else:
+                opened.append(answer)
+                if isinstance(answer, LogGrown) or answer.path is None:
+                    continue
+                self.recent = with_newest(self.recent, str(answer.path.absolute()))
+                if isinstance(answer, LogOpened) and answer.notice:
+                    self.messages.append(answer.notice)
+        return opened
+
+    def save_room(self, room: Room | None, path: Path) -> bool:
+        """Write a room and return whether that succeeded. An existing file is overwritten."""
+        try:
+            if room is None:
+                raise InputError("there is no room to save; open a room file")
+            save_room(room, path, overwrite=True)
+        except SonarError as error:
+            self.messages.append(str(error))
+            return False
+        self.recent = with_newest(self.recent, str(path.absolute()))
+        self.saved_in = path.absolute().parent
+        return True
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.close()
+
+
+# Notices that the room or board file shown in the window has changed on disk.
+
+
+LOOK_EVERY = 1.0  # s between two looks at a file
+
+
+class Stamp(NamedTuple):
+    """What differs after a change of a file."""
+
+    changed_ns: int  # time of the last change, since the epoch
+    size: int  # bytes
+
+
+class WatchedFile(StrEnum):
+    """What a file contains."""
+
+    ROOM = "room"
+    BOARD = "board"
+
+
+@dataclass(frozen=True)
+class ReloadBoard:
+    """An accepted offer to read a changed board profile again."""
+
+    path: Path
+
+
+class FileWatch:
+    """Looks at the files once a second, and reports each change once."""
+
+    def __init__(self) -> None:
+        self._files: dict[WatchedFile, tuple[Path, Stamp | None]] = {}
+        self._look_at = 0.0
+
+    def watch(self, what: WatchedFile, path: Path | None) -> None:
+        """Report changes of this file from now on; None: of no file."""
+        self._files.pop(what, None)
+        if path is not None:
+            self._files[what] = path, stamp_of(path)
+
+    def path(self, what: WatchedFile) -> Path | None:
+        """Return the file of this kind; None if none is watched."""
+        return self._files[what][0] if what in self._files else None
+
+    def changed(self, now: float) -> Iterator[tuple[WatchedFile, Path]]:
+        """Yield the files that have changed since the last look. A missing file may be about to be replaced."""
+        if now < self._look_at:
+            return
+        self._look_at = now + LOOK_EVERY
+        for what, (path, before) in list(self._files.items()):
+            stamp = stamp_of(path)
+            if stamp is not None and stamp != before:
+                self._files[what] = path, stamp
+                yield what, path
+
+
+def stamp_of(path: Path) -> Stamp | None:
+    """Return the stamp of a file; None if it is missing or cannot be looked at."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return Stamp(status.st_mtime_ns, status.st_size)
+
+
+# The torn log that is shown: it is read again while another program writes it, or else reported as torn.
+
+
+TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
+_RECENT = 5.0  # s; a log that was written within this time is taken to be in use
+_GROWING = 10.0  # s; a log without a change for so long is not growing any more
+_REST = 5.0  # times the duration of reading the log, before the next look at it
+
+
+class FollowedLog:
+    """The file of a torn log, and the warning about it. All times are s on one clock."""
+
+    def __init__(self) -> None:
+        self._path: Path | None = None
+        self._stamp: Stamp | None = None  # at the last look
+        self._look_at = self._grown_at = -math.inf
+        self._warning, self._warn_at = "", math.inf
+
+    def follow(self, path: Path | None, warning: str, now: float) -> None:
+        """Follow a torn log; None: it is in no file. The warning is due when the log no longer grows, else now."""
+        self._path, self._stamp = path, None if path is None else stamp_of(path)
+        self._look_at, self._grown_at = now, -math.inf
+        in_use = self._stamp is not None and time.time() - self._stamp.changed_ns / 1e9 < _RECENT
+        self._warning, self._warn_at = warning, now + (TORN_AFTER if in_use else 0.0)
+
+    def stop(self) -> None:
+        """Follow nothing, and drop the warning."""
+        self._path, self._grown_at, self._warn_at = None, -math.inf, math.inf
+
+    def grows(self, now: float) -> bool:
+        """Return whether the log has grown within the last seconds."""
+        return now - self._grown_at < _GROWING
+
+    def due_warnings(self, now: float) -> list[str]:
+        """Return the warning if it is due, once."""
+        if now < self._warn_at:
+            return []
+        self._warn_at = math.inf
+        return [self._warning]
+
+    def grown_file(self, now: float) -> Path | None:
+        """Return the file if it has grown since the last look; it must then be read again."""
+        if self._path is None or now < self._look_at:
+            return None
+        self._look_at = now + LOOK_EVERY
+        stamp = stamp_of(self._path)
+        if stamp is None or stamp == self._stamp:
+            return None
+        self._stamp, self._grown_at, self._warn_at = stamp, now, math.inf
+        return self._path
+
+    def rest(self, took: float, now: float) -> None:
+        """Let a log that takes `took` s to read grow for a while before the next look."""
+        self._look_at = now + max(LOOK_EVERY, _REST * took)
+
+
+# Lists the logs in the folder of recordings, newest first; a thread reads a few at a time.
+
+
+_SLICE = 0.2  # s of reading between updates of the list
+
+
+@dataclass(frozen=True)
+class RecordingRow:
+    """One log."""
+
+    path: Path
+    changed: float  # modification time, s since the epoch
+    began: float  # start of the scan, s since the epoch
+    room: str
+    place: str
+    readings: int
+    traces: bool
+    condition: str  # whole, torn, damaged, or why the file cannot be read
+
+
+@dataclass(frozen=True)
+class RecordingList:
+    """The recordings of a folder that are read so far."""
+
+    folder: Path
+    rows: tuple[RecordingRow, ...] = ()  # newest first
+    files: int = 0  # number of logs in the folder
+
+    @property
+    def complete(self) -> bool:
+        """Whether every file has been read."""
+        return len(self.rows) == self.files
+
+
+@dataclass(frozen=True)
+class ListRequest:
+    """Read more recordings of a folder. A file that has not changed is not read again."""
+
+    known: RecordingList
+
+    def answer(self) -> RecordingList:
+        """Read for `_SLICE` s. Raises InputError if the folder cannot be read."""
+        files = _files(self.known.folder)
+        known = {row.path: row for row in self.known.rows}
+        rows, until = [], time.monotonic() + _SLICE
+        for path, changed in files:
+            before = known.get(path)
+            if before is not None and before.changed == changed:
+                rows.append(before)
+            elif time.monotonic() < until:
+                rows.append(_recording(path, changed))
+        rows.sort(key=lambda row: -row.began)
+        return replace(self.known, rows=tuple(rows), files=len(files))
+
+
+def _files(folder: Path) -> list[tuple[Path, float]]:
+    """Return the logs of a folder with their modification times, newest first; none if there is no folder yet."""
+    try:
+        found = [(path, path.stat().st_mtime) for path in folder.glob("*.mcap")]
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read: {error.strerror}") from error
+    return sorted(found, key=lambda one: -one[1])
+
+
+def _recording(path: Path, changed: float) -> RecordingRow:
+    try:
+        log = read_log(path)
+    except InputError as error:
+        reason = str(error).removeprefix(f"{path}: ")
+        return RecordingRow(path, changed, changed, "", "", 0, False, reason)
+    traces = any(reading.trace is not None for reading in log.readings[:1])
+    made = log.metadata
+    return RecordingRow(
+        path, changed, made.started or changed, _room(log), made.place, len(log.readings), traces, log.condition
+    )
+
+
+def _room(log: Log) -> str:
+    """Return the name of the room in a log, else the name of its room file."""
+    try:
+        return parse_room(log.metadata.room_text, "room").name if log.metadata.room_text else log.metadata.room_file
+    except InputError:
+        return log.metadata.room_file
+
+
+class Recordings:
+    """Reads the folder in a thread while the list is shown."""
+
+    def __init__(self, folder: Path) -> None:
+        self.listed = RecordingList(folder)
+        self.failures: list[str] = []
+        self._worker = Worker("list recordings")
+        self._worker.submit(ListRequest(self.listed))
+
+    def take(self) -> bool:
+        """Fetch what was read since the last call; return whether there is anything new."""
+        taken = self._worker.take()
+        for answer in taken:
+            if isinstance(answer, Failure):
+                self.failures.append(answer.message)
+                continue
+            self.listed = answer
+            if not answer.complete:
+                self._worker.submit(ListRequest(answer))
+        return bool(taken)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.close()
+
+
+# SVG with line widths that every program draws correctly.
+#
+# Qt's generator scales shapes by a transform and keeps line widths by `vector-effect`, which only browsers support.
+# This module applies the transform to the coordinates instead.
+
+
+_SVG, _LINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
+_PAIR = re.compile(r"(-?\d[\d.e+-]*|-?\.\d+),(-?\d[\d.e+-]*|-?\.\d+)")
+_EFFECT = "vector-effect"
+_SHAPES = tuple(f"{{{_SVG}}}{name}" for name in ("path", "polyline", "polygon", "rect"))
+_RECT, _PATH = f"{{{_SVG}}}rect", f"{{{_SVG}}}path"
+
+Matrix = tuple[float, ...]  # a, b, c, d, e, f of SVG
+
+
+def with_own_coordinates(svg: str) -> str:
+    """Return the same drawing with transformed coordinates, and text in a font that every system has."""
+    ElementTree.register_namespace("", _SVG)
+    ElementTree.register_namespace("xlink", _LINK)
+    root = ElementTree.fromstring(svg)
+    for group in root.iter(f"{{{_SVG}}}g"):
+        shapes = [*group]
+        scaled = any(shape.get(_EFFECT) for shape in shapes) and all(shape.tag in _SHAPES for shape in shapes)
+        matrix = _matrix(group.get("transform", "")) if scaled else None
+        if matrix is not None:
+            for shape in shapes:
+                _place(shape, matrix)
+            del group.attrib["transform"]
+    for element in root.iter():
+        if element.get("font-family") == "Sans Serif":
+            element.set("font-family", "sans-serif")
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _matrix(transform: str) -> Matrix | None:
+    found = re.fullmatch(r"matrix\(([^)]*)\)", transform)
+    return tuple(float(number) for number in found[1].split(",")) if found else None
+
+
+def _place(shape: ElementTree.Element, matrix: Matrix) -> None:
+    shape.attrib.pop(_EFFECT, None)
+    if shape.tag == _RECT:
+        x, y, width, height = (float(shape.attrib.pop(key, "0")) for key in ("x", "y", "width", "height"))
+        shape.tag = _PATH
+        shape.set("d", f"M{x},{y} L{x + width},{y} L{x + width},{y + height} L{x},{y + height} Z")
+    for key in ("d", "points"):
+        if key in shape.attrib:
+            shape.set(key, _PAIR.sub(lambda pair: _moved(float(pair[1]), float(pair[2]), matrix), shape.attrib[key]))
+
+
+def _moved(x: float, y: float, matrix: Matrix) -> str:
+    a, b, c, d, e, f = matrix
+    return f"{a * x + c * y + e:.7g},{b * x + d * y + f:.7g}"
+
+
+# Requests to save pictures, data and reports; each file is written completely or not at all.
+
+
+JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
+
+
+class Content(Protocol):
+    """The content of a file to save."""
+
+    @property
+    def endings(self) -> Sequence[str]:
+        """The file name extensions that are possible."""
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Write the content; runs in a thread. Raises SonarError."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture of a view, as pixels or as SVG."""
+
+    pixels: Pixels | None
+    svg: str = ""
+    endings: Sequence[str] = (PNG, SVG)
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Write the picture as PNG or SVG."""
+        if self.pixels is None:
+            file.write(with_own_coordinates(self.svg).encode())
+            return
+        from matplotlib.image import imsave  # takes half a second; only the first picture needs it
+
+        imsave(file, self.pixels, format="png")
+
+
+@dataclass(frozen=True)
+class Data:
+    """The readings of a log as from `sonarhw log export`, or the summary of `sonarhw compare --json`."""
+
+    recorded: Log | Path
+    scene: Scene
+    endings: Sequence[str] = (*export_suffixes(), JSON)
+    notes: Sequence[ReadingNote] = ()
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Write the readings or the summary."""
+        log = _log_of(self.recorded)
+        if ending == JSON:
+            file.write(_summary(log, self.scene).encode())
+        else:
+            export_format(ending).write(log, file, _notes_in(log, self.notes))
+
+
+@dataclass(frozen=True)
+class ReportPage:
+    """The report about a log in a scene."""
+
+    name: str
+    recorded: Log | Path
+    scene: Scene
+    link: Sequence[tuple[str, str]] = ()
+    notes: Sequence[ReadingNote] = ()
+    endings: Sequence[str] = (HTML,)
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Compute the report, which takes some seconds, and write it."""
+        from sonarhw_compare.report import report_html, report_of
+        from sonarhw_compare.scans import GivenScan
+
+        log, scene = _log_of(self.recorded), self.scene
+        room, place = room_and_place(scene)
+        report = report_of(
+            GivenScan(self.name, log.readings, log),
+            room,
+            place,
+            scene.board,
+            scene.options,
+            link=tuple(self.link),
+            notes=_notes_in(log, self.notes),
+        )
+        file.write(report_html(report).encode())
+
+
+@dataclass(frozen=True)
+class FilmOfSound:
+    """A film of one ping, as `sonarhw simulate --out FILE.gif` writes it."""
+
+    ping: PlayedPing
+    endings: Sequence[str] = FILMS
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Draw and write the film, which takes some seconds. Raises MissingExtra for a video without PyAV."""
+        from sonarhw_compare.film import FilmTiming  # loads matplotlib, which the window does not need
+
+        write_film(self.ping, FilmTiming(), file, ending)
+
+
+@dataclass(frozen=True)
+class SaveRequest:
+    """Save content to a file."""
+
+    content: Content
+    path: Path
+    overwrite: bool
+
+    def answer(self) -> Path:
+        """Write the file. Raises InputError, OutputError; then no file is written."""
+        from sonarhw.files import atomic_file
+
+        endings, path = self.content.endings, self.path
+        if path.suffix.lower() not in endings:
+            raise InputError(f"{path.name}: expected a name ending in {' or '.join(endings)}")
+        if path.is_symlink() and path.resolve().suffix.lower() not in endings:
+            raise InputError(f"{path}: is a link to {path.resolve()}; choose another name")
+        if path.exists() and not self.overwrite:
+            raise InputError(f"{path}: exists already; choose another name")
+        with atomic_file(path, "name", overwrite=self.overwrite) as file:
+            self.content.write(file, path.suffix.lower())
+        return path
+
+
+def _log_of(recorded: Log | Path) -> Log:
+    return read_log(recorded) if isinstance(recorded, Path) else recorded
+
+
+def _notes_in(log: Log, notes: Sequence[ReadingNote]) -> dict[int, str]:
+    """Return notes by the place of their reading in the log: those of a live scan may be in another order there."""
+    return placed_notes(notes, log.readings, Path(), Path()).texts
+
+
+def _summary(log: Log, scene: Scene) -> str:
+    from sonarhw_compare.match import compare_readings
+
+    room, _ = room_and_place(scene)
+    compared = compare_readings(log.readings, room, scene.pose, scene.board, scene.options)
+    return json_text(asdict(replace(compared, origin=log.origin).summary())) + "\n"
+
+
+# Writes files one after another in a thread, and reports each success or failure.
+
+
+class FileSaver(QObject):
+    """Writes all requested files, one after another."""
+
+    saved = Signal(str)  # message
+    failed = Signal(str)
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._waiting: deque[SaveRequest] = deque()
+        self._worker: Worker | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether files are waiting or being written."""
+        return bool(self._waiting) or (self._worker is not None and self._worker.busy)
+
+    def write(self, content: Content, path: Path, overwrite: bool = False) -> None:
+        """Queue a file; `overwrite`: the user has agreed to overwrite it."""
+        if self._worker is None:
+            self._worker = Worker("save files")
+        self._waiting.append(SaveRequest(content, path, overwrite))
+        self._write_next()
+
+    def tick(self) -> None:
+        """Emit `saved` or `failed` for each finished file."""
+        if self._worker is None:
+            return
+        for answer in self._worker.take():
+            if isinstance(answer, Failure):
+                self.failed.emit(answer.message)
+            else:
+                self.saved.emit(f"saved: {answer}")
+        self._write_next()
+
+    def close(self) -> None:
+        """Write the waiting files, and end the thread."""
+        if self._worker is not None:
+            self._worker.close()
+            for request in self._waiting:
+                with suppress(SonarError):  # the window is closed: no place to report it
+                    request.answer()
+
+    def _write_next(self) -> None:
+        if self._waiting and self._worker is not None and not self._worker.busy:
+            self._worker.submit(self._waiting.popleft())

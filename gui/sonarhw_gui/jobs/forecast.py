@@ -1,0 +1,552 @@
+"""The prediction that the window shows: paths, outline and comparison, computed in threads."""
+
+import math
+import time
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from sonarhw_compare.match import Comparison, Kind, Matched, headings_of, match_readings
+from sonarhw_sim.air import Receiver
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan
+from sonarhw_sim.rays.paths import Paths
+
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.model.edits import room_and_place
+from sonarhw_gui.model.scene import Scene
+
+if TYPE_CHECKING:
+    from sonarhw_compare.pictures import RangeShading
+
+# Adapts bounces, rays and receiver of draft predictions, so that drafts keep up with a dragged sensor.
+
+
+_TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Limits of a draft prediction."""
+
+    max_bounces: int
+    rays: int
+    headings: int  # number of headings, used if every heading needs its own search
+    ideal: bool = True  # whether to use the ideal receiver, which takes half of the time of that of the board
+
+    def limit(self, options: PredictionOptions) -> PredictionOptions:
+        """Return the options limited to this effort."""
+        return replace(
+            options,
+            max_bounces=min(options.max_bounces, self.max_bounces),
+            rays=min(options.rays, self.rays),
+            receiver=Receiver.FIRST_ECHO if self.ideal else options.receiver,
+        )
+
+
+_EFFORTS = (
+    Effort(1, 720, 24),
+    Effort(2, 720, 36),
+    Effort(3, 1440, 72),
+    Effort(4, 1440, 120),
+    Effort(6, 2880, 180),
+    Effort(8, 2880, 360, ideal=False),
+)
+_FIRST = 3
+
+
+class EffortChoice:
+    """Raises the effort while drafts are fast, and lowers it after a slow one."""
+
+    def __init__(self) -> None:
+        self._level = _FIRST
+
+    @property
+    def effort(self) -> Effort:
+        """Limits of the next draft."""
+        return _EFFORTS[self._level]
+
+    def record(self, seconds: float) -> None:
+        """Adapt the effort to the duration of the last draft."""
+        if seconds > _TOO_LONG:
+            self._level = max(0, self._level - 1)
+        elif seconds < _SHORT:
+            self._level = min(len(_EFFORTS) - 1, self._level + 1)
+
+
+# The request for the paths of a scene, and its answer.
+
+
+OUTLINE_HEADINGS = 360
+
+
+@dataclass(frozen=True)
+class PathsFound:
+    """The paths of a scene and the predicted outline."""
+
+    generation: int
+    scene: Scene
+    options: PredictionOptions
+    outline: PredictedScan
+    draft: bool
+    took: float  # s
+
+    @property
+    def paths(self) -> Paths:
+        """The paths that are received at any heading."""
+        return self.outline.paths
+
+
+@dataclass(frozen=True)
+class PathsRequest:
+    """Find the paths from the scene's place back to it."""
+
+    generation: int
+    scene: Scene  # with a room
+    options: PredictionOptions
+    headings: int = OUTLINE_HEADINGS
+
+    def answer(self) -> PathsFound:
+        """Find the paths; in a room with many echoes this takes seconds."""
+        began = time.perf_counter()
+        scene = self.scene
+        room, _ = room_and_place(scene)
+        outline = predict_scan(room, scene.pose, scene.board, self._headings(), self.options)
+        draft = self.options != scene.options or self.headings < OUTLINE_HEADINGS
+        return PathsFound(self.generation, scene, self.options, outline, draft, time.perf_counter() - began)
+
+    def _headings(self) -> FloatArray:
+        board = self.scene.board
+        if board.ring is not None:
+            return board.ring.headings(self.scene.pose)
+        one_search = paths_serve_all_headings(board, self.options.unit)
+        count = OUTLINE_HEADINGS if one_search else self.headings
+        return np.linspace(0, 2 * np.pi, count, endpoint=False)
+
+
+# The probability of ranges at each heading of the predicted outline, as an image for the range view.
+
+
+@dataclass(frozen=True)
+class OutlineChances:
+    """The probabilities of ranges at the headings of the outline."""
+
+    generation: int  # of the scene
+    shading: "RangeShading"
+
+
+@dataclass(frozen=True)
+class ChancesRequest:
+    """Find the probabilities for the outline of these paths."""
+
+    found: PathsFound
+
+    def answer(self) -> OutlineChances:
+        """Search the fainter paths, and weigh the possible readings at every heading of the outline."""
+        # slow to load, and few boards state a spread
+        from sonarhw_compare.pictures import shading_of
+        from sonarhw_sim.predict.probability import possible_readings, scan_with_fainter_paths
+
+        found, scene = self.found, self.found.scene
+        room, _ = room_and_place(scene)
+        headings = found.outline.headings
+        scan = scan_with_fainter_paths(room, scene.pose, scene.board, headings, found.options)
+        possible = [possible_readings(scan, index) for index in range(len(headings))]
+        return OutlineChances(found.generation, shading_of(possible, headings))
+
+
+# Compares every reading of a scan with the prediction, in stretches, in a thread.
+#
+# The stretch of the selected reading is compared first, then its neighbours, then the rest. The readings of a running
+# scan are compared in short stretches, so that each is compared a few times only, and again together when there are
+# STRETCH of them.
+
+
+IntArray = NDArray[np.int64]
+STRETCH = 360  # readings that are compared together
+_SHORT_SCAN = 30  # readings; a shorter stretch is compared again together with those that follow
+_AT_ONCE = 4  # stretches of one request; about 0.1 s
+KINDS = {kind: code for code, kind in enumerate(Kind)}
+NO_PATH = -1
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive readings, compared with the prediction."""
+
+    first: int  # number of the reading in row 0
+    comparison: Comparison
+    draft: bool = False
+    scene_generation: int = 0
+
+    @property
+    def end(self) -> int:
+        """The number after the last reading."""
+        return self.first + len(self.comparison.rows)
+
+    @cached_property
+    def predicted(self) -> FloatArray:
+        """Predicted ranges, (n,) m; NaN: no echo."""
+        return np.array([np.nan if row.predicted is None else row.predicted for row in self.comparison.rows], float)
+
+    @cached_property
+    def kinds(self) -> IntArray:
+        """Index of each reading's class in `Kind`, (n,)."""
+        return np.array([KINDS[row.kind] for row in self.comparison.rows], np.int64)
+
+    @cached_property
+    def paths(self) -> tuple[IntArray, tuple[str, ...]]:
+        """Index of each reading's path name or NO_PATH, (n,), and the names.
+
+        The path of a missed echo is the predicted one.
+        """
+        prediction, rows = self.comparison.prediction, self.comparison.rows
+        missed = {row.index: int(prediction.winners[row.index]) for row in rows if row.kind is Kind.MISSED}
+        found = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
+        different, places = np.unique(found, return_inverse=True)
+        names = {
+            path: ">".join(prediction.paths.via(path, prediction.room)) for path in different.tolist() if path >= 0
+        }
+        in_order = sorted(set(names.values()))
+        place = {path: in_order.index(name) for path, name in names.items()}
+        return np.array([place.get(path, NO_PATH) for path in different.tolist()], np.int64)[places], tuple(in_order)
+
+
+@dataclass(frozen=True)
+class ComparedScan:
+    """The compared stretches of one scan, in order; readings between them are not compared yet."""
+
+    stretches: tuple[Stretch, ...]
+
+    @property
+    def end(self) -> int:
+        """The number after the last compared reading."""
+        return self.stretches[-1].end
+
+    @property
+    def scene_generation(self) -> int:
+        """The generation of the newest prediction in it."""
+        return max(stretch.scene_generation for stretch in self.stretches)
+
+    @property
+    def draft(self) -> bool:
+        """Whether a stretch was compared with a draft."""
+        return any(stretch.draft for stretch in self.stretches)
+
+    def stretch_of(self, reading: int) -> Stretch | None:
+        """Return the stretch of a reading; None if it was not compared."""
+        place = bisect_right(self.stretches, reading, key=lambda stretch: stretch.first) - 1
+        return self.stretches[place] if place >= 0 and reading < self.stretches[place].end else None
+
+    def row(self, reading: int) -> Matched | None:
+        """Return the comparison of a reading; None if it was not compared."""
+        stretch = self.stretch_of(reading)
+        return None if stretch is None else stretch.comparison.rows[reading - stretch.first]
+
+    def with_newer(self, newer: Iterable[Stretch]) -> "ComparedScan":
+        """Return the scan with these stretches, without those that they replace and those of an earlier scene."""
+        by_first = {stretch.first: stretch for stretch in self.stretches}
+        for stretch in newer:
+            for first in [first for first in by_first if stretch.first <= first < stretch.end]:
+                del by_first[first]
+            by_first[stretch.first] = stretch
+        generation = max(stretch.scene_generation for stretch in by_first.values())
+        kept = (by_first[first] for first in sorted(by_first))
+        return ComparedScan(tuple(stretch for stretch in kept if stretch.scene_generation == generation))
+
+
+@dataclass(frozen=True)
+class CompareRequest:
+    """Compare stretches of readings with the prediction from these paths."""
+
+    scan: int  # number of the scan
+    found: PathsFound
+    stretches: tuple[tuple[int, tuple[Reading, ...]], ...]  # number of the first reading, and the readings
+
+    def answer(self) -> "StretchesCompared":
+        """Compare the readings."""
+        return StretchesCompared(self.scan, tuple(self._compared(*stretch) for stretch in self.stretches))
+
+    def _compared(self, first: int, readings: tuple[Reading, ...]) -> Stretch:
+        found, scene = self.found, self.found.scene
+        room, _ = room_and_place(scene)
+        headings = headings_of(readings, scene.pose, scene.board)
+        prediction = predict_scan(room, scene.pose, scene.board, headings, found.options, found.paths)
+        if prediction.only_at is None and len(prediction.paths) == len(found.paths):
+            # all stretches share one table of paths; their copies would fill the memory
+            prediction = replace(prediction, paths=found.paths)
+        stretch = Stretch(first, match_readings(readings, prediction), found.draft, found.generation)
+        _ = stretch.predicted, stretch.kinds, stretch.paths  # computed here, not in the thread that draws
+        return stretch
+
+
+@dataclass(frozen=True)
+class StretchesCompared:
+    """The answer to a `CompareRequest`."""
+
+    scan: int
+    stretches: tuple[Stretch, ...]
+
+
+class Comparer:
+    """Keeps the comparison of one growing scan up to date with the newest paths."""
+
+    def __init__(self) -> None:
+        self.compared: ComparedScan | None = None
+        self.around: int | None = None  # reading whose stretch is compared first; None: the newest
+        self._readings: Sequence[Reading] = ()
+        self._found: PathsFound | None = None
+        self._scan = 0
+        self._worker = Worker("compare readings")
+
+    def begin_scan(self) -> None:
+        """Drop the readings; later readings belong to another scan."""
+        self.compared, self._readings, self.around = None, (), None
+        self._scan += 1
+
+    def follow(self, readings: Sequence[Reading]) -> None:
+        """Compare all these readings; until `begin_scan` they only grow."""
+        self._readings = readings
+        self._submit()
+
+    def use(self, found: PathsFound | None) -> None:
+        """Compare with the prediction from these paths."""
+        self._found = found
+        self._submit()
+
+    @property
+    def uncompared(self) -> int:
+        """The number of readings that are not compared with the newest paths yet; 0 without paths."""
+        if self._found is None:
+            return 0
+        return len(self._readings) - sum(stretch.end - stretch.first for stretch in self._current)
+
+    def take(self) -> tuple[bool, list[Failure]]:
+        """Fetch the answers; return whether anything was compared, and failures."""
+        failures: list[Failure] = []
+        changed = False
+        for answer in self._worker.take():
+            if isinstance(answer, Failure):
+                failures.append(answer)
+            elif answer.scan == self._scan:
+                known = self.compared or ComparedScan(())
+                self.compared, changed = known.with_newer(answer.stretches), True
+        if not failures:  # a request that fails would fail again
+            self._submit()
+        return changed, failures
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.close()
+
+    def _submit(self) -> None:
+        found = self._found
+        if found is None or self._worker.busy:
+            return
+        alike = paths_serve_all_headings(found.scene.board, found.options.unit)
+        around = len(self._readings) - 1 if self.around is None else self.around
+        nearest = sorted(self._stale(), key=lambda stretch: _apart(stretch, around))
+        chosen = nearest[: _AT_ONCE if alike else 1]  # otherwise each heading needs its own search
+        if chosen:
+            stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
+            self._worker.submit(CompareRequest(self._scan, found, stretches))
+
+    @property
+    def _current(self) -> list[Stretch]:
+        """The stretches that are compared with the newest paths."""
+        found, compared = self._found, self.compared
+        if found is None or compared is None:
+            return []
+        newest = (found.generation, found.draft)
+        return [stretch for stretch in compared.stretches if (stretch.scene_generation, stretch.draft) == newest]
+
+    def _stale(self) -> Iterator[tuple[int, int]]:
+        """Yield begin and end of the stretches that are to be compared with the newest paths."""
+        if self._found is None:
+            return
+        last = {stretch.first // STRETCH: stretch for stretch in self._current}  # of each STRETCH readings
+        for begin in range(0, len(self._readings), STRETCH):
+            end, known = min(begin + STRETCH, len(self._readings)), last.get(begin // STRETCH)
+            if known is None or (end == begin + STRETCH and known.first > begin):
+                yield begin, end
+            elif known.end < end:
+                yield (known.first if known.end - known.first < _SHORT_SCAN else known.end), end
+
+
+def _apart(stretch: tuple[int, int], reading: int) -> int:
+    """Return how far a reading is from a stretch; 0 inside."""
+    begin, end = stretch
+    return max(begin - reading, reading - end + 1, 0)
+
+
+# The prediction that the window shows: paths, outline and comparison, computed in threads.
+#
+# Paths are computed twice: first a quick draft, then all paths. During a drag there are only drafts. Answers for a
+# scene or scan that is no longer shown are dropped.
+
+
+LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
+# s without a movement, after which a drag is considered to pause: at least the first, at most the second
+SHORT_REST, REST = 0.05, 0.1
+
+
+class Forecast:
+    """Keeps outline and comparison up to date with the scene and the readings."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.outline: PredictedScan | None = None
+        self.chances: OutlineChances | None = None  # of the outline, after the search for all paths
+        self.outdated = False  # whether the comparison is of a previous scene for longer than LATE
+        self.failures: list[str] = []
+        self._clock = clock
+        self._effort = EffortChoice()
+        self._scene: Scene | None = None
+        self._found: PathsFound | None = None
+        self._generation = 0  # number of the scene; every change increments it
+        self._changed_at: dict[int, float] = {}  # generation: time of its change; only those after the compared scene
+        self._moved_at = -math.inf  # of the last change of the scene
+        self._oldest = 0  # older generations belong to another room
+        self._search_at: float | None = None  # time of the next search for all paths
+        # four threads: drafts and comparisons never wait for the search for all paths, nor for probabilities
+        self._drafter = Worker("draft paths")
+        self._finder = Worker("find paths")
+        self._weigher = Worker("probabilities")
+        self._comparer = Comparer()
+
+    @property
+    def compared(self) -> ComparedScan | None:
+        """The readings that are compared so far; None before the first."""
+        return self._comparer.compared
+
+    @property
+    def uncompared(self) -> int:
+        """The number of readings that are not compared with the newest paths yet."""
+        return self._comparer.uncompared
+
+    @property
+    def dragging(self) -> bool:
+        """Whether the scene was moved a moment ago, so that drafts follow each other."""
+        return self._search_at is not None
+
+    @property
+    def searching(self) -> bool:
+        """Whether the search for all paths is not finished; until then there is a draft, or nothing."""
+        return self._search_at is not None or self._drafter.busy or self._finder.busy
+
+    def set_scene(self, scene: Scene) -> None:
+        """Predict for `scene` from now on, and drop the results for the previous scene."""
+        self._found, self.outline, self.chances = None, None, None
+        self._comparer.use(None)
+        self._oldest = self._generation + 1
+        self.begin_scan()
+        self.change_scene(scene)
+
+    def change_scene(self, scene: Scene, moving: bool = False) -> None:
+        """Predict for the changed `scene`; the previous results stay until there are new ones.
+
+        `moving`: during a drag only drafts are computed.
+        """
+        self._scene = scene
+        self._generation += 1
+        now = self._clock()
+        # on a slow computer, twice the time between two movements is longer, and a search would slow a drag down
+        rest = min(max(2 * (now - self._moved_at), SHORT_REST), REST) if moving else 0.0
+        self._changed_at[self._generation], self._moved_at, self._search_at = now, now, None
+        if scene.room is None:
+            return
+        effort = self._effort.effort
+        self._drafter.submit(PathsRequest(self._generation, scene, effort.limit(scene.options), effort.headings))
+        self._search_at = now + rest
+        self._search_when_due()
+
+    def begin_scan(self) -> None:
+        """Drop the readings; later readings belong to another scan."""
+        self._comparer.begin_scan()
+
+    def follow(self, readings: Sequence[Reading]) -> None:
+        """Compare `readings`, all readings of the scan so far; until `begin_scan` they only grow."""
+        self._comparer.follow(readings)
+
+    def prefer(self, reading: int | None) -> None:
+        """Compare the stretch of this reading first."""
+        self._comparer.around = reading
+
+    def take(self) -> bool:
+        """Fetch the answers since the last call; return whether anything has changed."""
+        self._search_when_due()
+        changed = False
+        for answer in (answer for worker in self._workers for answer in worker.take()):
+            changed = self._accept(answer) or changed
+        changed = self._take_compared() or changed
+        return self._update_outdated() or changed
+
+    def close(self) -> None:
+        """End the threads."""
+        for worker in self._workers:
+            worker.close()
+        self._comparer.close()
+
+    @property
+    def _workers(self) -> tuple[Worker, ...]:
+        return self._drafter, self._finder, self._weigher
+
+    def _update_outdated(self) -> bool:
+        """Update `outdated`; return whether it changed. Only a comparison of the newest scene clears it."""
+        was, compared = self.outdated, self.compared
+        if compared is None or compared.scene_generation >= self._generation:
+            self.outdated = False
+        else:
+            since = self._changed_at.get(compared.scene_generation + 1, self._clock())
+            self.outdated = was or self._clock() - since >= LATE
+        return self.outdated is not was
+
+    def _search_when_due(self) -> None:
+        if self._scene is not None and self._search_at is not None and self._clock() >= self._search_at:
+            self._search_at = None
+            self._finder.submit(PathsRequest(self._generation, self._scene, self._scene.options))
+
+    def _take_compared(self) -> bool:
+        changed, failures = self._comparer.take()
+        self.failures += [failure.message for failure in failures]
+        if self.compared is not None and changed:
+            self._forget_changes(self.compared.scene_generation)
+        return changed or bool(failures)
+
+    def _accept(self, answer: PathsFound | OutlineChances | Failure) -> bool:
+        match answer:
+            case Failure():
+                self.failures.append(answer.message)
+                return True
+            case PathsFound():
+                if answer.draft:
+                    self._effort.record(answer.took)
+                return self._accept_paths(answer)
+            case OutlineChances() if self._found is not None and answer.generation == self._found.generation:
+                self.chances = answer
+                return True
+        return False
+
+    def _accept_paths(self, found: PathsFound) -> bool:
+        """Use these paths if they are of a newer scene, or complete instead of a draft of the same scene."""
+        known = self._found
+        if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
+            return False
+        self._found, self.outline, self.chances = found, found.outline, None
+        if not found.draft and found.outline.board.states_spread:
+            self._weigher.submit(ChancesRequest(found))
+        if self.compared is None:
+            self._forget_changes(found.generation)
+        self._comparer.use(found)
+        return True
+
+    def _forget_changes(self, done: int) -> None:
+        self._changed_at = {scene: at for scene, at in self._changed_at.items() if scene > done}
+
+
+def _rank(found: PathsFound) -> tuple[int, bool]:
+    return found.generation, not found.draft

@@ -1,1 +1,0 @@
-"""The live scanner: its thread, its jobs and its state. No Qt."""

@@ -1,1 +1,0 @@
-"""Palette, theme, units and text size."""

@@ -1,0 +1,342 @@
+"""The appearance of the window: theme, palette, unit of length, text size and symbols."""
+
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QColor, QFont, QFontDatabase, QPainterPath, QPalette, QPolygonF
+from PySide6.QtWidgets import QApplication
+from sonarhw_compare.match import Kind
+from sonarhw_compare.pictures import EXTRA, LONG, MEASURED, MISSED, OWN_BODY, PREDICTED, SHORT, WALL
+
+# Colours and marks, the same in every view, in a light and a dark palette.
+#
+# The hues are those of Okabe and Ito. Each colour also has its own shape or line style, so that colour is never the
+# only difference.
+
+
+class Unclassed(Enum):
+    """The class of a reading that is not compared."""
+
+    MEASURED = auto()  # there is no room to compare with
+    WAITING = auto()  # not compared yet
+
+
+class ViewLayer(Enum):
+    """What the views draw besides the readings, and the legend can hide."""
+
+    TRACE = auto()  # measured
+    PREDICTED = auto()  # outline and trace
+    THRESHOLD = auto()
+    RAYS = auto()
+    BEAM = auto()
+    BLANKING = auto()
+
+
+Class = Kind | Unclassed
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The mark of readings of one class, in every palette."""
+
+    name: str
+    symbol: str  # pyqtgraph's name
+    meaning: str
+    hint: str = ""  # a frequent cause, or what to make of such readings
+    hollow: bool = False  # drawn as an outline
+
+
+UNCLASSED = Mark("measured", "o", "measured, not compared with a prediction")
+MARKS: dict[Class, Mark] = {
+    Kind.MATCH: Mark(
+        "match",
+        "o",
+        "measured and predicted range differ by at most 5 cm",
+        "With several reflections it is a ghost echo: there is no wall at this range",
+    ),
+    Kind.SHORT: Mark(
+        "short",
+        "t",
+        "measured range is shorter than predicted by more than 5 cm",
+        "Often there is something in front of the wall that the room file lacks",
+    ),
+    Kind.LONG: Mark(
+        "long",
+        "t1",
+        "measured range is longer than predicted by more than 5 cm",
+        "Often the predicted echo is weaker in reality, so the board reports a later one",
+    ),
+    Kind.EXTRA: Mark(
+        "extra",
+        "s",
+        "an echo was measured, none was predicted",
+        "Often the room file lacks something there, or the board detects weaker echoes than its profile states",
+    ),
+    Kind.MISSED: Mark(
+        "missed",
+        "x",
+        "an echo was predicted, none was measured; drawn at the predicted range",
+        "Often the surface reflects less sound than assumed, or reflects it elsewhere",
+    ),
+    Kind.OWN_BODY: Mark(
+        "own body",
+        "d",
+        "an echo of the carrier of the sensor, not of the room (own_body of the board)",
+        "It counts neither for nor against the prediction",
+    ),
+    Unclassed.MEASURED: UNCLASSED,
+    Unclassed.WAITING: Mark("not compared", "o", "measured, not compared with the prediction yet", hollow=True),
+}
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """The mark of a scan that is drawn over the one shown; readable on both papers."""
+
+    colour: str
+    symbol: str  # pyqtgraph's name
+
+
+OVERLAYS = (
+    Overlay("#8E6BD8", "h"),
+    Overlay("#1C9C9C", "d"),
+    Overlay("#A6761D", "p"),
+    Overlay("#D6336C", "s"),
+    Overlay("#5B8C2A", "t2"),
+    Overlay("#7787A5", "star"),
+    Overlay("#C04CC0", "t3"),
+    Overlay("#B0554A", "o"),
+)
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The colours of all parts of the window."""
+
+    name: str
+    paper: str  # background of views
+    ink: str  # text and axes in views
+    faint: str  # disabled or outdated text
+    window: str  # background of widgets
+    button: str
+    stripe: str  # alternate rows of a table
+    tip_paper: str
+    wall: str
+    chosen: str  # selected reading: ring, rays, cursor
+    beam: str  # opaque, because transparency takes time at every repaint
+    blanking: str
+    threshold: str
+    tolerance: str  # the band within which measured and predicted match
+    short: str
+    missed: str
+    warning_paper: str
+    warning_ink: str
+    measured: str = MEASURED
+    predicted: str = PREDICTED
+    long: str = LONG
+    extra: str = EXTRA
+    own_body: str = OWN_BODY
+    highlight: str = "#0072B2"
+    note_paper: str = "#F0E442"  # the same on both papers, as the sheets that it reminds of
+    note_ink: str = "#4A4400"
+    live: str = "#00694C"  # badges, with white text
+    replay: str = "#7A4B00"
+    idle: str = "#666666"
+    grid_alpha: float = 0.15
+
+    def of(self, kind: Class) -> str:
+        """Return the colour of the readings of one class."""
+        match kind:
+            case Kind.SHORT:
+                return self.short
+            case Kind.LONG:
+                return self.long
+            case Kind.EXTRA:
+                return self.extra
+            case Kind.MISSED:
+                return self.missed
+            case Kind.OWN_BODY:
+                return self.own_body
+            case Unclassed.WAITING:
+                return self.faint
+        return self.measured
+
+
+LIGHT = Palette(
+    name="light",
+    paper="#FFFFFF",
+    ink="#222222",
+    faint="#8C8C8C",
+    window="#F3F3F1",
+    button="#E9E9E6",
+    stripe="#F4F4F2",
+    tip_paper="#FFFFE8",
+    wall=WALL,
+    chosen="#000000",
+    beam="#F7EFB2",
+    blanking="#E4E4E4",
+    threshold="#777777",
+    tolerance="#EAF3F8",
+    short=SHORT,
+    missed=MISSED,
+    warning_paper="#FFF1D6",
+    warning_ink="#7A3E00",
+)
+DARK = Palette(
+    name="dark",
+    paper="#14171A",
+    ink="#E6E6E6",
+    faint="#85898D",
+    window="#22262A",
+    button="#30353A",
+    stripe="#1B1F23",
+    tip_paper="#30353A",
+    wall="#A6A6A6",
+    chosen="#FFFFFF",
+    beam="#3B3719",
+    blanking="#2B2F33",
+    threshold="#9A9A9A",
+    tolerance="#12293A",
+    short="#CC79A7",
+    missed=MISSED,
+    warning_paper="#4A3408",
+    warning_ink="#FFD98A",
+    predicted="#2E97D8",
+    measured="#EE6C1A",
+    grid_alpha=0.22,
+)
+
+
+# The appearance of the window: palette, unit of length and text size, as a frozen `Look`.
+
+
+_SMALLEST, _LARGEST = 0.7, 2.5  # text scale
+
+
+class LengthUnit(Enum):
+    """The unit of displayed lengths. All values are metres until they are displayed."""
+
+    M = ("m", 1.0, 3)
+    CM = ("cm", 100.0, 1)
+    FT = ("ft", 1 / 0.3048, 2)
+
+    def __init__(self, label: str, per_metre: float, decimals: int) -> None:
+        self.label = label
+        self.per_metre = per_metre
+        self.decimals = decimals
+
+    def of(self, metres: float) -> float:
+        """Return a length in this unit."""
+        return metres * self.per_metre
+
+    def metres(self, length: float) -> float:
+        """Convert a length in this unit to metres."""
+        return length / self.per_metre
+
+    def text(self, metres: float) -> str:
+        """Return the text of a length with its unit."""
+        return f"{self.of(metres):z.{self.decimals}f} {self.label}"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Palette, unit and text size."""
+
+    palette: Palette = LIGHT
+    unit: LengthUnit = LengthUnit.M
+    scale: float = 1.0  # text scale; 1 is the system's text size
+
+    def scaled(self, scale: float) -> "Look":
+        """Return the same look with another text scale, limited to readable sizes that fit the window."""
+        return replace(self, scale=min(max(scale, _SMALLEST), _LARGEST))
+
+
+# The unit of displayed residuals. They are about a hundredth of a range, so their unit is smaller.
+
+
+@dataclass(frozen=True)
+class ResidualUnit:
+    """A small unit of length."""
+
+    label: str
+    per_metre: float
+    decimals: int
+
+    def text(self, metres: float) -> str:
+        """Return the text of a residual with its sign, without the unit."""
+        length = round(metres * self.per_metre, self.decimals)
+        return f"{length:+.{self.decimals}f}" if length else f"{0:.{self.decimals}f}"
+
+
+_UNITS = {
+    LengthUnit.M: ResidualUnit("mm", 1000.0, 0),
+    LengthUnit.CM: ResidualUnit("cm", 100.0, 1),
+    LengthUnit.FT: ResidualUnit("in", 1 / 0.0254, 2),
+}
+
+
+def residual_unit(unit: LengthUnit) -> ResidualUnit:
+    """Return the unit of residuals for ranges in `unit`."""
+    return _UNITS[unit]
+
+
+# The symbol of notes: a sheet of paper with a folded corner, in the upper right quarter of its square.
+#
+# The mark of the reading is in the middle of the square.
+
+
+NOTE_SIZE = 30  # pixels, of the square
+_SHEET = (0.14, -0.48), (0.36, -0.48), (0.48, -0.36), (0.48, -0.1), (0.14, -0.1), (0.14, -0.48)
+_FOLD = (0.36, -0.48), (0.36, -0.36), (0.48, -0.36)
+
+
+def note_symbol() -> QPainterPath:
+    """Return the symbol, in a square of side 1 about the origin."""
+    path = QPainterPath()
+    for corners in (_SHEET, _FOLD):
+        path.addPolygon(QPolygonF([QPointF(*corner) for corner in corners]))
+    return path
+
+
+# Colours and font of all widgets, set for the whole application.
+
+
+def apply_look(look: Look) -> None:
+    """Use the colours and text size of `look` in all widgets."""
+    QApplication.setPalette(_palette(look.palette))
+    QApplication.setFont(text_font(look))
+    pg.setConfigOptions(background=look.palette.paper, foreground=look.palette.ink)
+
+
+def text_font(look: Look, factor: float = 1.0) -> QFont:
+    """Return the system's font, scaled by the look's text size and by `factor`."""
+    font = QFontDatabase.systemFont(QFontDatabase.SystemFont.GeneralFont)
+    font.setPointSizeF(font.pointSizeF() * look.scale * factor)
+    return font
+
+
+def _palette(colours: Palette) -> QPalette:
+    role = QPalette.ColorRole
+    palette = QPalette()
+    for which, colour in {
+        role.Window: colours.window,
+        role.Base: colours.paper,
+        role.AlternateBase: colours.stripe,
+        role.Button: colours.button,
+        role.WindowText: colours.ink,
+        role.Text: colours.ink,
+        role.ButtonText: colours.ink,
+        role.BrightText: colours.ink,
+        role.PlaceholderText: colours.faint,
+        role.ToolTipBase: colours.tip_paper,
+        role.ToolTipText: colours.ink,
+        role.Highlight: colours.highlight,
+        role.HighlightedText: "#FFFFFF",
+        role.Link: colours.predicted,
+    }.items():
+        palette.setColor(which, QColor(colour))
+    for which in (role.WindowText, role.Text, role.ButtonText):
+        palette.setColor(QPalette.ColorGroup.Disabled, which, QColor(colours.faint))
+    return palette

@@ -1,0 +1,288 @@
+"""The device panel: connection, identity, turntable, scan settings and link quality of the scanner."""
+
+import math
+from dataclasses import replace
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QKeyEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QFormLayout,
+    QGridLayout,
+    QGroupBox,
+    QHBoxLayout,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw.readings import ScanOrder
+from sonarhw_gui.model.look import Look
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session.scanner import ScanSettings
+from sonarhw_gui.session.status import (
+    Source,
+    Status,
+    angle_text,
+    identity_text,
+    link_figures,
+    order_of_sector,
+    scan_summary,
+    state_text,
+    temperature_text,
+)
+from sonarhw_gui.widgets import NumberField, PlainLabel, ignore_wheel_without_focus
+from sonarhw_gui.window.commands import Commands
+
+_FARTHEST = 720.0  # degrees, limit of the cable
+_MOST_SWEEPS, _MOST_PINGS = 10_000, 100
+_LONGEST = 30.0  # m
+
+
+class _AngleField(NumberField):
+    """An angle field with a signal for Enter only. Qt's `editingFinished` also fires when the focus leaves."""
+
+    entered = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Emit `entered` on Enter, after the value is applied."""
+        super().keyPressEvent(event)
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self.entered.emit()
+
+
+class DevicePanel(QWidget):
+    """Shows the state of the scanner and controls it."""
+
+    connect_requested = Signal()
+    disconnect_requested = Signal()
+    turn_requested = Signal(float)  # rad from the turntable's zero
+    settings_changed = Signal(object)  # ScanSettings
+
+    def __init__(self, commands: Commands) -> None:
+        super().__init__()
+        self._status = Status()
+        self._look = Look()
+        self.state = PlainLabel("")
+        self.hint = PlainLabel("")
+        self.hint.setWordWrap(True)
+        self.connect_button, self.disconnect_button = QPushButton("Connect"), QPushButton("Disconnect")
+        self.connect_button.setToolTip("Connect and read the scanner's identity; the turntable does not move")
+        self.disconnect_button.setToolTip("Stop and release the port for other programs")
+        self.identity, self.temperature, self.angle = PlainLabel(), PlainLabel(), PlainLabel()
+        self.identity.setWordWrap(True)
+        self.identity.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.target = _degrees(0.0, "Target angle of the turntable; press Enter to turn")
+        self.turn = QPushButton("Turn")
+        self.turn.setToolTip("Turn to this angle; home first if the zero is unknown")
+        self.start, self.end = _degrees(0.0, "Start of the sector"), _degrees(360.0, "End of the sector, excluded")
+        self.step = _degrees(5.0, "Angle from one heading to the next", lowest=0.01, decimals=2)
+        self.sweeps = _count(_MOST_SWEEPS, "Number of passes over the sector, in alternate directions")
+        self.pings = _count(_MOST_PINGS, "Readings at each heading")
+        self.max_range = NumberField(0.0, _LONGEST)
+        self.max_range.setToolTip("Ignore echoes beyond this range; lowest value: the board's maximum range")
+        self.max_range.setSpecialValueText("maximum")
+        self.traces = QCheckBox("Record traces")
+        self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
+        self.summary = PlainLabel()
+        self.summary.setWordWrap(True)
+        self.figures = [PlainLabel() for _ in link_figures(None)]
+        self._turntable = self._made_turntable(commands)
+        self._scan = self._made_scan(commands)
+        self._lay_out(commands)
+        self._connect()
+
+    def show_state(self, shown: Shown) -> None:
+        """Apply a changed look."""
+        if shown.look != self._look:
+            self._look = shown.look
+            self._show_settings()
+            self._show_summary()
+
+    def show_status(self, status: Status) -> None:
+        """Show the status and enable the possible actions."""
+        before, self._status = self._status, status
+        self.state.setText(state_text(status))
+        self.state.setToolTip(status.trouble)
+        self.hint.setText(_hint(status))
+        self.hint.setVisible(bool(self.hint.text()))
+        self.identity.setText(identity_text(status.link))
+        self.temperature.setText(temperature_text(status))
+        self.angle.setText(angle_text(status.angle))
+        for label, (_, figure, _) in zip(self.figures, link_figures(status.link), strict=True):
+            label.setText(figure)
+        self.connect_button.setEnabled(status.can_turn and status.link is None)
+        self.disconnect_button.setEnabled(status.link is not None)
+        obeys = status.link is None or status.link.takes_orders
+        self._turntable.setEnabled(status.can_turn and obeys)
+        for field in (self.start, self.end, self.step, self.pings, self.traces):
+            field.setEnabled(obeys)
+        self._scan.setEnabled(status.can_scan and not status.scanning)
+        if before.scan_settings != status.scan_settings:
+            self._show_settings()
+        self._show_summary()
+
+    # layout
+
+    def _made_turntable(self, commands: Commands) -> QGroupBox:
+        group = QGroupBox("Turntable")
+        row = QHBoxLayout()
+        row.addWidget(_button(commands.home))
+        row.addWidget(self.target, 1)
+        row.addWidget(self.turn)
+        form = QFormLayout(group)
+        form.addRow("Angle", self.angle)
+        form.addRow(row)
+        return group
+
+    def _made_scan(self, commands: Commands) -> QGroupBox:
+        group = QGroupBox("Scan")
+        grid = QGridLayout(group)
+        for place, (name, field) in enumerate(
+            (
+                ("From", self.start),
+                ("to", self.end),
+                ("Step", self.step),
+                ("Pings", self.pings),
+                ("Sweeps", self.sweeps),
+                ("Range", self.max_range),
+            )
+        ):
+            row, column = divmod(place, 2)
+            label = PlainLabel(name)
+            label.setBuddy(field)
+            grid.addWidget(label, row, 2 * column)
+            grid.addWidget(field, row, 2 * column + 1)
+        for column in (1, 3):
+            grid.setColumnStretch(column, 1)
+        grid.addWidget(self.traces, 3, 0, 1, 4)
+        grid.addWidget(self.summary, 4, 0, 1, 4)
+        grid.addWidget(_button(commands.scan), 5, 0, 1, 4)
+        return group
+
+    def _lay_out(self, commands: Commands) -> None:
+        head = QGroupBox("Scanner")
+        buttons = QHBoxLayout()
+        buttons.addWidget(self.connect_button)
+        buttons.addWidget(self.disconnect_button)
+        form = QFormLayout(head)
+        form.addRow(self.state)
+        form.addRow(self.hint)
+        form.addRow(buttons)
+        form.addRow("Identity", self.identity)
+        form.addRow("Air", self.temperature)
+        link = QGroupBox("Link")
+        figures = QFormLayout(link)
+        for label, (name, _, meaning) in zip(self.figures, link_figures(None), strict=True):
+            label.setToolTip(meaning)
+            figures.addRow(name, label)
+        column = QVBoxLayout(self)
+        for part in (head, _button(commands.stop), self._turntable, self._scan, link):
+            column.addWidget(part)
+        column.addStretch(1)
+
+    def _connect(self) -> None:
+        self.connect_button.clicked.connect(self.connect_requested)
+        self.disconnect_button.clicked.connect(self.disconnect_requested)
+        self.turn.clicked.connect(self._turn)
+        self.target.entered.connect(self._turn)
+        for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range):
+            field.valueChanged.connect(self._send_settings)
+        self.traces.toggled.connect(self._send_settings)
+
+    # input
+
+    @Slot()
+    def _turn(self) -> None:
+        self.turn_requested.emit(math.radians(self.target.value()))
+
+    @Slot()
+    def _send_settings(self) -> None:
+        scan_settings, order = self._status.scan_settings, self._show_summary()
+        if scan_settings is not None and order is not None:
+            limit = self.max_range.value()
+            max_range = None if limit == self.max_range.minimum() else self._look.unit.metres(limit)
+            self.settings_changed.emit(
+                replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=max_range)
+            )
+
+    def _sector(self) -> tuple[float, float, float, int, int]:
+        return self.start.value(), self.end.value(), self.step.value(), self.sweeps.value(), self.pings.value()
+
+    # display
+
+    def _show_settings(self) -> None:
+        """Fill the fields from the scan settings. Fields that describe this scan already keep the typed text."""
+        unit = self._look.unit
+        fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range, self.traces)
+        blocked = [QSignalBlocker(field) for field in fields]
+        self.max_range.setRange(0.0, unit.of(_LONGEST))
+        self.max_range.setSuffix(f" {unit.label}")
+        self.max_range.setSingleStep(unit.of(0.5))
+        scan_settings = self._status.scan_settings
+        if scan_settings is not None:
+            self.max_range.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
+            self.traces.setChecked(scan_settings.traces)
+            if not self._has_order_of(scan_settings):
+                self._fill(scan_settings)
+        for block in blocked:
+            block.unblock()
+
+    def _fill(self, scan_settings: ScanSettings) -> None:
+        order = scan_settings.order
+        start, step = math.degrees(order.start), math.degrees(order.step)
+        self.start.setValue(start)
+        self.end.setValue(start + order.headings * step)
+        self.step.setValue(abs(step))
+        self.sweeps.setValue(order.sweeps)
+        self.pings.setValue(order.pings)
+
+    def _has_order_of(self, scan_settings: ScanSettings) -> bool:
+        try:
+            return order_of_sector(*self._sector()) == scan_settings.order
+        except ValueError:
+            return False
+
+    def _show_summary(self) -> ScanOrder | None:
+        """Show a summary of the scan and return its order; None if the settings are invalid."""
+        try:
+            order = order_of_sector(*self._sector())
+        except ValueError as error:
+            self.summary.setText(f"⚠ {error}")
+            return None
+        self.summary.setText(scan_summary(order, self._status.link))
+        return order
+
+
+def _hint(status: Status) -> str:
+    """Return why actions are disabled, and what to do."""
+    if status.source is Source.REPLAY:
+        return "A log is shown. Leave the replay (Ctrl+W) to turn the scanner. A scan closes the log."
+    if not status.can_scan:
+        return "Choose a scanner with Connect (Ctrl+K), or start with “sonarhw gui PORT”."
+    return ""
+
+
+def _button(action: QAction) -> QPushButton:
+    button = QPushButton(f"{action.text()}   {action.shortcut().toString()}")
+    button.setToolTip(action.toolTip())
+    button.setEnabled(action.isEnabled())
+    button.clicked.connect(action.trigger)
+    action.enabledChanged.connect(button.setEnabled)
+    return button
+
+
+def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:
+    field = _AngleField(lowest, _FARTHEST, decimals, "°")
+    field.setValue(value)
+    field.setToolTip(tip)
+    return field
+
+
+def _count(most: int, tip: str) -> QSpinBox:
+    field = QSpinBox(minimum=1, maximum=most)
+    field.setKeyboardTracking(False)
+    field.setToolTip(tip)
+    ignore_wheel_without_focus(field)
+    return field

@@ -1,0 +1,373 @@
+"""The replay bar and the sound bar: play, pause, step, speed, and a slider of time."""
+
+import math
+from dataclasses import replace
+
+from PySide6.QtCore import QRect, QRectF, QSignalBlocker, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QIcon, QMouseEvent, QPainter, QPaintEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QHBoxLayout,
+    QPushButton,
+    QSlider,
+    QStyle,
+    QStyleOptionSlider,
+    QToolButton,
+    QVBoxLayout,
+)
+
+from sonarhw_gui.model.look import LengthUnit, Look, text_font
+from sonarhw_gui.session.sound import SLOWNESSES, SoundState
+from sonarhw_gui.session.source import SPEEDS, ReplayState
+from sonarhw_gui.widgets import (
+    GAP,
+    NEXT_SCAN,
+    PAUSE,
+    PLAY,
+    PREVIOUS_SCAN,
+    STEP_BACK,
+    STEP_FORTH,
+    ElidedLabel,
+    NarrowBar,
+    PlainLabel,
+    Shape,
+    media_icon,
+)
+from sonarhw_gui.window.commands import Commands
+
+# A slider over the time of a log, in whole milliseconds, with a mark at the start of each scan.
+
+
+_STEPS_PER_SECOND = 1000
+_MOST_STEPS = 2**31 - 1
+_MARK = 3.0  # pixels
+_MOST_MARKS = 400  # more marks would merge into a bar
+
+
+class TimeSlider(QSlider):
+    """The position in the log."""
+
+    sought = Signal(float)  # s
+
+    def __init__(self) -> None:
+        super().__init__(Qt.Orientation.Horizontal)
+        self._look = Look()
+        self._scans: tuple[float, ...] = ()
+        self.setMinimumWidth(60)
+        self.setToolTip("Position in the log; drag or click to move. Marks show where scans begin")
+        self.valueChanged.connect(self._seek)
+
+    def show_look(self, look: Look) -> None:
+        """Use the colours of `look`."""
+        self._look = look
+        self.update()
+
+    def show_state(self, state: ReplayState) -> None:
+        """Show the state of the replay."""
+        with QSignalBlocker(self):  # not a request to seek
+            self.setMaximum(min(round(state.duration * _STEPS_PER_SECOND), _MOST_STEPS))
+            self.setPageStep(max(1, self.maximum() // 20))
+            self.setValue(round(state.position * _STEPS_PER_SECOND))
+        if state.scans != self._scans:
+            self._scans = state.scans
+            self.update()
+
+    @property
+    def marks(self) -> list[float]:
+        """The positions of the marks, pixels from the left."""
+        return [self._pixel(begin) for begin in self._scans]
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Move the handle to the mouse; Qt's own slider would move by one page."""
+        if event.button() is Qt.MouseButton.LeftButton and not self._handle().contains(event.position().toPoint()):
+            left, span = self._groove()
+            self.setValue(
+                QStyle.sliderValueFromPosition(
+                    self.minimum(), self.maximum(), round(event.position().x() - left), round(span)
+                )
+            )
+        super().mousePressEvent(event)  # a drag continues from there
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the marks below the slider."""
+        if 1 < len(self._scans) <= _MOST_MARKS:
+            with QPainter(self) as painter:
+                for at in self.marks:
+                    painter.fillRect(QRectF(at - _MARK / 2, 0, _MARK, self.height()), self._look.palette.predicted)
+        super().paintEvent(event)
+
+    def _seek(self, value: int) -> None:
+        self.sought.emit(value / _STEPS_PER_SECOND)
+
+    def _pixel(self, position: float) -> float:
+        left, span = self._groove()
+        return left + span * position * _STEPS_PER_SECOND / max(self.maximum(), 1)
+
+    def _groove(self) -> tuple[float, float]:
+        """Return the leftmost position of the handle's middle, and the distance that it can move, pixels."""
+        handle = self._handle().width()
+        return handle / 2, max(1.0, self.width() - handle)
+
+    def _handle(self) -> QRect:
+        option = QStyleOptionSlider()
+        self.initStyleOption(option)
+        return self.style().subControlRect(
+            QStyle.ComplexControl.CC_Slider, option, QStyle.SubControl.SC_SliderHandle, self
+        )
+
+
+# The replay bar: play, pause, step, previous and next scan, time slider, loop, skip gaps, speed, leave.
+
+
+class ReplayBar(NarrowBar):
+    """Controls the replay. Visible only while a log is shown."""
+
+    toggled = Signal()
+    sought = Signal(float)  # s
+    speed_chosen = Signal(float)
+
+    def __init__(self, commands: Commands) -> None:
+        super().__init__()
+        self._commands = commands
+        self._look = Look()
+        self._playing = False
+        self._widest = ""  # longest text of the time
+        self.badge = PlainLabel("REPLAY")
+        self.badge.setToolTip("The readings come from a log; the scanner is not in use")
+        self.play = QPushButton()
+        self.play.setToolTip(commands.play.toolTip())
+        self.slider = TimeSlider()
+        self.time = PlainLabel()
+        self.time.setToolTip("Time in the log · readings up to this time of all readings")
+        self.speed = QComboBox()
+        self.speed.setToolTip("Speed relative to the recording")
+        for speed in SPEEDS:
+            self.speed.addItem(speed_name(speed), speed)
+        self._arrange()
+        self.play.clicked.connect(self.toggled)
+        self.slider.sought.connect(self.sought)
+        self.speed.activated.connect(self._choose_speed)
+        self.hide()
+
+    def show_look(self, look: Look) -> None:
+        """Use the colours and text size of `look`."""
+        self._look = look
+        self.slider.show_look(look)
+        self.badge.setStyleSheet(
+            f"color: white; background: {look.palette.replay}; border-radius: 4px; padding: 2px 8px; font-weight: bold;"
+        )
+        for action, shape in (
+            (self._commands.previous_scan, PREVIOUS_SCAN),
+            (self._commands.back, STEP_BACK),
+            (self._commands.forward, STEP_FORTH),
+            (self._commands.next_scan, NEXT_SCAN),
+        ):
+            action.setIcon(self._icon(shape))
+        self.time.setFont(text_font(look))
+        self._reserve_time()
+        self._show_playing()
+        self.hide_what_does_not_fit()
+
+    def show_state(self, state: ReplayState | None) -> None:
+        """Show the state of the replay; None hides the bar."""
+        self.setVisible(state is not None)
+        commands = self._commands
+        for action in (commands.play, commands.back, commands.forward, commands.loop, commands.skip_gaps):
+            action.setEnabled(state is not None)
+        for action in (commands.previous_scan, commands.next_scan, commands.leave_replay):
+            action.setEnabled(state is not None)
+        if state is None:
+            return
+        if self._playing != state.playing:
+            self._playing = state.playing
+            self._show_playing()
+        self.slider.show_state(state)
+        self.time.setText(time_text(state))
+        self._widest = time_text(replace(state, position=state.duration, count=state.total))
+        self._reserve_time()
+        self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
+        commands.loop.setChecked(state.loop)
+        commands.skip_gaps.setChecked(state.skip_gaps)
+
+    def _reserve_time(self) -> None:
+        # width of the longest text; otherwise the slider moves at every additional digit
+        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance(self._widest))
+
+    def _arrange(self) -> None:
+        commands = self._commands
+        row = QHBoxLayout(self)
+        row.setContentsMargins(12, 2, 12, 6)
+        row.setSpacing(GAP)
+        loop, gaps, leave = (
+            _button(action, Qt.ToolButtonStyle.ToolButtonTextOnly)
+            for action in (commands.loop, commands.skip_gaps, commands.leave_replay)
+        )
+        previous, following = (
+            _button(action, Qt.ToolButtonStyle.ToolButtonIconOnly)
+            for action in (commands.previous_scan, commands.next_scan)
+        )
+        # a narrow bar hides the first group, a narrower one the second too: menu and status bar have them
+        self.dispensable = (loop, gaps, leave), (self.badge, previous, following)
+        for part in (
+            self.badge,
+            previous,
+            _button(commands.back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            self.play,
+            _button(commands.forward, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            following,
+            self.slider,
+            self.time,
+            self.speed,
+            loop,
+            gaps,
+            leave,
+        ):
+            row.addWidget(part, stretch=1 if part is self.slider else 0)
+
+    @Slot(int)
+    def _choose_speed(self, index: int) -> None:
+        self.speed_chosen.emit(SPEEDS[index])
+
+    def _show_playing(self) -> None:
+        # width of the longer word; otherwise the widgets beside it move at every click
+        self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
+        self.play.setIcon(self._icon(PAUSE if self._playing else PLAY))
+        self.play.setText("Pause" if self._playing else "Play")
+
+    def _icon(self, shape: Shape) -> QIcon:
+        return media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
+
+
+def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:
+    button = QToolButton(toolButtonStyle=style)
+    button.setDefaultAction(action)
+    button.setAutoRepeat(repeats)  # repeats while held down
+    return button
+
+
+def time_text(state: ReplayState) -> str:
+    """Return position and duration of a replay, and the number of readings so far and in total."""
+    return f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}"
+
+
+def clock(seconds: float) -> str:
+    """Return minutes, seconds and tenths as text."""
+    tenths = math.floor(seconds * 10 + 1e-6)
+    return f"{tenths // 600:02d}:{tenths // 10 % 60:02d}.{tenths % 10}"
+
+
+def speed_name(speed: float) -> str:
+    """Return the name of a speed in the list."""
+    return "all at once" if math.isinf(speed) else f"{speed:g}×"
+
+
+# The bar that plays sound: play, time in milliseconds, slow motion, all echoes, loop, film, close.
+
+
+_PER_SECOND = 1_000_000  # steps of the slider, µs
+_STEP, _PAGE = 20, 200  # µs
+
+
+class SoundBar(NarrowBar):
+    """Controls the playback of sound. Visible only while it is open."""
+
+    toggled = Signal()
+    sought = Signal(float)  # s
+    slowness_chosen = Signal(float)
+    loop_changed = Signal(bool)
+    every_changed = Signal(bool)
+    film_requested = Signal()
+    closed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._look, self._unit = Look(), LengthUnit.M
+        self._playing: bool | None = None
+        self.caption, self.time = ElidedLabel(), PlainLabel()
+        self.caption.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.play, self.film, self.close_button = QPushButton(), QPushButton("Film…"), QToolButton(autoRaise=True)
+        self.film.setToolTip("Save as GIF, MP4 or WebM")
+        self.close_button.setText("×")
+        self.close_button.setToolTip("Close this bar (S)")
+        self.close_button.setAccessibleName("Close the sound bar")
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setSingleStep(_STEP)
+        self.slider.setPageStep(_PAGE)
+        self.slider.setToolTip("Time since transmission; drag, or use the arrow keys")
+        self.slider.setAccessibleName("Time since transmission")
+        self.slowness = QComboBox()
+        self.slowness.setToolTip("Slow motion")
+        self.slowness.setAccessibleName("Slow motion")
+        for slowness in SLOWNESSES:
+            self.slowness.addItem(f"1 ms in {slowness / 1000:g} s", slowness)
+        self.every, self.loop = QCheckBox("All echoes"), QCheckBox("Loop")
+        self.every.setToolTip("Also the sound of every later echo over the threshold")
+        self._arrange()
+        self._connect()
+        self.hide()
+
+    def show_look(self, look: Look) -> None:
+        """Use the colours and the unit of `look`."""
+        self._look, self._unit, self._playing = look, look.unit, None
+        self.hide_what_does_not_fit()
+
+    @Slot(object)
+    def show_state(self, state: SoundState | None) -> None:
+        """Show the state of the playback; None hides the bar."""
+        self.setVisible(state is not None)
+        if state is None:
+            return
+        ping = state.ping
+        for part in (self.play, self.slider, self.film):
+            part.setEnabled(ping is not None)
+        duration = 0.0 if ping is None else ping.duration
+        with QSignalBlocker(self.slider):  # not a request to seek
+            self.slider.setMaximum(round(duration * _PER_SECOND))
+            self.slider.setValue(round(state.time * _PER_SECOND))
+        self.time.setText(f"{state.time * 1e3:.2f} / {duration * 1e3:.2f} ms")
+        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance("00.00 / 00.00 ms"))
+        self.caption.setText(state.caption(self._unit))
+        for box, value in ((self.loop, state.loop), (self.every, ping is not None and ping.every)):
+            with QSignalBlocker(box):
+                box.setChecked(value)
+        self.slowness.setCurrentIndex(SLOWNESSES.index(state.slowness))
+        if self._playing is not state.playing:
+            self._playing = state.playing
+            shape, text = (PAUSE, "Pause") if state.playing else (PLAY, "Play")
+            self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
+            self.play.setIcon(
+                media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
+            )
+            self.play.setText(text)
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout()
+        row.setSpacing(GAP)
+        # the menu has the film, and the caption the time
+        self.dispensable = ((self.film, self.time),)
+        parts = (self.play, self.slider, self.time, self.slowness, self.every, self.loop, self.film, self.close_button)
+        for part in parts:
+            row.addWidget(part, stretch=1 if part is self.slider else 0)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(12, 2, 12, 4)
+        column.setSpacing(2)
+        column.addWidget(self.caption)
+        column.addLayout(row)
+
+    def _connect(self) -> None:
+        self.play.clicked.connect(self.toggled)
+        self.slider.valueChanged.connect(self._seek)
+        self.slowness.activated.connect(self._choose_slowness)
+        self.loop.toggled.connect(self.loop_changed)
+        self.every.toggled.connect(self.every_changed)
+        self.film.clicked.connect(self.film_requested)
+        self.close_button.clicked.connect(self.closed)
+
+    @Slot(int)
+    def _seek(self, value: int) -> None:
+        self.sought.emit(value / _PER_SECOND)
+
+    @Slot(int)
+    def _choose_slowness(self, index: int) -> None:
+        self.slowness_chosen.emit(SLOWNESSES[index])

@@ -1,1 +1,0 @@
-"""Small widgets and drawing functions that are not specific to sonar."""

@@ -1,1 +1,0 @@
-"""The plan view of the room, and the tools that edit it."""

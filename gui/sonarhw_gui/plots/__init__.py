@@ -1,1 +1,0 @@
-"""Parts common to all plots: axes, marks, picking, and pictures of views."""

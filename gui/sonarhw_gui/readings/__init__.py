@@ -1,1 +1,0 @@
-"""Readings as ranges over heading, as a table and as a sentence."""

@@ -1,1 +1,0 @@
-"""Several scans at once: their list, and the view of their differences by heading."""

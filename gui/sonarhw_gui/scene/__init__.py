@@ -1,1 +1,0 @@
-"""The scene (room, place and board) and its edits, without widgets."""

@@ -1,0 +1,906 @@
+"""The live scanner: its thread, its jobs, its state, and the choice of one."""
+
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import count
+from math import radians
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_data_path
+from PySide6.QtCore import QObject, Signal, Slot
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Board, board_names, load_board
+
+from sonarhw.errors import Incompatible, LinkError, LogError, NoAnswer, SonarError, WrongDevice
+from sonarhw.host.scanner import ConnectedScanner, DeviceInfo, ScanPlan, probe_port, record_scan
+from sonarhw.host.session import Connection
+from sonarhw.link import LinkStatistics, Port, serial_ports
+from sonarhw.log import LogMetadata, LogWriter
+from sonarhw.readings import FloatArray, Reading, ScanAir, ScanOrder, Trace
+from sonarhw.text_device import LineGuess, guess_lines
+from sonarhw.wire.messages import Outcome
+from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.session.notices import Notice, Until, with_newest
+
+# The state of a live scanner as frozen values: its job, its identity and its link.
+
+
+class Phase(StrEnum):
+    """The phase of a job."""
+
+    CONNECTING = "connecting"
+    READY = "connected"
+    HOMING = "homing"
+    TURNING = "turning"
+    SCANNING = "scanning"
+    DONE = "done"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+    @property
+    def busy(self) -> bool:
+        """Whether the job is running."""
+        return self in (Phase.CONNECTING, Phase.HOMING, Phase.TURNING, Phase.SCANNING)
+
+
+@dataclass(frozen=True)
+class JobState:
+    """The state of a job, without its readings."""
+
+    phase: Phase = Phase.CONNECTING
+    made: int = 0  # readings
+    lost: int = 0  # readings
+    temperature_c: float | None = None
+    angle: float | None = None  # last reported angle of the turntable, rad
+    recording: Path | None = None
+    error: Exception | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the job has ended."""
+        return not self.phase.busy
+
+
+@dataclass(frozen=True)
+class LinkState:
+    """The state of the connection to a scanner at one moment."""
+
+    url: str
+    device: DeviceInfo
+    connection: Connection
+    statistics: LinkStatistics
+    baud: int | None  # None: the link has no baud rate
+    drift: float  # how much faster the host clock runs than the device clock, as a ratio
+    takes_orders: bool = True  # False: the device turns by itself
+    loss: str = ""  # why the connection is lost; empty: it works
+
+
+def trouble(link: LinkState | None, phase: Phase | None) -> str:
+    """Return a message about a lost connection and the attempts to restore it; empty if it works."""
+    if link is None or not link.loss:
+        return ""
+    greeted = link.connection in (Connection.GREETING, Connection.PREPARING)
+    attempt = "Reconnecting to the scanner" if greeted else "The scanner is lost; searching for it"
+    then = ". The scan then continues by itself" if phase is Phase.SCANNING else ""
+    return f"{attempt}{then}. {link.loss}"
+
+
+# Traces stored in the sample format of the wire, so that an hour of a live scan with traces fits into memory.
+#
+# The samples are computed on access.
+
+
+_FORMS = np.uint8, np.uint16  # sample formats of the wire
+_SAME = 1e-12
+_NO_SAMPLES: FloatArray = np.empty(0)  # stored by the base class; the property computes the samples
+
+
+class PackedTrace(Trace):
+    """A trace that stores the integer steps of the converter."""
+
+    def __init__(self, steps: NDArray[np.unsignedinteger], like: Trace) -> None:
+        super().__init__(_NO_SAMPLES, like.rate, like.start, like.carrier)
+        self._steps = steps
+
+    @property
+    def samples(self) -> FloatArray:
+        """The samples as floats, equal to those before packing."""
+        levels = self._steps / np.float64(np.iinfo(self._steps.dtype).max)
+        return 2 * levels - 1 if self.carrier else levels
+
+
+def with_packed_trace(reading: Reading) -> Reading:
+    """Return the reading with a packed trace."""
+    return reading if reading.trace is None else replace(reading, trace=packed(reading.trace))
+
+
+def packed(trace: Trace) -> Trace:
+    """Return the trace in 1/8 or 1/4 of its memory; unchanged if samples are lost or finer than on the wire."""
+    levels = (trace.samples + 1) / 2 if trace.carrier else trace.samples
+    for form in _FORMS:
+        full = np.iinfo(form).max
+        steps = np.round(levels * full)
+        if (np.abs(steps / full - levels) < _SAME).all() and ((steps >= 0) & (steps <= full)).all():
+            return PackedTrace(steps.astype(form), trace)
+    return trace
+
+
+# The serial ports of this computer and the devices that answer there, listed and probed in a thread.
+#
+# Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
+# reset its device. On request, a port is listened at for the text of a device that prints readings.
+
+
+@dataclass(frozen=True)
+class PortRow:
+    """One port."""
+
+    device: str
+    description: str
+    known: bool  # whether its USB device may be a scanner
+    answer: str = "not checked"
+    answers: bool = False  # whether a scanner answers
+    proposed_url: str = ""  # of a device that prints readings
+
+
+@dataclass(frozen=True)
+class _ListPorts:
+    find: Callable[[], list[Port]]
+
+    def answer(self) -> tuple[PortRow, ...]:
+        return tuple(
+            PortRow(port.device, port.known or port.description, port.known is not None) for port in self.find()
+        )
+
+
+@dataclass(frozen=True)
+class _ProbePort:
+    row: PortRow
+    probe: Callable[[str], tuple[bool, str]]
+
+    def answer(self) -> PortRow:
+        answers, answer = self.probe(self.row.device)
+        return replace(self.row, answer=answer, answers=answers)
+
+
+@dataclass(frozen=True)
+class _ListenAt:
+    row: PortRow
+    guess: Callable[[str, Callable[[], bool]], LineGuess]
+    stopped: Callable[[], bool]
+
+    def answer(self) -> PortRow:
+        try:
+            found = self.guess(self.row.device, self.stopped)
+        except LinkError as error:
+            return replace(self.row, answer=str(error).removeprefix(f"{self.row.device}: "))
+        return replace(self.row, answer=found.text, proposed_url=found.url or "")
+
+
+class PortList:
+    """The ports, probed one after another."""
+
+    def __init__(
+        self,
+        find: Callable[[], list[Port]] = serial_ports,
+        probe: Callable[[str], tuple[bool, str]] = probe_port,
+        guess: Callable[[str, Callable[[], bool]], LineGuess] = guess_lines,
+    ) -> None:
+        self.rows: tuple[PortRow, ...] = ()
+        self.failures: list[str] = []
+        self._find, self._probe, self._guess = find, probe, guess
+        self._closing = threading.Event()
+        self._in_use = ""
+        self._to_probe: list[str] = []
+        self._worker = Worker("probe ports")
+
+    @property
+    def busy(self) -> bool:
+        """Whether ports are being listed or probed."""
+        return bool(self._to_probe) or self._worker.busy
+
+    def list_ports(self, in_use: str = "") -> None:
+        """List the ports, and probe those with a known device, except the port in use."""
+        self._in_use, self._to_probe = in_use, []
+        self._worker.submit(_ListPorts(self._find))
+
+    def probe_all(self) -> None:
+        """Probe every port that was not checked yet."""
+        self._queue([row.device for row in self.rows])
+
+    def listen(self, device: str) -> None:
+        """Listen at a port for text, also at one that is not listed."""
+        if device not in [row.device for row in self.rows]:
+            self.rows += (PortRow(device, "", known=False),)
+        self.rows = tuple(replace(row, answer="listening …") if row.device == device else row for row in self.rows)
+        row = next(row for row in self.rows if row.device == device)
+        self._worker.submit(_ListenAt(row, self._guess, self._closing.is_set))
+
+    def take(self) -> bool:
+        """Fetch the answers since the last call; return whether anything has changed."""
+        taken = self._worker.take()
+        for answer in taken:
+            match answer:
+                case Failure():
+                    self.failures.append(answer.message)
+                case PortRow():
+                    self.rows = tuple(answer if row.device == answer.device else row for row in self.rows)
+                case rows:
+                    self.rows = tuple(
+                        replace(row, answer="in use by this window") if row.device == self._in_use else row
+                        for row in rows
+                    )
+                    self._queue([row.device for row in rows if row.known])
+        if taken:
+            self._probe_next()
+        return bool(taken)
+
+    def close(self) -> None:
+        """End the thread, after the port that is being probed."""
+        self._to_probe.clear()
+        self._closing.set()
+        self._worker.close()
+
+    def _queue(self, devices: list[str]) -> None:
+        waiting = {row.device for row in self.rows if row.answer == "not checked"}
+        self._to_probe = [device for device in devices if device in waiting]
+        self.rows = tuple(
+            replace(row, answer="checking …") if row.device in self._to_probe else row for row in self.rows
+        )
+        self._probe_next()
+
+    def _probe_next(self) -> None:
+        if self._to_probe and not self._worker.busy:
+            device = self._to_probe.pop(0)
+            self._worker.submit(_ProbePort(next(row for row in self.rows if row.device == device), self._probe))
+
+
+# Creates the log of a live scan, in the user's folder of recordings, named by date and room.
+
+
+def recordings_folder() -> Path:
+    """Return the folder of recordings on this system; it may not exist yet."""
+    return user_data_path("sonarhw", appauthor=False) / "recordings"
+
+
+def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> tuple[LogWriter, Path]:
+    """Create a log in `folder`, named by time and room; `warn` is called when the disk is nearly full.
+
+    Raises LogError if the log cannot be created.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be created: {error.strerror}; recordings are stored there") from error
+    now = time.time()
+    path = free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_name_part(scene)}", ".mcap")
+    room = scene.written_room
+    metadata = LogMetadata(
+        made_by="scan",
+        started=now,
+        room_file=scene.room_file,
+        room_text=room.text if room else "",
+        place=scene.pose.name,
+        board=scene.board.name,
+        board_text=scene.board.text,
+    )
+    return LogWriter(path, metadata, warn=warn), path
+
+
+def _name_part(scene: Scene) -> str:
+    """Return the room's name without characters that a file system may reject."""
+    return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
+
+
+def free_name(folder: Path, stem: str, suffix: str) -> Path:
+    """Return a file in `folder` that does not exist: the stem, with a number from 2 on if necessary."""
+    names = (folder / f"{stem}{'' if k == 1 else f'_{k}'}{suffix}" for k in count(1))
+    return next(name for name in names if not name.exists())
+
+
+# The board profile that a scanner names: used from its connection on, except over a profile of the user.
+
+
+class ScannerBoard:
+    """Whether to use the profile that the scanner names; decided once for each scanner that the user chooses."""
+
+    def __init__(self) -> None:
+        self.wanted = False
+
+    def instead_of(self, shown: Board, link: LinkState | None) -> Board | None:
+        """Return the profile to use for a scanner that was just connected; None: keep the one shown."""
+        if link is None or not self.wanted:
+            return None
+        self.wanted = False
+        board = suited_board(link.device.board, shown)
+        return None if board is shown else board
+
+
+def suited_board(named: str, shown: Board) -> Board:
+    """Return the included profile that a scanner names, if the profile shown is another included one; else that shown.
+
+    A profile with a name of its own is kept: it may be that of this very scanner.
+    """
+    both_included = {named, shown.name} <= set(board_names())
+    return load_board(named) if both_included and named != shown.name else shown
+
+
+# The jobs of a scanner, as frozen values: connect, home, turn, or scan and record.
+
+
+ScannerOpener = Callable[[], AbstractContextManager[ConnectedScanner]]
+WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """What to scan and where to record it."""
+
+    folder: Path
+    order: ScanOrder = WHOLE_TURN
+    traces: bool = True
+    max_range: float | None = None  # m; None: the maximum range of the board
+
+
+class JobReport(Protocol):
+    """Receives the progress of a job."""
+
+    status: JobState
+
+    @property
+    def stop_wanted(self) -> bool:
+        """Whether the user wants the job to stop."""
+
+    def advance(self, phase: Phase, **known: Any) -> None:
+        """Store the phase of the job, and other values of its state."""
+
+    def add_reading(self, reading: Reading) -> None:
+        """Add a reading of the job."""
+
+    def warn(self, message: str) -> None:
+        """Report a warning; the job continues."""
+
+
+class ScannerJob(Protocol):
+    """A job of a scanner."""
+
+    @property
+    def phase(self) -> Phase:
+        """The phase at its start."""
+
+    @property
+    def done(self) -> Phase:
+        """The phase after success."""
+
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+        """Run the job. Raises the errors of the scanner."""
+
+
+@dataclass(frozen=True)
+class ConnectJob:
+    """Only connect."""
+
+    phase: Phase = Phase.CONNECTING
+    done: Phase = Phase.READY
+
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+        """Return at once: the scanner is already connected."""
+        return Outcome.DONE
+
+
+@dataclass(frozen=True)
+class HomeJob:
+    """Find the zero of the turntable."""
+
+    phase: Phase = Phase.HOMING
+    done: Phase = Phase.READY
+
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+        """Home the turntable."""
+        return _at(0.0, scanner.home(), report)
+
+
+@dataclass(frozen=True)
+class TurnJob:
+    """Turn to an angle."""
+
+    angle: float  # of the turntable, rad
+    phase: Phase = Phase.TURNING
+    done: Phase = Phase.READY
+
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+        """Turn; the scanner homes first if necessary."""
+        return _at(self.angle, scanner.turn(self.angle), report)
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """Home, scan and record."""
+
+    scene: Scene
+    scan_settings: ScanSettings
+    takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
+    phase: Phase = Phase.HOMING
+    done: Phase = Phase.DONE
+
+    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+        """Scan into a new log. Also raises LogError if the log cannot be created."""
+        scene = self._scene_of(scanner)
+        log, path = start_recording(self.scan_settings.folder, scene, report.warn)
+        report.advance(Phase.HOMING, recording=path)
+        try:
+            return record_scan(scanner, self._plan(scene), log, _ScanReport(report, scanner))
+        finally:
+            if not path.exists():
+                report.advance(report.status.phase, recording=None)
+
+    def _scene_of(self, scanner: ConnectedScanner) -> Scene:
+        board = self.scene.board
+        return replace(self.scene, board=suited_board(scanner.info.board, board) if self.takes_board else board)
+
+    def _plan(self, scene: Scene) -> ScanPlan:
+        board = scene.board
+        air = scene.room.air if scene.room else Air()
+        return ScanPlan(
+            self.scan_settings.order,
+            reach=board.max_range if self.scan_settings.max_range is None else self.scan_settings.max_range,
+            blanking=board.blanking_end,
+            air=ScanAir(air.speed_at, air.temperature_c),
+            traces=self.scan_settings.traces,
+        )
+
+
+class _ScanReport:
+    """Passes the progress of a scan to the report of its job."""
+
+    def __init__(self, report: JobReport, scanner: ConnectedScanner) -> None:
+        self.warn = report.warn
+        self._report = report
+        self._scanner = scanner
+        self._lost_before = scanner.statistics.lost_readings
+
+    @property
+    def stop_wanted(self) -> bool:
+        return self._report.stop_wanted
+
+    def homed(self) -> None:
+        self._report.advance(Phase.SCANNING)
+
+    def reading(self, reading: Reading) -> None:
+        report = self._report
+        report.add_reading(reading)
+        lost = self._scanner.statistics.lost_readings - self._lost_before
+        report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
+        if reading.temperature_c is not None:
+            report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
+
+
+def _at(angle: float, outcome: Outcome, report: JobReport) -> Outcome:
+    if outcome is not Outcome.STOPPED:
+        report.advance(report.status.phase, angle=angle)
+    return outcome
+
+
+# One scanner in a thread: opens the connection, runs jobs one after another, watches the link, closes it.
+#
+# Readings wait in a bounded queue that drops the oldest, so the scan and its log never wait for the window.
+
+
+MOST_WAITING = 1024  # readings; over half a minute of the fastest board
+_POLL_EVERY = 0.25  # s; a person cannot read values that change more often
+
+
+class LiveDevice:
+    """A connection from `start` until `disconnect` or until it breaks. It cannot be started again."""
+
+    def __init__(
+        self,
+        opener: ScannerOpener,
+        job: ScannerJob,
+        arrived: Callable[[], None],
+        after: "LiveDevice | None" = None,
+    ) -> None:
+        """`arrived` is called after each reading, in the thread.
+
+        `after`: an earlier connection, which must end first because it may still use the port.
+        """
+        self.status = JobState()
+        self.link: LinkState | None = None
+        self.warnings: deque[str] = deque()  # the reader removes them
+        self.leaving = False  # True: no more jobs are accepted
+        self._opener = opener
+        self._after = after
+        self._arrived = arrived
+        self._jobs: SimpleQueue[ScannerJob | None] = SimpleQueue()
+        self._jobs.put(job)
+        self._readings: deque[Reading] = deque(maxlen=MOST_WAITING)
+        self._stop_wanted = threading.Event()
+        self._wake = threading.Event()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live scanner", daemon=True)
+
+    def start(self) -> None:
+        """Start to connect and to run the first job."""
+        self._thread.start()
+
+    @property
+    def over(self) -> bool:
+        """Whether the connection is closed."""
+        return self._over.is_set()
+
+    def submit(self, job: ScannerJob) -> JobState:
+        """Queue a job, and return its state before it runs; the previous job must have ended."""
+        self._stop_wanted.clear()
+        state = self.status = JobState(job.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
+        self._jobs.put(job)
+        return state
+
+    def take(self) -> list[Reading]:
+        """Return the readings since the last call."""
+        taken = []
+        while self._readings:
+            taken.append(self._readings.popleft())
+        return taken
+
+    def stop(self) -> None:
+        """Ask the job to stop; it has stopped when `status.ended`."""
+        self._stop_wanted.set()
+        self._wake.set()
+
+    def disconnect(self) -> None:
+        """Close the connection after the current job."""
+        self.leaving = True
+        self._jobs.put(None)
+
+    def join(self) -> None:
+        """Wait until the board has stopped, the log is closed and the port is free."""
+        self._thread.join()
+
+    # JobReport
+
+    @property
+    def stop_wanted(self) -> bool:
+        """Whether the user wants the job to stop."""
+        return self._stop_wanted.is_set()
+
+    def advance(self, phase: Phase, **known: Any) -> None:
+        """Store the phase of the job, and other values of its state."""
+        self.status = replace(self.status, phase=phase, **known)
+
+    def add_reading(self, reading: Reading) -> None:
+        """Queue a reading of the job."""
+        self._readings.append(reading)
+        self._arrived()
+
+    def warn(self, message: str) -> None:
+        """Queue a warning; the job continues."""
+        self.warnings.append(message)
+
+    # the thread
+
+    def _run(self) -> None:
+        if self._after is not None:
+            self._after.join()
+            self._after = None
+        try:
+            with self._opener() as scanner:
+                self._run_jobs(scanner)
+        except Exception as error:  # noqa: BLE001 - the window reports it, or raises it if it is a defect
+            self.leaving = True  # before the job is reported as failed, so that no other job is queued
+            self._failed(error)
+        finally:
+            self.link = None
+            self._over.set()
+
+    def _run_jobs(self, scanner: ConnectedScanner) -> None:
+        closing = threading.Event()
+        self.link = _link_state(scanner)
+        self.advance(self.status.phase, temperature_c=scanner.info.temperature_c)
+        watcher = threading.Thread(target=self._watch, args=(scanner, closing), name="watch the line", daemon=True)
+        watcher.start()
+        try:
+            while (job := self._jobs.get()) is not None:
+                self._run_job(job, scanner)
+        finally:
+            closing.set()
+            self._wake.set()
+            watcher.join()
+
+    def _run_job(self, job: ScannerJob, scanner: ConnectedScanner) -> None:
+        try:
+            self.advance(job.phase)
+            outcome = Outcome.STOPPED if self.stop_wanted else job.run(scanner, self)
+        except (LinkError, NoAnswer, WrongDevice, Incompatible):
+            raise
+        except SonarError as error:  # the connection still works
+            self._failed(error)
+        else:
+            self.advance(Phase.STOPPED if outcome is Outcome.STOPPED else job.done)
+
+    def _failed(self, error: Exception) -> None:
+        # errors while stopping are caused by the stop
+        stopping = self.stop_wanted and isinstance(error, SonarError)
+        self.advance(Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
+
+    def _watch(self, scanner: ConnectedScanner, closing: threading.Event) -> None:
+        """Poll the state of the link, and send stop commands; neither may delay the window or the job."""
+        while not closing.is_set():
+            if self.stop_wanted and not self.status.ended:
+                with suppress(SonarError):  # repeated until the job has ended
+                    scanner.stop()
+            self.link = _link_state(scanner)
+            self._wake.wait(_POLL_EVERY)
+            self._wake.clear()
+
+
+def _link_state(scanner: ConnectedScanner) -> LinkState:
+    return LinkState(
+        url=scanner.url,
+        device=scanner.info,
+        connection=scanner.state,
+        statistics=scanner.statistics,
+        baud=scanner.baud,
+        drift=scanner.clock_drift,
+        takes_orders=scanner.takes_orders,
+        loss=str(scanner.loss or ""),
+    )
+
+
+# The live scanner of the session: starts and stops jobs, and polls for new readings every tick.
+
+
+_IDLE = JobState(Phase.DONE)
+
+
+class LiveFeed:
+    """At most one connection with at most one job, and the readings of the last scan."""
+
+    def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings, arrived: Callable[[], None]) -> None:
+        """`arrived` is called after each reading, in the thread of the scanner."""
+        self.scan_settings = scan_settings
+        self._arrived = arrived
+        self.readings: tuple[Reading, ...] = ()
+        self._opener = opener
+        self._device: LiveDevice | None = None
+        self._connected: LiveDevice | None = None  # the last one that made a connection
+        self._has_own_readings = False  # whether the readings came from the current scanner
+        self._last_state = _IDLE  # of the job, when its readings were fetched last
+        self._end_reported = True
+
+    @property
+    def possible(self) -> bool:
+        """Whether a scanner was chosen."""
+        return self._opener is not None
+
+    @property
+    def phase(self) -> Phase | None:
+        """The phase of the job; None before the first job, and after a connection that was closed without readings."""
+        device = self._device
+        if device is None:
+            return None
+        if device.over and self._last_state.phase is Phase.READY:  # not connected any more
+            return Phase.DONE if self.readings else None
+        return self._last_state.phase
+
+    @property
+    def status(self) -> JobState:
+        """The state of the job when its readings were fetched last, so that no reading follows the end."""
+        return self._last_state
+
+    @property
+    def link(self) -> LinkState | None:
+        """The last known state of the connection; None without a connection."""
+        return self._device.link if self._device else None
+
+    @property
+    def made_readings(self) -> bool:
+        """Whether the connected scanner made the readings."""
+        return self.link is not None and self._has_own_readings
+
+    @property
+    def trouble(self) -> str:
+        """The message about a lost connection; empty if the connection works."""
+        return trouble(self.link, self.phase)
+
+    @property
+    def running(self) -> bool:
+        """Whether a job is running."""
+        return not self.status.ended
+
+    def use(self, opener: ScannerOpener | None) -> None:
+        """Use another scanner from now on, or none."""
+        self.disconnect()
+        self._has_own_readings = False
+        self._opener = opener
+
+    def set_scan_settings(self, scan_settings: ScanSettings) -> None:
+        """Set the settings of the next scan."""
+        self.scan_settings = scan_settings
+
+    def connect(self) -> None:
+        """Connect to the scanner."""
+        self._submit(ConnectJob())
+
+    def home(self) -> None:
+        """Find the zero of the turntable."""
+        self._submit(HomeJob())
+
+    def turn(self, angle: float) -> None:
+        """Turn the turntable to `angle`, rad."""
+        self._submit(TurnJob(angle))
+
+    def start(self, scene: Scene, takes_board: bool = False) -> None:
+        """Start a scan; the readings of the previous scan are dropped. `takes_board`: see `ScanJob`."""
+        if self.possible and not self.running:
+            self.readings = ()
+            self._submit(ScanJob(scene, self.scan_settings, takes_board))
+
+    def stop(self) -> None:
+        """Ask the job to stop."""
+        if self._device is not None:
+            self._device.stop()
+
+    def disconnect(self) -> None:
+        """Stop the job and close the port."""
+        if self._device is not None:
+            self._device.stop()
+            self._device.disconnect()
+
+    def close(self) -> None:
+        """Disconnect, and wait until the board has stopped and the log is closed."""
+        self.disconnect()
+        if self._device is not None:
+            self._device.join()
+
+    def newly_connected(self) -> bool:
+        """Return whether a connection was made since the last call."""
+        before, device = self._connected, self._device
+        if device is not None and device.link is not None:
+            self._connected = device
+        return self._connected is not before
+
+    def take(self) -> tuple[int, Notice | None]:
+        """Fetch new readings; return their number, and a warning or the error of the job, if any."""
+        if self._device is None:
+            return 0, None
+        status = self._last_state = self._device.status  # before the readings, so that no reading follows the end
+        fresh = tuple(self._device.take())
+        if fresh:
+            self._has_own_readings = True
+            self.readings += tuple(map(with_packed_trace, fresh))
+        if self._device.warnings:
+            return len(fresh), Notice(self._device.warnings.popleft())
+        if not status.ended or self._end_reported:
+            return len(fresh), None
+        self._end_reported = True
+        text, until = _error_text(status), Until.CONNECTED if self._device.leaving else None
+        return len(fresh), Notice(text, error=True, until=until) if text else None
+
+    def _submit(self, job: ScannerJob) -> None:
+        if self._opener is None or self.running:
+            return
+        self._end_reported = False
+        device = self._device
+        if device is None or device.over or device.leaving:
+            device = self._device = LiveDevice(self._opener, job, self._arrived, device)
+            self._last_state = device.status  # before the thread, whose error is reported with a tick
+            device.start()
+        else:
+            self._last_state = device.submit(job)
+
+
+def _error_text(status: JobState) -> str:
+    """Return the message of the job's error, if any. Raises an error that is not a SonarError or OSError."""
+    if status.error is None:
+        return ""
+    if not isinstance(status.error, SonarError | OSError):
+        raise status.error
+    return str(status.error)
+
+
+# The choice of the scanner, and the list of ports.
+
+
+@dataclass(frozen=True)
+class ScannerTarget:
+    """A scanner to connect to."""
+
+    url: str
+    opener: ScannerOpener
+    scene: Scene | None = None  # the scene of a fake scanner
+
+
+ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for an invalid URL
+
+
+class ScannerChoice(QObject):
+    """The chosen scanner, if any, and the ports that were found last."""
+
+    chosen = Signal(object)  # ScannerTarget
+    ports_changed = Signal(object)  # tuple of PortRow
+    failed = Signal(str)
+
+    def __init__(self, scanner: ScannerTarget | None, find_scanner: ScannerFinder | None, parent: QObject) -> None:
+        """`scanner`: chosen at the start."""
+        super().__init__(parent)
+        self.url = scanner.url if scanner else ""
+        self.opener = scanner.opener if scanner else None
+        self.urls: tuple[str, ...] = ()  # used before, newest first
+        self._find_scanner = find_scanner
+        self._make_ports = PortList
+        self._ports: PortList | None = None
+
+    @property
+    def possible(self) -> bool:
+        """Whether a scanner can be chosen by its URL."""
+        return self._find_scanner is not None
+
+    @property
+    def rows(self) -> Sequence[PortRow]:
+        """The ports that were found last."""
+        return self._ports.rows if self._ports else ()
+
+    @Slot(str)
+    def choose(self, url: str) -> None:
+        """Choose the scanner at `url`: emits `chosen`, or `failed` for an invalid URL."""
+        if (target := self.find(url)) is not None:
+            self.chosen.emit(target)
+
+    def find(self, url: str) -> ScannerTarget | None:
+        """Return the scanner at `url`. Emits `failed` and returns None for an invalid URL."""
+        try:
+            return self._find_scanner(url) if self._find_scanner is not None else None
+        except SonarError as error:
+            self.failed.emit(str(error))
+            return None
+
+    def remember(self, target: ScannerTarget) -> None:
+        """Store that this scanner is used now."""
+        self.url, self.opener = target.url, target.opener
+        self.urls = with_newest(self.urls, target.url)
+
+    @Slot()
+    def list_ports(self) -> None:
+        """List the ports of this computer."""
+        if self._ports is None:
+            self._ports = self._make_ports()
+        self._ports.list_ports(self.url)
+
+    @Slot()
+    def probe_all(self) -> None:
+        """Probe every port: open it and check whether a scanner answers."""
+        if self._ports is not None:
+            self._ports.probe_all()
+
+    @Slot(str)
+    def listen(self, device: str) -> None:
+        """Listen at a port for the text of a device that prints readings."""
+        if self._ports is not None:
+            self._ports.listen(device)
+            self.ports_changed.emit(self._ports.rows)
+
+    def tick(self) -> None:
+        """Emit changes of the ports."""
+        if self._ports is None:
+            return
+        if self._ports.take():
+            self.ports_changed.emit(self._ports.rows)
+        for message in self._ports.failures:
+            self.failed.emit(message)
+        self._ports.failures.clear()
+
+    def close(self) -> None:
+        """End the thread that probes the ports."""
+        if self._ports is not None:
+            self._ports.close()

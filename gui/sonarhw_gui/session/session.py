@@ -1,0 +1,1039 @@
+"""The session: the state of the window, without widgets.
+
+It owns the shown content, live scan, replay, files and fit, and reports changes by signals. With every tick of its
+timer it fetches the results of all threads from their queues.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from weakref import ref
+
+from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
+from sonarhw_compare.scans import ReadingNote, note_on
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.compiled import Quiet, watch_compilation
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import paths_serve_all_headings
+from sonarhw_sim.room.room import Room
+
+from sonarhw.errors import InputError, SonarError
+from sonarhw.log import Log
+from sonarhw.readings import Reading
+from sonarhw_gui.jobs.files import (
+    Documents,
+    FileSaver,
+    FileWatch,
+    FollowedLog,
+    FollowLogRequest,
+    LogGrown,
+    LogOpened,
+    Opened,
+    OpenRequest,
+    OpenRoomRequest,
+    ReadCsvRequest,
+    ReloadBoard,
+    RoomOpened,
+    WatchedFile,
+    is_csv,
+)
+from sonarhw_gui.jobs.forecast import Forecast
+from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.jobs.searches import CauseControl, FindControl, FitControl
+from sonarhw_gui.jobs.traces import (
+    BScanRequest,
+    BScans,
+    BScanSettings,
+    ChosenTrace,
+    HeadingAnswered,
+    HeadingAsked,
+    TraceFound,
+    TraceRequest,
+)
+from sonarhw_gui.model.edits import with_board
+from sonarhw_gui.model.look import Class, Look, ViewLayer
+from sonarhw_gui.model.scene import Edited, History, NoteTexts, Scene, place_warning, room_name
+from sonarhw_gui.model.shown import (
+    Choice,
+    Cursor,
+    FoundDrawing,
+    OverlaidScan,
+    Proposal,
+    ScanPair,
+    Shown,
+    SoundMoment,
+    is_same_question,
+)
+from sonarhw_gui.session.fake_place import MoveFake, ScannerPlace, ScanRoom
+from sonarhw_gui.session.kept import DiscardRoom, NoteStore, RestoreRoom, UnsavedRooms
+from sonarhw_gui.session.notices import Notice, Preparation
+from sonarhw_gui.session.scanner import ScannerBoard, ScannerChoice, ScannerFinder, ScannerTarget, ScanSettings
+from sonarhw_gui.session.scans import ScanList
+from sonarhw_gui.session.sound import SoundControl
+from sonarhw_gui.session.source import ReadingSource
+from sonarhw_gui.session.status import Status
+
+# The selected trace, the answer to an asked heading, and the B-scan, computed in threads.
+#
+# A new request replaces a waiting one. Answers for another scan are dropped.
+
+
+_PAUSE = 0.05  # s between two traces; a person cannot see fifty readings per second
+
+
+class TraceForecast:
+    """Keeps trace and B-scan up to date with the shown content."""
+
+    def __init__(self) -> None:
+        self.trace: ChosenTrace | None = None
+        self.answer: PredictedScan | None = None  # at the asked heading
+        self.bscan: BScans | None = None
+        self.failures: list[str] = []
+        self._generation = 0
+        self._shown: Shown | None = None
+        self._settings: BScanSettings | None = None
+        self._requested_trace: tuple[object, ...] = ()
+        self._requested_at = -_PAUSE
+        self._requested_bscan: tuple[object, ...] = ()
+        self._drawing = False  # one B-scan at a time: the next continues it
+        # two threads, so that a trace never waits for a B-scan
+        self._tracer = Worker("traces")
+        self._drawer = Worker("B-scans")
+
+    def begin_scan(self) -> None:
+        """Drop traces and B-scan; another scan follows."""
+        self._generation += 1
+        self.trace, self.answer, self.bscan, self._shown = None, None, None, None
+        self._requested_trace, self._requested_bscan = (), ()
+
+    def request_bscan(self, settings: BScanSettings | None) -> None:
+        """Compute the B-scan with these settings from now on; None: it is not visible."""
+        self._settings = settings
+        self._request_bscan()
+
+    def follow(self, shown: Shown) -> None:
+        """Compute trace and B-scan for this content."""
+        self._shown = shown
+        self._request_trace(shown)
+        self._request_bscan()
+
+    def take(self) -> bool:
+        """Fetch the answers since the last call; return whether anything has changed."""
+        changed = False
+        if self._shown is not None:
+            self._request_trace(self._shown)  # if it came too soon after the previous request
+        for answer in (*self._tracer.take(), *self._drawer.take()):
+            match answer:
+                case Failure(request=BScanRequest()):
+                    self._drawing = False
+                    self.failures.append(answer.message)
+                case Failure():
+                    self.failures.append(answer.message)
+                    self.trace, changed = None, True
+                case TraceFound(generation=self._generation) if not self._asking:
+                    self.trace, changed = answer.trace, True
+                case HeadingAnswered(generation=self._generation) if self._asking:
+                    self.answer, self.trace, changed = answer.prediction, answer.trace, True
+                case BScans():
+                    self._drawing = False
+                    changed = self._accept_bscan(answer) or changed
+        return changed
+
+    def close(self) -> None:
+        """End the threads."""
+        self._tracer.close()
+        self._drawer.close()
+
+    @property
+    def _asking(self) -> bool:
+        return self._shown is not None and self._shown.asked is not None
+
+    def _request_trace(self, shown: Shown) -> None:
+        if shown.asked is not None:
+            self._request_answer(shown, shown.asked)
+            return
+        self.answer = None
+        reading, row = shown.chosen_reading, shown.chosen_row
+        if reading is None:
+            self.trace, self._requested_trace = None, ()
+            return
+        prediction, index = (shown.prediction, row.index) if row is not None else (None, 0)
+        subject = (shown.scene, reading, prediction, index)
+        now = time.monotonic()
+        if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
+            self._requested_trace, self._requested_at = subject, now
+            self._tracer.submit(TraceRequest(self._generation, shown.scene, reading, prediction, index))
+
+    def _request_answer(self, shown: Shown, heading: float) -> None:
+        outline, now = shown.outline, time.monotonic()
+        if outline is None or _is_of_another_scene(outline, shown.scene):
+            return
+        subject = (shown.scene, outline, heading)
+        if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
+            self._requested_trace, self._requested_at = subject, now
+            self._tracer.submit(HeadingAsked(self._generation, shown.scene, outline, heading))
+
+    def _request_bscan(self) -> None:
+        shown, settings = self._shown, self._settings
+        if shown is None or settings is None or self._drawing:
+            return
+        subject = (shown.scene, shown.readings, shown.outline, settings, shown.look.palette)
+        if not _same(subject, self._requested_bscan):
+            self._requested_bscan, self._drawing = subject, True
+            self._drawer.submit(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
+
+    def _accept_bscan(self, bscan: BScans) -> bool:
+        if bscan.generation != self._generation:
+            self._request_bscan()
+            return False
+        if bscan.rows.unreadable and (self.bscan is None or bscan.rows.unreadable != self.bscan.rows.unreadable):
+            self.failures.append(bscan.rows.unreadable)
+        self.bscan = bscan
+        if bscan.rows.done < 1:
+            self._requested_bscan = ()
+        self._request_bscan()  # the remaining rows, or a newer request
+        return True
+
+
+def _is_of_another_scene(outline: PredictedScan, scene: Scene) -> bool:
+    """Return whether an outline is of a previous scene, and its paths must not be used for this one."""
+    if not paths_serve_all_headings(scene.board, scene.options.unit):
+        return False  # its paths are not used
+    return outline.room is not scene.room or outline.place != scene.pose or outline.board is not scene.board
+
+
+def _same(one: tuple[object, ...], other: tuple[object, ...]) -> bool:
+    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))
+
+
+# The model of the views: the scene and its edits, its prediction, and the selected reading.
+#
+# Every change emits `Shown`, at once or with the next tick.
+
+
+_NEXT_READING = 0.04  # s after the last readings, within which a fast scan delivers the next
+
+
+class ShownModel(QObject):
+    """The content of the views, and the actions that change it."""
+
+    changed = Signal(object)  # Shown
+    edited = Signal()  # the scene was edited; `changed` may follow later
+
+    def __init__(
+        self, scene: Scene, look: Look, source: ReadingSource, parent: QObject, unsaved: Path | None = None
+    ) -> None:
+        """`unsaved`: the folder for notes that cannot be stored beside their log."""
+        super().__init__(parent)
+        self.note_store = NoteStore(unsaved)
+        self.shown = Shown(scene, look=look, origin=source.origin)
+        self.history = History()
+        self.forecast, self.traces = Forecast(), TraceForecast()
+        self._source = source
+        self._choice = Choice()
+        self._update_due = False  # whether something has changed since the last update of the views
+        self._results_due = False  # likewise, for results of the threads
+        self._read_at = -math.inf  # time of the last new readings
+
+    @Slot(object, str, object)
+    def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
+        """Change the scene; `label` names the edit and follows the word Undo in the menu.
+
+        All edits with the same `gesture` object, if it is not None, are undone together.
+        """
+        if scene is not self.shown.scene:
+            self.history.remember(self.shown.scene, label, gesture)
+            self._change(scene, moving=gesture is not None)
+
+    @Slot()
+    def undo(self) -> None:
+        """Undo the last edit."""
+        self._restore(self.history.undo(self.shown.scene, self.shown.notes))
+
+    def undo_steps(self, count: int) -> None:
+        """Undo the last `count` edits."""
+        for _ in range(count):
+            self.undo()
+
+    @Slot()
+    def redo(self) -> None:
+        """Repeat the edit that was undone last."""
+        self._restore(self.history.redo(self.shown.scene, self.shown.notes))
+
+    @Slot(object)
+    def cancel(self, gesture: object) -> None:
+        """Undo the edits of an unfinished gesture, without a step in the history."""
+        self._restore(self.history.cancel(gesture))
+
+    @Slot(int, str)
+    def pin(self, reading: int, text: str) -> None:
+        """Pin a note to a reading; an empty text deletes the note."""
+        before, notes = self.shown.notes, self.shown.notes.with_note(reading, text)
+        if notes != before:
+            verb = "adding" if not before.of(reading) else "editing" if text else "deleting"
+            self.history.remember(before, f"{verb} a note")
+            self._change_notes(notes)
+
+    def open_notes(self) -> None:
+        """Show the notes that are stored for the log of the readings."""
+        self._emit(replace(self.shown, notes=self.note_store.open(self._log, self._source.all_readings)))
+
+    @property
+    def pinned_notes(self) -> tuple[ReadingNote, ...]:
+        """The notes, with what identifies their readings in the log."""
+        readings = self._source.all_readings
+        return tuple(note_on(readings[place], text) for place, text in self.shown.notes.by_reading.items())
+
+    def has_reading(self, place: int, reading: Reading) -> bool:
+        """Return whether this reading is at this place of the scan; the source may have changed."""
+        readings = self._source.all_readings
+        return place < len(readings) and readings[place] is reading
+
+    @property
+    def _log(self) -> Path | None:
+        return Path(self._source.log_file) if self._source.log_file else None
+
+    def _restore(self, state: Edited | None) -> None:
+        match state:
+            case NoteTexts():
+                self._change_notes(state)
+            case Scene():
+                self._change(state)
+
+    def _change_notes(self, notes: NoteTexts) -> None:
+        self._emit(replace(self.shown, notes=notes))
+        self.note_store.save(notes, self._source.all_readings, self._log)
+
+    def _change(self, scene: Scene, moving: bool = False) -> None:
+        self.shown = replace(self.shown, scene=scene)
+        self.forecast.change_scene(scene, moving)
+        if moving:
+            self._update_due = True  # the mouse moves more often than the views are updated
+        else:
+            self.refresh()
+        self.edited.emit()
+
+    @Slot(str)
+    def set_place(self, name: str) -> None:
+        """Put the sensor at another place of the room."""
+        scene = self.shown.scene
+        if scene.room is not None and name != scene.pose.name:
+            self.edit(replace(scene, place=scene.room.place(name)), f"moving to {name}")
+
+    @Slot(int)
+    def choose(self, index: int) -> None:
+        """Select a reading."""
+        self._forget_question()
+        self._choice.pick(index)
+        self.refresh()
+
+    @Slot()
+    def follow_newest(self) -> None:
+        """Select the newest reading, and follow it; without readings, end the question about a heading."""
+        self._forget_question()
+        self._choice.follow_newest()
+        self.refresh()
+
+    @Slot()
+    def choose_next(self) -> None:
+        """Select the next reading; after the last one, the first."""
+        self._choose_step(1)
+
+    @Slot()
+    def choose_previous(self) -> None:
+        """Select the previous reading; before the first one, the last."""
+        self._choose_step(-1)
+
+    def _choose_step(self, by: int) -> None:
+        self._forget_question()
+        self._choice.step(by, self.shown.chosen, len(self.shown.readings))
+        self.refresh()
+
+    @Slot(float)
+    def ask(self, heading: float) -> None:
+        """Explain a heading (rad in the room) without a reading, until a reading is selected."""
+        if self.shown.scene.room is not None:
+            self.shown = replace(self.shown, asked=heading % math.tau, pointed_path=None)
+            self._update_due = True  # the mouse moves more often than the views are updated
+
+    @Slot(float)
+    def turn_question(self, by: float) -> None:
+        """Ask the heading that is `by` (rad) counter-clockwise of the present beam, on a grid of `by`."""
+        before = self.shown.due_heading
+        before = self.shown.scene.pose.heading if before is None else before
+        self.ask((round(before / abs(by)) + math.copysign(1, by)) * abs(by))
+
+    @Slot(object)
+    def point_at_path(self, path: int | None) -> None:
+        """Draw one path of the list of echoes; None: none."""
+        if path != self.shown.pointed_path:
+            self.shown = replace(self.shown, pointed_path=path)
+            self._update_due = True
+
+    @Slot(object)
+    def propose(self, proposal: Proposal | None) -> None:
+        """Draw a proposed change of the room; None: none."""
+        if proposal is not self.shown.proposal:
+            self.shown = replace(self.shown, proposal=proposal)
+            self._update_due = True
+
+    @Slot(object)
+    def draw_found(self, found: FoundDrawing | None) -> None:
+        """Draw the state of a search for the room; None: nothing."""
+        if found is not self.shown.found:
+            self.shown = replace(self.shown, found=found)
+            self._update_due = True
+
+    @Slot(object, object)
+    def overlay(self, scans: tuple[OverlaidScan, ...], pair: ScanPair | None) -> None:
+        """Draw other scans over the readings, and compare two."""
+        self.shown = replace(self.shown, overlays=scans, pair=pair)
+        self._update_due = True
+
+    def set_sound(self, sound: SoundMoment | None) -> None:
+        """Draw the sound at a moment; None: none."""
+        self.shown = replace(self.shown, sound=sound)
+        self._update_due = True
+
+    def _forget_question(self) -> None:
+        self.shown = replace(self.shown, asked=None, answer=None, pointed_path=None)
+
+    @Slot(object)
+    def point_at(self, cursor: Cursor | None) -> None:
+        """Show the position of the pointer in every view."""
+        if cursor != self.shown.cursor:
+            self.shown = replace(self.shown, cursor=cursor)
+            self._update_due = True
+
+    @Slot(object)
+    def request_bscan(self, settings: BScanSettings | None) -> None:
+        """Compute the B-scan with these settings; None: it is not visible."""
+        self.traces.request_bscan(settings)
+
+    @Slot(object, bool)
+    def switch(self, layer: Class | ViewLayer, visible: bool) -> None:
+        """Show or hide a class of readings, or another layer, in every view."""
+        hidden = self.shown.hidden - {layer} if visible else self.shown.hidden | {layer}
+        if hidden != self.shown.hidden:
+            self._emit(replace(self.shown, hidden=hidden))
+
+    @Slot()
+    def show_all(self) -> None:
+        """Show every class and layer again."""
+        self._emit(replace(self.shown, hidden=frozenset()))
+
+    def set_look(self, look: Look) -> None:
+        """Draw everything in another palette, unit or size."""
+        if look != self.shown.look:
+            self._emit(replace(self.shown, look=look))
+
+    # called by the session
+
+    def drop_readings(self) -> None:
+        """Drop what belongs to the readings: others follow."""
+        self._forget_question()
+        self.history.forget_notes()
+        self.shown = replace(self.shown, notes=self.note_store.open(None, ()))
+        self._choice.follow_newest()
+        self.forecast.begin_scan()
+        self.traces.begin_scan()
+
+    def replace_scene(self, scene: Scene) -> None:
+        """Show the readings in another scene; earlier edits can no longer be undone."""
+        self.history.clear()
+        self.shown = replace(self.shown, scene=scene)
+        self.forecast.set_scene(scene)
+        self.follow(self._source.all_readings)
+        self.refresh()
+
+    def take_saved(self, room: Room, file: str) -> None:
+        """Take the room as it was saved, with its places, and its file name; `refresh` shows the name."""
+        scene = self.shown.scene
+        if room is not scene.room and scene.place is not None:
+            self._change(replace(scene, room=room, place=room.places[scene.place.name]))
+        # later, because another room in another file would be fitted to the view
+        self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=file))
+
+    def follow(self, readings: Sequence[Reading]) -> None:
+        """Compare these readings."""
+        self.forecast.follow(readings)
+
+    def update_soon(self) -> None:
+        """Update the views with the next tick."""
+        self._update_due = True
+
+    def tick(self, new_readings: bool) -> None:
+        """Fetch finished predictions and traces, and update the views if anything has changed."""
+        traced, now = self.traces.take(), time.monotonic()
+        self._results_due = self.forecast.take() or traced or self._results_due
+        if new_readings:
+            self._read_at = now
+        # each update repaints the window, so results of a fast scan are shown together with its next readings
+        waits = now - self._read_at < _NEXT_READING and not self.forecast.dragging
+        if new_readings or self._update_due or (self._results_due and not waits):
+            self.refresh()
+
+    def close(self) -> None:
+        """End the threads."""
+        self.forecast.close()
+        self.traces.close()
+
+    def refresh(self) -> None:
+        """Update the views now."""
+        readings, compared = self._source.readings, self.forecast.compared
+        chosen = self._choice.among(len(readings), compared.end if compared else 0)
+        self.forecast.prefer(chosen)
+        shown = replace(
+            self.shown,
+            outline=self.forecast.outline,
+            chances=self.forecast.chances,
+            compared=compared,
+            outdated=self.forecast.outdated,
+            readings=readings,
+            origin=self._source.origin,
+            earlier=self.shown.known_rows,
+            chosen=chosen,
+        )
+        self._emit(shown)
+
+    def _emit(self, shown: Shown) -> None:
+        self.traces.follow(shown)
+        before = self.shown
+        bscan = None if self.traces.bscan is None else ref(self.traces.bscan)
+        after = replace(shown, trace=self.traces.trace, answer=self.traces.answer, bscan_ref=bscan)
+        # rows of paths differ between predictions
+        same = is_same_question(before.question, after.question)
+        self.shown = after if same else replace(after, pointed_path=None)
+        self._update_due = self._results_due = False
+        self.changed.emit(self.shown)
+
+
+# The timer of the window: it ticks regularly, and sooner when a reading has arrived.
+
+
+TICK = 30  # ms
+# ms between two ticks for readings; each paints the window. The fastest board makes 50 readings per second.
+_READING_TICK = 18
+_DRAG_TICK = 5  # ms: a draft that waits for its tick is late for the hand; a tick without news takes 0.3 ms
+
+
+class TickTimer(QObject):
+    """Emits `due` every TICK ms, more often during a drag, and soon after `wake`."""
+
+    due = Signal()
+    _woken = Signal()
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._last = -TICK / 1000  # time of the last tick, s
+        self._waking = False  # whether `_woken` was emitted since the last tick
+        self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self._tick)
+        self._woken.connect(self._hurry, Qt.ConnectionType.QueuedConnection)
+        self.start, self.stop = self._timer.start, self._timer.stop
+
+    def wake(self) -> None:
+        """Tick as soon as _READING_TICK has passed since the last tick. Any thread may call this."""
+        if not self._waking:
+            self._waking = True
+            self._woken.emit()
+
+    @Slot()
+    def _hurry(self) -> None:
+        if self._timer.isActive():
+            since = 1000 * (time.monotonic() - self._last)
+            self._timer.start(max(0, round(_READING_TICK - since)))
+
+    @Slot()
+    def _tick(self) -> None:
+        self._last, self._waking = time.monotonic(), False
+        self._timer.start(TICK)
+        self.due.emit()
+
+    def follow_drag(self, dragging: bool) -> None:
+        """Tick more often during a drag."""
+        interval = _DRAG_TICK if dragging else TICK
+        if self._timer.isActive() and not self._waking and self._timer.interval() != interval:
+            self._timer.start(interval)
+
+
+_BUSY = "a scan is running; stop it before you connect another scanner"
+_LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
+
+
+class WindowSession(QObject):
+    """The state of one window, and the actions of its user."""
+
+    status_changed = Signal(object)  # Status
+    warned = Signal(str)  # for the banner; empty removes all messages
+    failed = Signal(str)  # an error, for the banner
+    noticed = Signal(object)  # Notice, for the banner
+    connected = Signal()  # a connection to a scanner was made
+    import_asked = Signal(str)  # path of a CSV scan
+    room_opened = Signal()  # a room file was opened or reloaded
+    recent_changed = Signal(object)  # tuple of paths, newest first
+
+    def __init__(
+        self,
+        scene: Scene,
+        scanner: ScannerTarget | None,
+        scan_settings: ScanSettings,
+        look: Look | None,
+        find_scanner: ScannerFinder | None,
+        unsaved: Path | None,
+    ) -> None:
+        """`unsaved`: folder for rooms with unsaved changes, and for notes not beside their log; None: not stored."""
+        super().__init__()
+        self._ticking = False
+        self.status = Status(can_scan=scanner is not None, scan_settings=scan_settings)
+        self.scanners = ScannerChoice(scanner, find_scanner, self)
+        self._timer = TickTimer(self)
+        self._source = ReadingSource(self.scanners, scan_settings, self, self._timer.wake)
+        self.replay, self.live = self._source.replay, self._source.live
+        self._before_replay: Scene | None = None
+        self._scanner_place, self.scanner_board = ScannerPlace(scene), ScannerBoard()
+        self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
+        self.unsaved = UnsavedRooms(unsaved)
+        self.unsaved.open(scene)
+        self.documents = Documents(scan_settings.folder)
+        self.files, self._followed = FileWatch(), FollowedLog()
+        self.fitting = FitControl(lambda: self.shown, self)
+        self.causes = CauseControl(lambda: self.shown, self)
+        self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self)
+        self.finding = FindControl(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self)
+        self.saver = FileSaver(self)
+        self.sound = SoundControl(self)
+        self.preparation = Preparation()
+        watch_compilation(self.preparation)
+        self._begun = False
+        self._scan_due = False  # whether to scan as soon as there is a prediction
+        self._last_tick = time.monotonic()
+        self._connect()
+
+    def _connect(self) -> None:
+        self.replay.changed.connect(self._follow_replay)
+        self.replay.broken.connect(self.failed)
+        self.showing.edited.connect(self._follow_edit)
+        self.showing.changed.connect(self.sound.follow)
+        self.scans.changed.connect(self.showing.overlay)
+        self.sound.changed.connect(self._follow_sound)
+        self.scanners.chosen.connect(self._use)
+        self._timer.due.connect(self.tick)
+
+    @Slot()
+    def begin(self) -> None:
+        """Begin to predict and to fetch results, after the first paint, which kernels would delay by 0.3 s."""
+        if not self._begun:
+            self._begun = True
+            self.showing.replace_scene(self.shown.scene)
+            self._timer.start()
+
+    @property
+    def shown(self) -> Shown:
+        """The content shown now."""
+        return self.showing.shown
+
+    # actions of the user
+
+    @Slot()
+    def scan(self) -> None:
+        """Scan with the chosen scanner, and record."""
+        self._scan_due = False
+        if self.live.possible and not self.live.running:
+            self._drop_readings()
+            self._move_fake(self._scanner_place.follow(self.scanners.url, self.shown.scene))
+            for doubt in self._scanner_place.doubts(self.scanners.url, self.shown.scene):
+                self.noticed.emit(doubt)
+            self._source.scan(self.shown.scene, self.scanner_board.wanted)
+
+    @Slot()
+    def move_fake(self) -> None:
+        """Move the fake scanner to the place shown, and scan there when a running scan has stopped."""
+        try:
+            url = self._scanner_place.moved_here(self.scanners.url, self.shown.scene)
+        except InputError as error:
+            self.failed.emit(str(error))
+            return
+        self.stop()
+        self._move_fake(url)
+        self.scan_when_predicted()
+
+    def _scan_room(self, offer: ScanRoom) -> None:
+        if self.live.running:
+            self.warned.emit(_BUSY)
+        else:
+            self._move_fake(self._scanner_place.moved_fake(offer, self.shown.scene))
+            self.scan()
+
+    def _move_fake(self, url: str) -> None:
+        """Use the fake scanner at another URL from now on; the scene shown stays."""
+        if url != self.scanners.url and (target := self.scanners.find(url)) is not None:
+            self.scanners.remember(target)
+            self.live.use(target.opener)
+
+    def scan_when_predicted(self) -> None:
+        """Scan as soon as there is a prediction, so that the readings appear over it; without a room, at once."""
+        self._scan_due = True
+        self._scan_if_due()
+
+    def _scan_if_due(self) -> None:
+        due = self._scan_due and not self.live.running
+        if due and (self.shown.scene.room is None or self.shown.outline is not None):
+            self.scan()
+
+    @Slot()
+    def stop(self) -> None:
+        """Stop the job of the scanner, and pause the replay."""
+        self._scan_due = False
+        self._source.stop()
+
+    def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
+        """Show all readings of a log for replay; `path`: its file."""
+        self._drop_readings()
+        self.showing.follow(log.readings)
+        self._source.load(log, name, path)
+        self.showing.open_notes()
+        if log.torn:
+            now = time.monotonic()
+            remedy = "; to repair it: `sonarhw log recover`" if log.readings else ""
+            self._followed.follow(
+                path, f"{name}: {log.torn}; {len(log.readings)} whole readings are shown{remedy}", now
+            )
+            self._warn_of_torn(now)
+        elif not log.readings:
+            self.warned.emit(f"{name}: contains no readings")
+        doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
+        for doubt in filter(None, doubts):
+            self.warned.emit(f"{name}: {doubt}")
+
+    @Slot()
+    def leave_replay(self) -> None:
+        """Close the log, and return to the last live scan in the scene from before the replay."""
+        if self.replay.loaded:
+            self._drop_readings()
+            self._source.close_log()
+            if self._before_replay is not None:
+                self.set_scene(self._before_replay)
+            self.showing.follow(self.live.readings)
+            self.showing.open_notes()
+
+    def set_scene(self, scene: Scene, source: Path | None = None) -> None:
+        """Show the readings in another scene; earlier edits can no longer be undone.
+
+        `source`: the file of unsaved changes that the scene was restored from, if any.
+        """
+        self.fitting.cancel()
+        self.causes.cancel()
+        self.showing.replace_scene(scene)
+        self.unsaved.open(scene, source)
+        self._update_status()
+
+    @Slot(str)
+    def open_file(self, path: str) -> None:
+        """Open a log, or a room for the current readings; a log is shown in its own room if it has one.
+
+        For a CSV scan, the user is asked how to read it.
+        """
+        if is_csv(Path(path)):
+            self.import_asked.emit(path)
+        else:
+            self.documents.open(Path(path), self.shown.scene.board)
+
+    @Slot(object)
+    def import_csv(self, source: ReadCsvRequest) -> None:
+        """Import a CSV scan as a log, and open the log."""
+        self.documents.import_csv(source)
+
+    @Slot(str)
+    def open_board(self, path: str) -> None:
+        """Predict with the board profile in a file. An invalid profile is reported and changes nothing."""
+        try:
+            self.showing.edit(*with_board(self.shown.scene, load_board(path)))
+            self.files.watch(WatchedFile.BOARD, Path(path))
+        except InputError as error:
+            self.failed.emit(str(error))
+
+    @Slot(object)
+    def reopen(self, request: OpenRequest) -> None:
+        """Open a file by a request."""
+        self.documents.submit(request)
+
+    @Slot(object)
+    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ScanRoom | MoveFake | OpenRequest) -> None:
+        """Carry out the answer to a notice."""
+        try:
+            match answer:
+                case RestoreRoom():
+                    self.set_scene(self.unsaved.restored(answer, self.shown.scene), answer.path)
+                case DiscardRoom():
+                    self.unsaved.discard(answer)
+                case ReloadBoard():
+                    self.open_board(str(answer.path))
+                case ScanRoom():
+                    self._scan_room(answer)
+                case MoveFake():
+                    self.move_fake()
+                case _:
+                    self.reopen(answer)
+        except SonarError as error:
+            self.failed.emit(str(error))
+
+    @Slot(str)
+    def save_room(self, path: str) -> None:
+        """Save the room with the sensor's place. An existing file is overwritten: the dialog has asked the user."""
+        room = self.shown.scene.written_room
+        if self.documents.save_room(room, Path(path)) and room is not None:
+            self.showing.take_saved(room, Path(path).name)
+            self.unsaved.saved(self.shown.scene)
+            self.showing.refresh()
+            self.files.watch(WatchedFile.ROOM, Path(path))
+
+    @Slot()
+    def play_sound(self) -> None:
+        """Play the sound of the asked heading or the selected reading, or end that."""
+        if self.sound.state is None:
+            self.sound.open(self.shown)
+        else:
+            self.sound.close()
+
+    @Slot(object)
+    def _use(self, target: ScannerTarget) -> None:
+        if self.live.running:
+            self.warned.emit(_BUSY)
+            return
+        self.leave_replay()
+        self.scanners.remember(target)
+        self.live.use(target.opener)
+        if target.scene is not None:
+            self.set_scene(target.scene)
+        self.scanner_board.wanted = target.scene is None
+        self._scanner_place.confirm(self.shown.scene)
+        self.live.connect()
+
+    @property
+    def recorded(self) -> Log | Path | None:
+        """The log of the readings shown, or its file; None if there is none."""
+        return self._source.recorded
+
+    @property
+    def log_file(self) -> str:
+        """The file of the readings shown: a replayed log, or the recording of the last scan. Empty if there is none."""
+        return self._source.log_file
+
+    def remember_used(self, recent: tuple[str, ...], urls: tuple[str, ...]) -> None:
+        """Set the lists of recent files and scanners."""
+        self.documents.recent, self.scanners.urls = recent, urls
+        self.recent_changed.emit(recent)
+
+    def close(self) -> None:
+        """Stop the board, close the log, end all threads. A second call has no effect."""
+        self._begun = True  # a window that is closed before its first paint begins nothing
+        self._timer.stop()
+        self.unsaved.write()
+        for part in (self.live, self.documents, self.scanners, self.fitting, self.causes, self.scans, self.finding):
+            part.close()
+        self.saver.close()
+        self.showing.close()
+        watch_compilation(Quiet())
+
+    # updates
+
+    @Slot()
+    def tick(self) -> None:
+        """Fetch the results of all threads since the last tick, and emit the changes."""
+        now = time.monotonic()
+        elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
+        for part in (self.scanners, self.fitting, self.causes, self.scans, self.finding, self.saver):
+            part.tick()
+        self._look_at_files(now)
+        for opened in self.documents.take():
+            self._take_opened(opened)
+        self._ticking = True
+        self.replay.advance(elapsed)
+        self._ticking = False
+        self.sound.advance(elapsed)
+        self.showing.tick(self._take_readings())
+        self._scan_if_due()
+        self.unsaved.tick(now)
+        self._report_messages()
+        self._update_status()
+        self._timer.follow_drag(self.showing.forecast.dragging)
+
+    def _report_messages(self) -> None:
+        report_trace = self.replay.drop_traces if self.replay.loaded else self.warned.emit
+        for messages, report in (
+            (self.preparation.messages, self.warned.emit),
+            (self.unsaved.messages, self.warned.emit),
+            (self.showing.note_store.messages, self.warned.emit),
+            (self.showing.forecast.failures, self.failed.emit),
+            (self.documents.messages, self.failed.emit),
+            (self.showing.traces.failures, report_trace),
+        ):
+            for message in messages:
+                report(message)
+            messages.clear()
+        for notice in self.unsaved.notices:
+            self.noticed.emit(notice)
+        self.unsaved.notices.clear()
+
+    def _take_opened(self, opened: Opened) -> None:
+        self.recent_changed.emit(self.documents.recent)
+        if self.live.running:
+            return  # requested before the scan began; it would change the room of the scan
+        match opened:
+            case LogOpened():
+                self._take_log(opened)
+            case RoomOpened():
+                self._take_room(opened)
+            case LogGrown():
+                self._take_grown(opened)
+
+    def _take_log(self, opened: LogOpened) -> None:
+        self.files.watch(WatchedFile.ROOM, None)
+        here, metadata = self.shown.scene, opened.log.metadata
+        if not self.replay.loaded:
+            self._before_replay = here
+        board = opened.scene.board if metadata.board or metadata.board_text else here.board
+        self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
+        self.show_log(opened.log, opened.path.name, opened.path)
+        if opened.scene.room_file != metadata.room_file:  # restored; edits of the own room need no warning
+            self._warn_if_recorded_elsewhere(opened.scene)
+
+    def _take_room(self, opened: RoomOpened) -> None:
+        scene = opened.at_known_place(self.shown.scene, self._source.recorded_in.place)
+        self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
+        self._warn_if_recorded_elsewhere(scene)
+        self.set_scene(scene)
+        self.files.watch(WatchedFile.ROOM, opened.path)
+        self.room_opened.emit()
+
+    def _take_grown(self, grown: LogGrown) -> None:
+        self._followed.rest(grown.took, time.monotonic())
+        replayed = self._source.replayed
+        if replayed is None or replayed.path != grown.path:
+            return
+        self._source.extend(grown.log)
+        self.showing.follow(self._source.all_readings)
+        if not grown.log.torn:
+            self._followed.stop()
+
+    def _warn_of_torn(self, now: float) -> None:
+        for warning in self._followed.due_warnings(now):
+            self.warned.emit(warning)
+
+    def _look_at_files(self, now: float) -> None:
+        """Follow a log that grows, and offer to reload a changed room or board."""
+        self._warn_of_torn(now)
+        if grown := self._followed.grown_file(now):
+            self.documents.submit(FollowLogRequest(grown))
+        for what, path in self.files.changed(now):
+            board = self.shown.scene.board
+            again = OpenRoomRequest(path, board) if what is WatchedFile.ROOM else ReloadBoard(path)
+            self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
+
+    def _warn_if_recorded_elsewhere(self, scene: Scene) -> None:
+        if doubt := self._source.doubt_in(scene):
+            self.warned.emit(doubt)
+
+    def _notify(self, notice: Notice | None) -> None:
+        if notice is not None:
+            self.noticed.emit(notice)
+
+    def _take_readings(self) -> bool:
+        if self.live.newly_connected():  # before its errors are taken
+            self.connected.emit()
+            if board := self.scanner_board.instead_of(self.shown.scene.board, self.live.link):
+                self.showing.edit(*with_board(self.shown.scene, board))
+                self.warned.emit(f"the scanner has board {board.name}, which is used from now on; Ctrl+Z undoes this")
+        fresh, notice = self._source.take(self._last_tick)
+        if fresh:
+            self.showing.follow(self.live.readings)
+        self._notify(notice)
+        return fresh
+
+    def _drop_readings(self) -> None:
+        """Prepare for other readings."""
+        self.warned.emit("")
+        self._followed.stop()
+        self.fitting.cancel()
+        self.causes.cancel()
+        self.showing.drop_readings()
+
+    @Slot()
+    def _follow_replay(self) -> None:
+        if self._ticking:
+            self.showing.update_soon()  # together with the other changes of this tick
+        else:
+            self.showing.refresh()
+
+    @Slot()
+    def _follow_sound(self) -> None:
+        self.showing.set_sound(self.sound.moment)
+
+    @Slot()
+    def _follow_edit(self) -> None:
+        self.unsaved.change(self.shown.scene, time.monotonic())
+        self._update_status()
+
+    @Slot()
+    def _update_status(self) -> None:
+        searching, place = self.showing.forecast.searching, self._scanner_place
+        status = self._source.status(time.monotonic(), searching, room_name(self.shown.scene))
+        status = replace(
+            status,
+            outdated=self.shown.outdated,
+            preparing=self.preparation.progress,
+            scan_due=self._scan_due,
+            fake_still="" if self.replay.loaded else place.fake_still(self.scanners.url, self.shown.scene),
+            uncompared=self.showing.forecast.uncompared,
+            following=self._followed.grows(time.monotonic()),
+        )
+        if status != self.status:
+            self.status = status
+            self.status_changed.emit(status)
+
+
+# Updates that are done in turns, so that no frame has to wait for all of them.
+
+
+class Turns(QObject):
+    """Parts of one update: all at once, or one after another with a pause."""
+
+    def __init__(self, parts: Sequence[Callable[[], None]], interval: int, parent: QObject) -> None:
+        """`interval`: pause between two parts, ms."""
+        super().__init__(parent)
+        self._parts = parts
+        self._next = self._due = 0  # the next part, and how many are due
+        self._timer = QTimer(self, singleShot=True, interval=interval)
+        self._timer.timeout.connect(self._take_turn)
+
+    def all_now(self) -> None:
+        """Update all parts."""
+        self._timer.stop()
+        self._due = 0
+        for part in self._parts:
+            part()
+
+    def soon(self) -> None:
+        """Update each part once more, in turns."""
+        self._due = len(self._parts)
+        if not self._timer.isActive():
+            self._timer.start()
+
+    def advance(self) -> None:
+        """Update each part once more, in turns, the first at once: one part with each frame, the last by the timer."""
+        self._due = len(self._parts)
+        self._take_turn()
+
+    @Slot()
+    def _take_turn(self) -> None:
+        part = self._parts[self._next]
+        self._next = (self._next + 1) % len(self._parts)
+        self._due -= 1
+        if self._due > 0:
+            self._timer.start()
+        else:
+            self._timer.stop()
+        part()

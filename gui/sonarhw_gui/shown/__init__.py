@@ -1,1 +1,0 @@
-"""The content of the window at one moment, as frozen values."""

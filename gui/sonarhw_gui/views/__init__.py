@@ -1,0 +1,1 @@
+"""The views of a scan: plan, ranges, traces, B-scan and tables."""

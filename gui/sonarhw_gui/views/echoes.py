@@ -1,0 +1,209 @@
+"""The view "Echoes": the echoes at one heading that might be reported."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from PySide6.QtCore import QEvent, Qt, Signal, Slot
+from PySide6.QtGui import QBrush, QColor, QFocusEvent, QFontMetrics
+from PySide6.QtWidgets import QAbstractItemView, QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
+from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, remedy, remedy_text, runner_up
+from sonarhw_compare.scans import heading_text
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+
+from sonarhw_gui.model.look import LengthUnit, text_font
+from sonarhw_gui.model.shown import Shown, is_same_question
+from sonarhw_gui.views.base import Gestures, ViewEntry
+from sonarhw_gui.widgets import ElidedLabel, PlainLabel, plain_tip
+
+# The texts of the list of echoes at one heading, without widgets.
+
+
+COLUMNS = ("½ path", "level", "what becomes of it", "path")
+
+
+@dataclass(frozen=True)
+class EchoList:
+    """All echoes at one heading of a prediction, ranked."""
+
+    prediction: PredictedScan
+    index: int
+    unit: LengthUnit
+
+    @cached_property
+    def found(self) -> tuple[RankedEcho, ...]:
+        """The echoes, that of the winner first."""
+        return ranked_echoes(self.prediction, self.index)
+
+    def cells(self, row: int) -> tuple[str, ...]:
+        """Return the texts of one row, one for each of `COLUMNS`."""
+        echo = self.found[row]
+        via = ">".join(self.prediction.paths.via(echo.path, self.prediction.room))
+        level = f"{echo.level_db:.1f} dB".replace("-", "−")
+        return self.unit.text(echo.half), level, outcome_text(echo, self.unit.text), via
+
+    def is_out(self, row: int) -> bool:
+        """Return whether the board cannot detect an echo: it is blanked or too weak."""
+        return (self.found[row].blanked or self.found[row].too_weak) and not self.found[row].wins
+
+    def note(self, row: int | None) -> str:
+        """Return what would let the echo in a row win; without a row, or for the winner, the runner-up."""
+        if row is not None and not self.found[row].wins:
+            return self._would_win(self.found[row], "this echo")
+        best = runner_up(self.found)
+        if best is None:
+            return "no other echo within 20 dB of the threshold"
+        return self._would_win(best, "the runner-up")
+
+    @property
+    def title(self) -> str:
+        """The heading and the number of echoes."""
+        count = len(self.found)
+        return f"{heading_text(float(self.prediction.headings[self.index]))} · {count} echo{'es' * (count != 1)}"
+
+    def _would_win(self, echo: RankedEcho, name: str) -> str:
+        how = remedy_text(remedy(self.prediction, self.index, echo), self.unit.text)
+        if not how:
+            return f"{name} ({self.unit.text(echo.half)}): no small change lets it win"
+        return f"{name} ({self.unit.text(echo.half)}) would win with {how}"
+
+
+# The view "Echoes": every echo at the beam's heading, what becomes of it, and what would let it win.
+#
+# The plan draws the path of the echo under the mouse, or of the current row.
+
+
+_WIDEST = ("00.000 m", "−00.0 dB", "00.0 dB too weak, 0.000 m behind")
+_HALF_TIP = "half of the path of the sound; the range that the board reports also contains what its receiver adds"
+_BESIDE = 14  # pixels, margins of a cell
+_AT_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+_NO_ROOM, _NOTHING_YET = "open a room to list its echoes", "select a reading, or click the predicted outline"
+
+
+class EchoListView(QWidget):
+    """A ranked table of echoes."""
+
+    entry = ViewEntry("Echoes", is_text=True)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gestures = Gestures(self)
+        self.list: EchoList | None = None
+        self._shown: Shown | None = None
+        self._filling = False
+        self.title, self.note = PlainLabel(), ElidedLabel()
+        self.table = _EchoTable(0, len(COLUMNS))
+        self.table.setAccessibleName("Echoes at this heading")
+        self.table.setHorizontalHeaderLabels(COLUMNS)
+        self.table.model().setHeaderData(0, Qt.Orientation.Horizontal, _HALF_TIP, Qt.ItemDataRole.ToolTipRole)
+        self.table.cellEntered.connect(self._point)
+        self.table.currentCellChanged.connect(self._point)
+        self.table.left.connect(self._leave)
+        head = QHBoxLayout()
+        head.setContentsMargins(8, 2, 8, 2)
+        head.setSpacing(12)
+        head.addWidget(self.title)
+        head.addWidget(self.note, stretch=1)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(head)
+        column.addWidget(self.table)
+
+    def show_state(self, shown: Shown) -> None:
+        """List the echoes of another heading, and redraw after a change of the look."""
+        before, self._shown = self._shown, shown
+        if shown.changed_since(before, "look"):
+            self._set_look(shown)
+        question = shown.question
+        if question is None:
+            self.list = None
+            self.table.setRowCount(0)
+            self.title.setText("")
+            self.note.setText(_NO_ROOM if shown.scene.room is None else _NOTHING_YET)
+            return
+        if before is None or before.look != shown.look or not is_same_question(before.question, question):
+            self.list = EchoList(*question, shown.look.unit)
+            self._fill(self.list, shown)
+
+    def fit(self) -> None:
+        """Do nothing: a table has no range."""
+
+    def picture(self) -> None:
+        """Return None: only plots are saved as pictures."""
+
+    def _set_look(self, shown: Shown) -> None:
+        font = text_font(shown.look, 0.9)
+        metrics = QFontMetrics(font)
+        self.table.setFont(font)
+        self.table.horizontalHeader().setFont(font)
+        self.table.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
+        for column, widest in enumerate(_WIDEST):
+            self.table.setColumnWidth(column, metrics.horizontalAdvance(widest) + _BESIDE)
+
+    def _fill(self, listed: EchoList, shown: Shown) -> None:
+        self._filling = True
+        self.table.setRowCount(len(listed.found))
+        faint = QBrush(QColor(shown.look.palette.faint))
+        for row in range(len(listed.found)):
+            for column, text in enumerate(listed.cells(row)):
+                item = QTableWidgetItem(text)
+                item.setFlags(Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsEnabled)
+                item.setToolTip(plain_tip(text))
+                if column < 2:
+                    item.setTextAlignment(_AT_RIGHT)
+                if listed.is_out(row):
+                    item.setForeground(faint)
+                self.table.setItem(row, column, item)
+        self.table.clearSelection()
+        self.table.setCurrentCell(-1, -1)
+        self._filling = False
+        self.title.setText(listed.title)
+        self.note.setText(listed.note(None))
+
+    @Slot(int, int)
+    def _point(self, row: int, *_: int) -> None:
+        if self._filling or self.list is None or not 0 <= row < len(self.list.found):
+            return
+        self.note.setText(self.list.note(row))
+        self.gestures.path_pointed.emit(self.list.found[row].path)
+
+    @Slot()
+    def _leave(self) -> None:
+        """Draw the path of the current row again, if the table has the focus."""
+        row = self.table.currentRow() if self.table.hasFocus() else -1
+        if row >= 0:
+            self._point(row)
+            return
+        self.gestures.path_pointed.emit(None)
+        if self.list is not None:
+            self.note.setText(self.list.note(None))
+
+
+class _EchoTable(QTableWidget):
+    """A table that reports when the mouse or the focus leaves it."""
+
+    left = Signal()
+
+    def __init__(self, rows: int, columns: int) -> None:
+        super().__init__(rows, columns)
+        self.setMouseTracking(True)
+        self.setShowGrid(False)
+        self.setWordWrap(False)
+        self.setAlternatingRowColors(True)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.setTabKeyNavigation(False)
+        self.verticalHeader().hide()
+        self.horizontalHeader().setStretchLastSection(True)
+        self.horizontalHeader().setHighlightSections(False)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Report that the mouse has left."""
+        super().leaveEvent(event)
+        self.left.emit()
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        """Report that the focus has left."""
+        super().focusOutEvent(event)
+        self.left.emit()

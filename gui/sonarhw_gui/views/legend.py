@@ -1,0 +1,379 @@
+"""The legend above the views. Marks and colours mean the same in all views; tooltips explain each entry."""
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import pyqtgraph as pg
+from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
+from PySide6.QtCore import QMargins, QPointF, QRectF, QSize, Qt, Signal, Slot
+from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPainterPath, QPalette, QPen, QPixmap, QResizeEvent
+from PySide6.QtWidgets import QToolButton, QWidget
+from sonarhw_compare.match import Kind
+
+from sonarhw.readings import Origin
+from sonarhw_gui.model.look import LIGHT, MARKS, NOTE_SIZE, Class, Look, Palette, Unclassed, ViewLayer, note_symbol
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.widgets import FlowLayout
+
+# The eye of a layer in a list: open while the layer is visible, struck out while it is hidden.
+
+
+EYE_WIDTH = 13.0  # pixels, with the gap beside it
+_HALF, _LID = 5.0, 4.6  # pixels, half of its width and height of the lids' control points
+
+
+def draw_eye(painter: QPainter, colour: str, middle: float, visible: bool) -> None:
+    """Draw an eye at the left edge, with its middle at height `middle`."""
+    centre = QPointF(_HALF + 0.5, middle)
+    left, right = centre - QPointF(_HALF, 0), centre + QPointF(_HALF, 0)
+    lids = QPainterPath(left)
+    lids.quadTo(centre - QPointF(0, 2 * _LID - 2), right)
+    lids.quadTo(centre + QPointF(0, 2 * _LID - 2), left)
+    painter.setPen(QPen(QColor(colour), 1.0))
+    painter.setBrush(Qt.BrushStyle.NoBrush)
+    painter.drawPath(lids)
+    painter.setBrush(QColor(colour))
+    painter.drawEllipse(QRectF(centre.x() - 1.3, centre.y() - 1.3, 2.6, 2.6))
+    if not visible:
+        painter.drawLine(centre + QPointF(-4.0, 4.5), centre + QPointF(4.0, -4.5))
+
+
+# Small pictures of marks, lines and areas, for the legend, lists and the help page.
+
+
+Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels per pixel
+_SIZE = 14  # pixels
+_LINE = 26  # pixels
+_MIDDLE = QPointF(_SIZE / 2, _SIZE / 2)
+_NOTE_AT = QPointF(-2.3, 15.7)  # the symbol is in the upper right quarter of its square
+SWITCH_SIZE = QSize(round(EYE_WIDTH) + _SIZE, _SIZE)  # of `switch_picture` with a mark
+_FADED = 0.4  # opacity
+
+
+def switch_picture(picture: Picture, colours: Palette, ratio: float, visible: bool) -> QPixmap:
+    """Return an eye, open or struck out, beside the mark or line that it shows or hides."""
+    drawn = picture(colours, ratio)
+    width, height = drawn.deviceIndependentSize().width(), _SIZE
+    both = _blank(round(EYE_WIDTH + width), height, ratio)
+    with QPainter(both) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        draw_eye(painter, colours.ink if visible else colours.faint, height / 2, visible)
+        painter.setOpacity(1.0 if visible else _FADED)
+        painter.drawPixmap(QPointF(EYE_WIDTH, 0.0), drawn)
+    return both
+
+
+def no_picture(colours: Palette, ratio: float) -> QPixmap:
+    """Return an empty picture, for a class without a mark."""
+    return _blank(1, _SIZE, ratio)
+
+
+def mark_picture(kind: Class, colours: Palette, ratio: float) -> QPixmap:
+    """Return the mark of a class."""
+    colour, mark = colours.of(kind), MARKS[kind]
+    pen, brush = (pg.mkPen(colour, width=1.3), None) if mark.hollow else (None, colour)
+    return _symbol(mark.symbol, 10, pg.mkPen(pen), pg.mkBrush(brush), ratio)
+
+
+def filled_picture(symbol: str, colours: Palette, ratio: float) -> QPixmap:
+    """Return a symbol in the colour of text."""
+    return _symbol(symbol, 11, pg.mkPen(None), pg.mkBrush(colours.ink), ratio)
+
+
+def outline_picture(symbol: str, size: int, colour: str, width: float, colours: Palette, ratio: float) -> QPixmap:
+    """Return the outline of a symbol; `colour` is a field of the palette."""
+    return _symbol(symbol, size, pg.mkPen(getattr(colours, colour), width=width), pg.mkBrush(None), ratio)
+
+
+def note_picture(colours: Palette, ratio: float) -> QPixmap:
+    """Return the symbol of a note."""
+    pen = pg.mkPen(colours.note_ink, width=1)
+    return _symbol(note_symbol(), NOTE_SIZE, pen, pg.mkBrush(colours.note_paper), ratio, _NOTE_AT)
+
+
+def line_picture(colour: str, style: Qt.PenStyle, width: float, colours: Palette, ratio: float) -> QPixmap:
+    """Return a piece of a line; `colour` is a field of the palette."""
+    picture = _blank(_LINE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setPen(pg.mkPen(getattr(colours, colour), width=ratio * width, style=style))
+        painter.drawLine(QPointF(0, _SIZE / 2), QPointF(_LINE, _SIZE / 2))
+    return picture
+
+
+def tick_picture(colours: Palette, ratio: float) -> QPixmap:
+    """Return the short line at the sensor."""
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setPen(pg.mkPen(colours.ink, width=2.5 * ratio))
+        painter.drawLine(QPointF(1, _SIZE / 2), QPointF(_SIZE - 1, _SIZE / 2))
+    return picture
+
+
+def patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
+    """Return a piece of an area; `colour` is a field of the palette."""
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setPen(QColor(colours.faint))  # a patch without a frame is hardly visible in the dark palette
+        painter.setBrush(QColor(getattr(colours, colour)))
+        painter.drawRect(QRectF(0.5, 1.5, _SIZE - 1, _SIZE - 3))
+    return picture
+
+
+def _symbol(
+    symbol: str | QPainterPath, size: int, pen: QPen, brush: QBrush, ratio: float, middle: QPointF = _MIDDLE
+) -> QPixmap:
+    picture = _blank(_SIZE, _SIZE, ratio)
+    with QPainter(picture) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(middle)
+        drawSymbol(painter, symbol, size, pen, brush)
+    return picture
+
+
+def _blank(width: int, height: int, ratio: float) -> QPixmap:
+    picture = QPixmap(round(width * ratio), round(height * ratio))
+    picture.setDevicePixelRatio(ratio)
+    picture.fill(Qt.GlobalColor.transparent)
+    return picture
+
+
+ORIGIN = "ORIGIN"  # in a text, stands for the origin of the readings
+
+
+@dataclass(frozen=True)
+class _Entry:
+    picture: Picture
+    name: str
+    meaning: str
+
+
+_NOTE, _WALL = "note", "wall"
+_PREDICTIONS = ViewLayer.PREDICTED, ViewLayer.RAYS  # of a room
+SOUND = ("sound", "deaf disc", "counted range")  # drawn only while sound is played
+# drawn only while the panel of the room search is open
+FOUND, SPEAKING = "wall found", {"for it": "speaking_for", "against it": "against"}
+_SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
+_ENTRIES: dict[Class | ViewLayer, _Entry] = {
+    **{
+        kind: _Entry(partial(mark_picture, kind), f"{ORIGIN}: {MARKS[kind].name}", MARKS[kind].meaning)
+        for kind in Kind
+        if kind in MARKS
+    },
+    Unclassed.MEASURED: _Entry(
+        partial(mark_picture, Unclassed.MEASURED), ORIGIN, "a reading; there is no room to compare it with"
+    ),
+    ViewLayer.TRACE: _Entry(
+        partial(line_picture, "measured", _SOLID, 2), f"{ORIGIN} trace", "the received signal that the board recorded"
+    ),
+    ViewLayer.PREDICTED: _Entry(
+        partial(line_picture, "predicted", _SOLID, 2),
+        "predicted",
+        "the range or trace that the model predicts; dashed in the trace view",
+    ),
+    ViewLayer.THRESHOLD: _Entry(
+        partial(line_picture, "threshold", _DASHED, 1),
+        "threshold",
+        "detection threshold; weaker echoes are not detected",
+    ),
+    ViewLayer.RAYS: _Entry(
+        partial(line_picture, "chosen", _SOLID, 2),
+        "rays",
+        "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
+    ),
+    ViewLayer.BEAM: _Entry(
+        partial(patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"
+    ),
+    ViewLayer.BLANKING: _Entry(
+        partial(patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"
+    ),
+}
+_EXPLAINED = (
+    _Entry(partial(line_picture, "wall", _SOLID, 2), _WALL, "a wall or post of the room"),
+    _Entry(partial(filled_picture, "d"), "sensor", "the position of the sensor; drag it to move it"),
+    _Entry(
+        partial(line_picture, "faint", Qt.PenStyle.DotLine, 2),
+        "newest",
+        "where the turntable points now",
+    ),
+    _Entry(
+        tick_picture,
+        "turntable zero",
+        "the heading of step 0 of the turntable: the short line at the sensor",
+    ),
+    _Entry(note_picture, _NOTE, "a note on a reading; N edits that of the selected reading"),
+    _Entry(partial(line_picture, "predicted", _SOLID, 2), SOUND[0], "the burst on its path, with its wavefront"),
+    _Entry(
+        partial(line_picture, "faint", _DASHED, 1),
+        SOUND[1],
+        "echoes of walls within this disc arrive while the board is deaf (blanking); pale once the board listens",
+    ),
+    _Entry(
+        partial(outline_picture, "o", 10, "measured", 2),
+        SOUND[2],
+        "the range that the board would report for an echo at this moment; filled once it detects one",
+    ),
+    _Entry(
+        partial(line_picture, "predicted", _DASHED, 3),
+        FOUND,
+        "a wall or post that the search for the room has found; the selected one is thick",
+    ),
+    _Entry(
+        partial(outline_picture, "o", 11, "predicted", 2),
+        "for it",
+        "an echo that speaks for the selected wall or post: without it, the room would not explain this reading",
+    ),
+    _Entry(
+        partial(outline_picture, "x", 11, "long", 2),
+        "against it",
+        "an echo that speaks against the selected wall or post: without it, the room would explain this reading better",
+    ),
+    _Entry(
+        partial(outline_picture, "o", 11, "chosen", 1.3), "selected", "the selected reading, with a ring in every view"
+    ),
+    _Entry(
+        partial(outline_picture, "crosshair", 11, "chosen", 1.3),
+        "pointer",
+        "the position of the mouse, in all views",
+    ),
+)
+
+
+class Legend(QWidget):
+    """Explains marks, lines and areas. An eye shows and hides the readings or lines of an entry in all views."""
+
+    switched = Signal(object, bool)  # a class or layer, and whether it becomes visible
+
+    def __init__(self, hidden: frozenset[Class | ViewLayer] = frozenset(), switches: bool = True) -> None:
+        """`switches`: whether entries have an eye; a legend of a picture has none, and no entries of hidden layers."""
+        super().__init__()
+        self._hidden, self._switches = hidden, switches
+        self._palette, self._origin = LIGHT, Origin.MEASURED
+        self.entries: dict[Class | ViewLayer, QToolButton] = {}
+        self._row = row = FlowLayout(self, QMargins(4, 1, 4, 1), gap=1)
+        for layer, entry in _ENTRIES.items():
+            if switches or layer not in hidden:
+                self.entries[layer] = button = self._made(layer, entry)
+                row.addWidget(button)
+        self.explained = {entry.name: self._explained(entry) for entry in _EXPLAINED}
+        for button in self.explained.values():
+            row.addWidget(button)
+        self._unused: set[QToolButton] = set()  # entries of what is not drawn now
+        self._low = False
+        self.more = QToolButton(autoRaise=True)
+        self.more.setCheckable(True)
+        self.more.setToolTip("Show the whole legend, or one line of it")
+        self.more.toggled.connect(self._fold)
+        row.addWidget(self.more)
+        self.more.hide()
+        self._draw()
+
+    def show_state(self, shown: Shown) -> None:
+        """Name the readings by their origin, and show which layers are hidden.
+
+        Without a room, readings have no class, and nothing is predicted. The class of echoes of the carrier is listed
+        only if the board states some.
+        """
+        room, origin, hidden = shown.scene.room is not None, shown.origin, shown.hidden
+        found = shown.found
+        used = {
+            self.explained[_NOTE]: bool(shown.notes),
+            self.explained[_WALL]: room,
+            self.explained[FOUND]: found is not None,
+            **{self.explained[name]: shown.sound is not None for name in SOUND},
+            **{
+                self.explained[name]: found is not None and len(getattr(found, part)) > 0
+                for name, part in SPEAKING.items()
+            },
+        }
+        for layer, entry in self.entries.items():
+            if layer is Kind.OWN_BODY:
+                used[entry] = room and bool(shown.scene.board.own_body)
+            elif layer is Unclassed.MEASURED:
+                used[entry] = not room
+            elif isinstance(layer, Kind) or layer in _PREDICTIONS:
+                used[entry] = room
+        unused = {entry for entry, is_used in used.items() if not is_used}
+        if (origin, hidden, unused) != (self._origin, self._hidden, self._unused):
+            self._origin, self._hidden, self._unused = origin, hidden, unused
+            self._draw()
+            self._fold()
+
+    def set_low(self, low: bool) -> None:
+        """Keep to one line if the window is `low`; a button shows the other entries."""
+        if low is not self._low:
+            self._low = low
+            self._fold()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Choose the entries of a single line again."""
+        super().resizeEvent(event)
+        if self._low and event.oldSize().width() != self.width():
+            self._fold()
+
+    @Slot()
+    def _fold(self) -> None:
+        """Show all entries in use; in a low window, only those that fit into one line, until `more` is pressed."""
+        entries = [*self.entries.values(), *self.explained.values()]
+        used = [entry for entry in entries if entry not in self._unused]
+        line = self._fitting(used) if self._low else len(used)
+        shown = len(used) if self.more.isChecked() else line
+        for entry in entries:
+            entry.setVisible(entry in used[:shown])
+        self.more.setVisible(line < len(used))
+        self.more.setText("less" if self.more.isChecked() else f"{len(used) - line} more")
+
+    def _fitting(self, used: list[QToolButton]) -> int:
+        """Return how many of these entries fit into one line, with `more` if it is needed."""
+        margins = self.contentsMargins() + self._row.contentsMargins()
+        width = self.width() - margins.left() - margins.right()
+        ends: list[int] = []  # of the entries, pixels
+        for entry in used:
+            ends.append((ends[-1] + self._row.gap if ends else 0) + entry.sizeHint().width())
+        if not ends or ends[-1] <= width:
+            return len(used)
+        self.more.setText(f"{len(used)} more")  # the widest text
+        return bisect_right(ends, width - self._row.gap - self.more.sizeHint().width())
+
+    def show_look(self, look: Look) -> None:
+        """Use the colours of `look`."""
+        self._palette = look.palette
+        self._draw()
+        self._fold()
+
+    def _made(self, layer: Class | ViewLayer, entry: _Entry) -> QToolButton:
+        button = QToolButton(autoRaise=True)
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        button.setToolTip(f"{entry.meaning}. Click to hide or show it in all views")
+        button.clicked.connect(lambda: self.switched.emit(layer, layer in self._hidden))
+        return button
+
+    def _explained(self, entry: _Entry) -> QToolButton:
+        """Return an entry of a mark that is always drawn."""
+        button = QToolButton(autoRaise=True)
+        button.setText(entry.name)
+        button.setToolTip(entry.meaning)
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        return button
+
+    def _draw(self) -> None:
+        for entry, button in zip(_EXPLAINED, self.explained.values(), strict=True):
+            drawn = entry.picture(self._palette, self.devicePixelRatioF())
+            button.setIcon(QIcon(drawn))
+            button.setIconSize(drawn.deviceIndependentSize().toSize())
+        for layer, button in self.entries.items():
+            entry, visible = _ENTRIES[layer], layer not in self._hidden
+            button.setText(entry.name.replace(ORIGIN, self._origin))
+            button.setAccessibleName(f"{button.text()}, {'shown' if visible else 'hidden'}")
+            if self._switches:
+                picture = switch_picture(entry.picture, self._palette, self.devicePixelRatioF(), visible)
+            else:
+                picture = entry.picture(self._palette, self.devicePixelRatioF())
+            button.setIcon(QIcon(picture))
+            button.setIconSize(picture.deviceIndependentSize().toSize())
+            colours = QPalette()
+            if not visible:
+                colours.setColor(QPalette.ColorRole.ButtonText, QColor(self._palette.faint))
+            button.setPalette(colours)

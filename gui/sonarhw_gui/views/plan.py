@@ -1,0 +1,601 @@
+"""The view "Plan": the plan, its tools, and a line that describes the object under the mouse."""
+
+import math
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import cast
+
+import numpy as np
+import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
+from PySide6.QtCore import QEvent, QMargins, QPointF, QRectF, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QActionGroup, QFontMetrics, QKeyEvent, QKeySequence
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QFormLayout,
+    QHBoxLayout,
+    QSizePolicy,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+from sonarhw_compare.edits import Point, add_post, add_wall
+from sonarhw_compare.pictures import points_at
+from sonarhw_compare.sound import counted_position
+from sonarhw_sim.predict.predicted_scan import standpoints
+from sonarhw_sim.room.room_file import MAX_COORDINATE
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from sonarhw_gui.model.edits import Edit, bearing, room_and_place, with_room
+from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer, text_font
+from sonarhw_gui.model.scene import Scene, outline_points, plan_bounds
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.views.base import Canvas, Gestures, ViewEntry, label_length, nearest_reading, new_plot
+from sonarhw_gui.views.marks import NO_POSITIONS, NoteMarks, Outline, OverlayMarks, ReadingMarks, reading_tip
+from sonarhw_gui.views.plan_layers import (
+    CursorLayer,
+    EdgeArrows,
+    FoundLayer,
+    PathLayer,
+    ProposalLayer,
+    RoomLayer,
+    RulerLayer,
+    SensorLayer,
+    SoundLayer,
+)
+from sonarhw_gui.views.plan_tools import TOOLS, PlanController
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, NumberField, PlainLabel, TitleLabel
+from sonarhw_gui.window.dialogs import close_dialogs
+
+# The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
+#
+# `plan.plan_controller` and `plan.plan_tools` handle mouse and keys; `plan.plan_layers` draws the parts.
+
+
+_PATH_PARTS = "scene", "compared", "readings", "chosen", "asked", "answer", "pointed_path", "look", "hidden"
+_WIDEST = "-00.00"  # tick value on the left axis
+_OUTLINE_REACH = 8.0  # pixels
+_BEYOND = 0.08  # margin, share of the room's longer side
+_AROUND_READINGS = 0.04  # likewise, share of the extent of all readings
+
+
+class PlanDrawing(Canvas):
+    """Draws the plan with measured and predicted points, or with one of them only."""
+
+    message_changed = Signal(str)  # the object under the mouse, the ruler's result, or why an edit is rejected
+
+    def __init__(self, gestures: Gestures, measured: bool = True, predicted: bool = True) -> None:
+        self._box = _Box()
+        self.plot = new_plot(box=self._box)
+        super().__init__(self.plot)
+        self.shown: Shown | None = None
+        self._measured, self._predicted = measured, predicted
+        self.plot.setAspectLocked(True)
+        self.room, self.sensor = RoomLayer(self.plot), SensorLayer(self.plot)
+        self._outline = Outline()
+        self.plot.addItem(self._outline)
+        self.path, self.pointer = PathLayer(self.plot), CursorLayer(self.plot)
+        self._marks = ReadingMarks(self.plot, self._tip)
+        self.notes = NoteMarks(self.plot)
+        self.arrows = EdgeArrows(self._box)
+        self.ruler = RulerLayer(self.plot)
+        self.sound = SoundLayer(self.plot)
+        self.proposal, self.overlays = ProposalLayer(self.plot), OverlayMarks(self.plot)
+        self.found = FoundLayer(self.plot)
+        self.gestures = gestures
+        self.controller = PlanController(self, gestures)
+        self._box.offer_drag = self.controller.drag
+        self.clicked.connect(self.controller.click)
+        self.menu_pressed.connect(self._pick_for_menu)
+        self.hovered.connect(self.controller.hover)
+        self._frame: QRectF | None = None  # m, visible in every size of the view
+        self._fitted = True  # whether the user has not chosen another part since `fit`
+        self._box.sigRangeChangedManually.connect(self._note_choice)
+        self._box.sigResized.connect(self._show_frame)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw the changes since the last call."""
+        before, self.shown = self.shown, shown
+        self.repaint_whole()
+        if shown.changed_since(before, "look"):
+            self._set_look(shown.look)
+        if before is None or before.scene.room is not shown.scene.room:
+            self.draw_room()
+        if self._predicted:
+            self._draw_predicted(before, shown)
+        if self._measured:
+            self._draw_measured(before, shown)
+        if shown.changed_since(before, "scene", "readings", "chosen", "asked", "look", "hidden"):
+            self.sensor.draw(shown)
+        if shown.changed_since(before, "scene", "cursor"):
+            self.pointer.draw(shown)
+        if shown.changed_since(before, "proposal", "compared", "readings", "scene", "hidden", "look"):
+            self.proposal.draw(shown.proposal, self._marks)
+        if shown.changed_since(before, "found"):
+            self.found.draw(shown.found)
+        if self._measured and shown.changed_since(before, "overlays"):
+            self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
+        if shown.changed_since(before, "sound", "look"):
+            self.sound.draw(shown)
+            if shown.sound is not None and (before is None or before.sound is None):
+                self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
+        if before is None or _is_another_room(before, shown) or self._grows(before, shown):
+            self.fit()
+        if shown.changed_since(before, "readings", "compared", "scene", "chosen", "hidden", "look"):
+            self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
+
+    def _grows(self, before: Shown, shown: Shown) -> bool:
+        """Return whether there are other readings, and no room to show instead of them."""
+        return shown.scene.room is None and before.readings is not shown.readings and self._fitted
+
+    def fit(self) -> None:
+        """Show the room and the sensor with a margin; without a room, all points."""
+        self._fitted = True
+        scene = self.controller.scene if self.shown else None
+        if scene is None or scene.room is None:
+            self.fit_everything()
+            return
+        self._set_frame(self._room_area(scene))
+
+    def fit_everything(self) -> None:
+        """Show the room, the sensor and every reading."""
+        points = [positions for _, positions in self._marks.placed.values() if len(positions)]
+        scene = self.controller.scene if self.shown else None
+        if scene is None or scene.room is None or not points:
+            self._box.autoRange(padding=0.05)
+            self.note_frame()
+            return
+        (left, bottom), (right, top) = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
+        beyond = _AROUND_READINGS * max(right - left, top - bottom)
+        drawn = QRectF(left, bottom, right - left, top - bottom).adjusted(-beyond, -beyond, beyond, beyond)
+        self._set_frame(drawn.united(self._room_area(scene)))
+
+    def _note_choice(self, *_: object) -> None:
+        self._fitted = False
+        self.note_frame()
+
+    def note_frame(self, *_: object) -> None:
+        """Keep what is visible now in view when the size changes."""
+        self._frame = self._box.viewRect()
+
+    def _set_frame(self, frame: QRectF) -> None:
+        self._frame = frame
+        self._show_frame()
+
+    def _show_frame(self, *_: object) -> None:
+        """Show the frame as large as possible; pyqtgraph would make it smaller with each change of the size."""
+        if self._frame is not None:
+            self._box.setRange(self._frame, padding=0)
+
+    def _room_area(self, scene: Scene) -> QRectF:
+        assert scene.room is not None, "without a room there is nothing to measure"
+        (left, bottom), (right, top) = plan_bounds(scene.room, np.array([scene.pose.position]))
+        beyond = _BEYOND * max(right - left, top - bottom)
+        return QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
+
+    def _show_also(self, point: FloatArray) -> None:
+        """Extend the visible range to a point."""
+        seen = self._box.viewRect()
+        if not seen.contains(QPointF(*point)):
+            margin = _BEYOND * max(seen.width(), seen.height())
+            around = QRectF(point[0] - margin, point[1] - margin, 2 * margin, 2 * margin)
+            self._set_frame(seen.united(around))
+
+    def zoom(self, scale: float) -> None:
+        """Scale the visible range by `scale` about its middle."""
+        self._box.scaleBy((scale, scale))
+        self._note_choice()
+
+    def pan(self, right: int, up: int) -> None:
+        """Move the visible range by tenths of its size."""
+        (left, far_right), (low, high) = self._box.viewRange()
+        self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
+        self._note_choice()
+
+    # the interface `plan_controller.DrawingContext`
+
+    @property
+    def handle_at(self) -> Point | None:
+        """Where the beam can be dragged, m."""
+        return self.sensor.handle_at
+
+    @property
+    def pixel(self) -> float:
+        """The length of a pixel, m."""
+        return float(abs(self._box.viewPixelSize()[0]))
+
+    def contains(self, position: QPointF) -> bool:
+        """Return whether a point in scene coordinates lies in the plan."""
+        return bool(self._box.sceneBoundingRect().contains(position))
+
+    def point_at(self, position: QPointF) -> Point:
+        """Return the visible plan point, m, nearest to a point in scene coordinates."""
+        at = self._box.mapSceneToView(position)
+        (left, right), (low, high) = self._box.viewRange()
+        return min(max(at.x(), left), right), min(max(at.y(), low), high)
+
+    def draw_ruler(self, start: Point, end: Point, text: str) -> None:
+        """Draw the ruler."""
+        self.ruler.draw(start, end, text)
+
+    def clear_ruler(self) -> None:
+        """Remove the ruler."""
+        self.ruler.clear()
+
+    def draw_cursor(self, shape: Qt.CursorShape) -> None:
+        """Change the shape of the mouse cursor."""
+        self.setCursor(shape)
+
+    def show_message(self, text: str) -> None:
+        """Show one line of text beside the tools."""
+        self.message_changed.emit(text)
+
+    def draw_room(self) -> None:
+        """Draw the room, with handles if the active tool edits it."""
+        if self.shown is not None:
+            self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.edits)
+
+    def pick(self, event: MouseClickEvent) -> bool:
+        """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""
+        index = self._reading_at(event.scenePos()) if self._measured else self._towards(event)
+        if index is not None:
+            event.accept()
+            self.gestures.picked.emit(index)
+        return index is not None
+
+    @Slot(object)
+    def _pick_for_menu(self, position: QPointF) -> None:
+        index = self._reading_at(position) if self._measured else None
+        if index is not None:
+            self.gestures.picked.emit(index)
+
+    def _reading_at(self, position: QPointF) -> int | None:
+        index = self.arrows.reading_at(position)
+        return nearest_reading(self._box, self._marks.placed, position) if index is None else index
+
+    def on_outline(self, at: Point) -> bool:
+        """Return whether a point lies on the predicted outline."""
+        if not self._predicted or self.shown is None or self.shown.outline is None:
+            return False
+        away = np.hypot(*(outline_points(self.shown.outline) - at).T)
+        return bool((away <= _OUTLINE_REACH * self.pixel).any())
+
+    def _towards(self, event: MouseClickEvent) -> int | None:
+        if self.shown is None or not self.shown.readings:
+            return None
+        at = self._box.mapSceneToView(event.scenePos())
+        heading = bearing(self.shown.scene.pose.position, (at.x(), at.y()))
+        apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
+        return int(np.argmin(apart))
+
+    def event(self, event: QEvent) -> bool:
+        """Let Esc cancel a drag; without a drag, the window handles it."""
+        escape = event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
+        if escape and self.controller.cancel_drag():
+            event.accept()
+            return True
+        return bool(super().event(event))
+
+    def _set_look(self, look: Look) -> None:
+        self.set_look(look)
+        for side, what in (("bottom", "x"), ("left", "y")):
+            label_length(self.plot.getAxis(side), what, look)
+        metrics = QFontMetrics(text_font(look, 0.9))
+        # wider tick values would change the size of the plan, and with it the visible range
+        self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
+        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound):
+            layer.set_look(look)
+        for proposed in (self.proposal, self.found):
+            proposed.set_look(look)
+        self.overlays.set_look()
+        self._outline.set_look(look.palette)
+        self._marks.set_look(look.palette)
+        self.notes.set_look(look.palette)
+        self.arrows.set_look(look)
+
+    def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
+        if shown.changed_since(before, "outline"):
+            self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
+        self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
+        if shown.changed_since(before, *_PATH_PARTS):
+            self.path.draw(shown)
+
+    def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
+        fresh = not shown.same_readings(before)
+        if fresh:
+            positions = partial(standpoints, shown.scene.board, shown.scene.pose)
+            self._marks.draw(
+                {
+                    kind: (points, points_at(positions(points.headings), points.headings, points.ranges))
+                    for kind, points in shown.classes.items()
+                }
+            )
+        if fresh or shown.changed_since(before, "notes"):
+            self.notes.draw(shown.notes, self._marks)
+        if fresh or shown.changed_since(before, "chosen"):
+            self._marks.ring(shown.chosen)
+
+    def _tip(self, index: int) -> str:
+        return reading_tip(self.shown, index) if self.shown else ""
+
+
+class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
+    """View box that offers a drag with the left button to the tool before it pans."""
+
+    offer_drag: Callable[[MouseDragEvent], bool] | None = None
+
+    def __init__(self) -> None:
+        super().__init__(enableMenu=False)
+
+    def mouseDragEvent(self, ev: MouseDragEvent, axis: int | None = None) -> None:
+        """Offer the drag to the tool; pan if the tool does not use it."""
+        left = axis is None and ev.button() == Qt.MouseButton.LeftButton
+        if left and self.offer_drag is not None and self.offer_drag(ev):
+            ev.accept()
+        else:
+            super().mouseDragEvent(ev, axis)
+
+
+def _is_another_room(before: Shown, shown: Shown) -> bool:
+    """Return whether another room was opened. An edited room keeps its place on the screen."""
+    was, now = before.scene, shown.scene
+    if was.room is None or now.room is None:
+        return was.room is not now.room
+    if was.room.text == now.room.text:
+        return False  # saved under another name
+    return (was.room_file, was.room.name) != (now.room_file, now.room.name)
+
+
+# The view "Side by side": measured left, predicted right, with one pan and zoom.
+
+
+class SideBySide(QWidget):
+    """Two plans: measured readings and predicted readings."""
+
+    entry = ViewEntry("Side by side", "The scan on the left, its prediction on the right", key="2", width=0.72)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gestures = Gestures(self)
+        self._row = QHBoxLayout(self)
+        self._row.setContentsMargins(0, 0, 0, 0)
+        self._row.setSpacing(1)
+        self._created = False
+        self.title = TitleLabel("Measured")  # of the left plan: the origin of the readings
+
+    @cached_property
+    def measured(self) -> PlanDrawing:
+        """The left plan. Both plans are created when first visible."""
+        return PlanDrawing(self.gestures, predicted=False)
+
+    @cached_property
+    def predicted(self) -> PlanDrawing:
+        """The right plan."""
+        return PlanDrawing(self.gestures, measured=False)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw the changes since the last call."""
+        if not self._created:
+            self._created = True
+            self._arrange()
+        self.title.setText(shown.origin.capitalize())
+        for view in (self.measured, self.predicted):
+            view.show_state(shown)
+
+    def fit(self) -> None:
+        """Show the whole room in both plans."""
+        if self._created:
+            self.measured.fit()
+            self.predicted.fit()
+
+    def picture(self) -> QWidget:
+        """Return both plans."""
+        return self
+
+    def _arrange(self) -> None:
+        for title, view in ((self.title, self.measured), (TitleLabel("Predicted"), self.predicted)):
+            self._row.addLayout(_titled(title, view), stretch=1)
+        self.predicted.plot.setXLink(self.measured.plot)
+        self.predicted.plot.setYLink(self.measured.plot)
+        for moved, other in ((self.measured, self.predicted), (self.predicted, self.measured)):
+            moved.plot.vb.sigRangeChangedManually.connect(other.note_frame)
+
+
+def _titled(title: TitleLabel, view: PlanDrawing) -> QVBoxLayout:
+    message = ElidedLabel()
+    view.message_changed.connect(message.setText)
+    head = QHBoxLayout()
+    head.setContentsMargins(8, 3, 8, 3)
+    head.addWidget(title)
+    head.addWidget(message, stretch=1)
+    column = QVBoxLayout()
+    column.setSpacing(0)
+    column.addLayout(head)
+    column.addWidget(view, stretch=1)
+    return column
+
+
+# A dialog that adds a wall or a post by typed coordinates, without the mouse.
+
+
+_WALL, _POST = ("x of one end", "y of one end", "x of the other end", "y of the other end"), ("x", "y", "radius")
+
+_RADIUS = 0.05  # m, of a post until another one is typed
+
+
+class TypedSurface(QDialog):
+    """Asks for the coordinates of a wall (four) or of a post (three). Not modal."""
+
+    def __init__(
+        self, scene: Callable[[], Scene], unit: LengthUnit, gestures: Gestures, post: bool, parent: QWidget
+    ) -> None:
+        """`scene`: returns the present scene, which may change while the dialog is open."""
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle("Add a post" if post else "Add a wall")
+        self._scene, self._gestures, self._post, self._unit = scene, gestures, post, unit
+        self.problem = PlainLabel(wordWrap=True)
+        form = QFormLayout(self)
+        self.fields = [self._field(form, name, self._unit) for name in (_POST if post else _WALL)]
+        for field, value in zip(self.fields, scene().pose.position, strict=False):
+            field.setValue(self._unit.of(value))
+        if post:
+            self.fields[2].setValue(self._unit.of(_RADIUS))
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
+        buttons.button(QDialogButtonBox.StandardButton.Ok).setDefault(True)  # Enter in a field adds
+        buttons.accepted.connect(self._add)
+        buttons.rejected.connect(self.close)
+        form.addRow(self.problem)
+        form.addRow(buttons)
+
+    @staticmethod
+    def _field(form: QFormLayout, name: str, unit: LengthUnit) -> NumberField:
+        most = unit.of(MAX_COORDINATE)
+        field = NumberField(0.0 if name == "radius" else -most, most, unit.decimals, f" {unit.label}")
+        field.setAccessibleName(name)
+        form.addRow(name, field)
+        return field
+
+    @Slot()
+    def _add(self) -> None:
+        for field in self.fields:
+            field.interpretText()  # Enter may come before a field has lost the focus
+        try:
+            scene, label = self._edited(self._scene())
+        except InputError as error:
+            self.problem.setText(str(error))
+            return
+        self._gestures.edited.emit(scene, label, None)
+        self.close()
+
+    def _edited(self, scene: Scene) -> Edit:
+        room, _ = room_and_place(scene)
+        values = [round(self._unit.metres(field.value()), 6) for field in self.fields]
+        if self._post:
+            return with_room(
+                scene, add_post(room, (values[0], values[1]), values[2], room.materials[0])
+            ), "adding a post"
+        if values[:2] == values[2:]:
+            raise InputError("the ends of the wall are the same point; give two different points")
+        ends = (values[0], values[1]), (values[2], values[3])
+        return with_room(scene, add_wall(room, *ends, room.materials[0])), "adding a wall"
+
+
+_MOVES = {"Left": (-1, 0), "Right": (1, 0), "Down": (0, -1), "Up": (0, 1)}
+_ZOOM = 1.25
+_FITS = (
+    ("Fit room", "Home", "Show the room and the sensor; readings outside are arrows at the edge", PlanDrawing.fit),
+    ("Fit everything", "Shift+F", "Show the room, the sensor and every reading", PlanDrawing.fit_everything),
+)
+_QUESTIONS = (("Ask left", "[", 1.0), ("Ask right", "]", -1.0))  # °, counter-clockwise
+_TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
+
+
+class PlanView(QWidget):
+    """The plan with a row of tools above it."""
+
+    entry = ViewEntry("Plan", "The room to scale", key="1", menu="Plan")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gestures = Gestures(self)
+        self.drawing = view = PlanDrawing(self.gestures)
+        self.tools = QActionGroup(self)
+        self.message = ElidedLabel()
+        self.typed: TypedSurface | None = None  # the dialog for coordinates, opened last
+        view.message_changed.connect(self.message.setText)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self._bar())
+        column.addWidget(view, stretch=1)
+        self._add_keys()
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw the changes since the last call."""
+        self.drawing.show_state(shown)
+
+    def fit(self) -> None:
+        """Show the whole room."""
+        self.drawing.fit()
+
+    def picture(self) -> QWidget:
+        """Return the plan without its tools."""
+        return self.drawing
+
+    def _bar(self) -> QWidget:
+        bar, tools = QWidget(), QWidget()
+        row, buttons = QHBoxLayout(bar), FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
+        row.setContentsMargins(0, 0, 4, 0)
+        row.setSpacing(0)
+        for tool in TOOLS:
+            action = self._action(tool.name, tool.key, tool.tip)
+            action.setCheckable(True)
+            action.setData(tool)
+            self.tools.addAction(action)
+            buttons.addWidget(_button(action))
+        self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
+        self.remove.triggered.connect(self.drawing.controller.remove_chosen)
+        buttons.addWidget(_button(self.remove))
+        message = LabelSlot(self.message)
+        message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
+        row.addWidget(tools)
+        row.addWidget(message, stretch=1)
+        self.tools.actions()[0].setChecked(True)
+        self.tools.triggered.connect(self._set_tool)
+        return bar
+
+    def _add_keys(self) -> None:
+        controller = self.drawing.controller
+        for side, by in _MOVES.items():
+            tip = "Move the sensor by 1 cm; with Edit, the selected wall or post"
+            self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(controller.nudge, *by))
+        for side, (key, steps) in _TURNS.items():
+            action = self._action(f"Turn {side}", key, "Turn the sensor by 1°")
+            action.triggered.connect(partial(controller.turn, steps))
+        for name, key, tip, fit in _FITS:
+            self._action(name, key, tip).triggered.connect(partial(fit, self.drawing))
+        for name, key, degrees in _QUESTIONS:
+            action = self._action(name, key, "Explain the next heading on this side, without a scan")
+            action.triggered.connect(partial(self._turn_question, math.radians(degrees)))
+        for name, key, post in (("Add wall…", "Ctrl+Alt+W", False), ("Add post…", "Ctrl+Alt+P", True)):
+            action = self._action(name, key, "Type the coordinates")
+            action.triggered.connect(partial(self._type_surface, post))
+        for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
+            action = self._action(name, key, "About the middle; the mouse wheel zooms about the pointer")
+            action.triggered.connect(partial(self.drawing.zoom, scale))
+        for side, by in _MOVES.items():
+            action = self._action(f"Pan {side.lower()}", f"Ctrl+Shift+{side}", "Pan by a tenth of the view")
+            action.triggered.connect(partial(self.drawing.pan, *by))
+
+    def _action(self, text: str, key: str, tip: str) -> QAction:
+        action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
+        self.addAction(action)
+        return action
+
+    def _type_surface(self, post: bool) -> None:
+        shown = self.drawing.shown
+        if shown is None or shown.scene.room is None:
+            self.message.setText("open a room first")
+            return
+        controller = self.drawing.controller
+        close_dialogs(self.window())
+        self.typed = TypedSurface(lambda: controller.scene, shown.look.unit, self.gestures, post, self)
+        self.typed.show()
+
+    def _turn_question(self, by: float) -> None:
+        self.gestures.turned_question.emit(by)
+
+    @Slot(QAction)
+    def _set_tool(self, action: QAction) -> None:
+        self.drawing.controller.set_tool(action.data())
+
+
+def _button(action: QAction) -> QToolButton:
+    button = QToolButton(autoRaise=True)
+    button.setDefaultAction(action)
+    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+    button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the window keeps the keyboard focus
+    return button

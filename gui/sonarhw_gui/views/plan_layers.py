@@ -1,0 +1,656 @@
+"""The layers of the plan: room, sensor, rays, readings, sound, found rooms and proposals."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF, QRectF, QSizeF, Qt
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen, QPolygonF
+from PySide6.QtWidgets import QGraphicsPathItem
+from sonarhw_compare.edits import Point, corners
+from sonarhw_compare.pictures import points_at
+from sonarhw_compare.scans import heading_text
+from sonarhw_compare.sound import Pulse, counted_position, moment_at
+from sonarhw_sim.room.room import Room
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.model.look import Class, Look, ViewLayer, text_font
+from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
+from sonarhw_gui.model.shown import NO_POINTS, FoundDrawing, NextScan, Proposal, Shown, chosen_path
+from sonarhw_gui.views.base import cosmetic_pen
+from sonarhw_gui.views.marks import Placed, PlotLine, ReadingMarks, Spots
+
+# The layers of the plan: room, sensor with its beam, rays of one path, cursor and ruler.
+
+
+_BEAM_LENGTH, _HANDLE, _ZERO = 0.3, 0.12, 0.05  # shares of the room's diagonal
+_MOST_LABELLED = 9  # points; more labels would hide the rays
+_AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in units of their size
+_ROWS = 4  # rows tried above and below a point for its label
+_SENSOR = 14  # pixels
+_NOTHING = np.empty((0, 2))
+
+
+class RoomLayer:
+    """Walls and posts, the selected one thicker, and handles at the corners."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._walls = PlotLine(connect="pairs")
+        self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
+        self._posts.setPen(pg.mkPen(None))
+        self._chosen_wall = PlotLine()
+        self._corners = Spots(size=8, symbol="s", brush=None)
+        self._corners.setZValue(20)  # over readings
+        for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
+            plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        colours = look.palette
+        self._walls.setPen(cosmetic_pen(colours.wall, width=2))
+        self._posts.setBrush(pg.mkBrush(colours.wall))
+        self._chosen_wall.setPen(cosmetic_pen(colours.chosen, width=5))
+        self._chosen_post.setPen(cosmetic_pen(colours.chosen, width=4))
+        self._corners.setPen(cosmetic_pen(colours.ink, width=1))
+
+    def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
+        """Draw a room, with the surface `name` highlighted and, if `handles`, its corners."""
+        chosen = room.names.index(name) if room and name in room.names else None
+        self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
+        self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
+        self._corners.setData(*(np.array(corners(room)) if room and handles else _NOTHING).T)
+        self._corners.setVisible(handles)
+        wall, post = _NOTHING, np.empty((0, 3))
+        if room and chosen is not None and chosen < len(room.walls):
+            wall = room.walls[chosen].reshape(2, 2)
+        elif room and chosen is not None and chosen not in room.levels:
+            post = room.posts[chosen - len(room.walls)][None]
+        self._chosen_wall.setData(*wall.T)
+        self._chosen_post.setPath(_posts_path(post))
+
+
+class SensorLayer:
+    """The sensor, the zero of its turntable, the beam of the selected reading, and the turntable's direction now."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self.handle_at: Point | None = None
+        self._beam = PlotLine(pen=None, filled=True)
+        self._axis, self._turntable, self._zero = PlotLine(), PlotLine(), PlotLine()
+        self._handle = Spots(size=11, symbol="o")
+        self._sensor = Spots(size=_SENSOR, symbol="d")
+        for z, item in (
+            (-10, self._beam),
+            (-9, self._axis),
+            (-9, self._turntable),
+            (20, self._zero),
+            (21, self._handle),
+            (22, self._sensor),
+        ):
+            item.setZValue(z)
+            plot.addItem(item, ignoreBounds=item is not self._sensor)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        colours = look.palette
+        self._beam.setBrush(colours.beam)
+        self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
+        self._turntable.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
+        self._zero.setPen(cosmetic_pen(colours.ink, width=2.5))
+        self._handle.setPen(cosmetic_pen(colours.paper))  # filled: the ring of the selected reading is hollow
+        self._handle.setBrush(colours.ink)
+        self._sensor.setPen(cosmetic_pen(colours.paper))
+        self._sensor.setBrush(pg.mkBrush(colours.ink))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw the beam at the heading of the selected reading, and a dotted line at the newest heading.
+
+        Without readings, the beam is at step 0.
+        """
+        scene, room = shown.scene, shown.scene.room
+        self._sensor.setData(*np.array([scene.pose.position]).T)
+        wedge, axis, turntable, zero, self.handle_at = _NOTHING, _NOTHING, _NOTHING, _NOTHING, None
+        if room is not None:
+            newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.pose.heading
+            heading = newest if shown.due_heading is None else shown.due_heading
+            size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
+            length, handle = _BEAM_LENGTH * size, _HANDLE * size
+            wedge = beam_wedge(scene.pose, heading, half_power_angle(scene.board, room), length)
+            axis = points_at(scene.pose.position, np.full(3, heading), np.array([0.0, handle, length]))
+            self.handle_at = float(axis[1, 0]), float(axis[1, 1])
+            zero = points_at(scene.pose.position, np.full(2, scene.pose.heading), np.array([0.0, _ZERO * size]))
+            if newest != heading:
+                turntable = points_at(scene.pose.position, np.full(2, newest), np.array([0.0, handle]))
+        self._beam.setData(*wedge.T)
+        self._beam.setVisible(shown.draws(ViewLayer.BEAM))
+        self._axis.setData(*axis.T)
+        self._turntable.setData(*turntable.T)
+        self._zero.setData(*zero.T)
+        self._handle.setData(*axis[1:2].T)
+
+
+class PathLayer:
+    """The path that explains the selected reading, numbered by bounce, and the path pointed at in a list."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._rays, self._pointed = PlotLine(), PlotLine()
+        self._pointed.setZValue(28)
+        self._labels = [_label() for _ in range(_MOST_LABELLED)]
+        self._texts: list[tuple[str, FloatArray]] = []
+        self._sensor: Point = (0.0, 0.0)
+        self._colour = "k"
+        self._drawn_with: tuple[str, Qt.PenStyle] | None = None  # colour and style of the rays
+        for item in (self._rays, self._pointed, *self._labels):
+            plot.addItem(item)
+        plot.vb.sigRangeChanged.connect(self._lay_out)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        self._colour, self._drawn_with = look.palette.chosen, None  # the width depends on the screen
+        self._pointed.setPen(cosmetic_pen(look.palette.predicted, width=3))
+        for label in self._labels:
+            label.setColor(look.palette.paper)
+            label.fill = pg.mkBrush(look.palette.chosen)
+            label.setFont(text_font(look, 0.8))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw the path that explains the reading as a solid line, or else the predicted path as a dotted line."""
+        path = chosen_path(shown) if shown.draws(ViewLayer.RAYS) else None
+        points = _NOTHING if path is None else path.corners
+        style = Qt.PenStyle.SolidLine if path is not None and path.explains else Qt.PenStyle.DotLine
+        if (self._colour, style) != self._drawn_with:
+            self._drawn_with = self._colour, style
+            self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
+        self._rays.setData(*points.T)
+        self._texts, self._sensor = bounce_labels(points), shown.scene.pose.position
+        for k, label in enumerate(self._labels):
+            label.setVisible(k < len(self._texts))
+            if k < len(self._texts):
+                label.setText(self._texts[k][0])
+        question, pointed = shown.question, shown.pointed_path
+        drawn = _NOTHING if question is None or pointed is None else question[0].paths.outline(pointed)
+        self._pointed.setData(*drawn.T)
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Place the labels without overlap. Their distance on the screen depends on the zoom."""
+        taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
+        for label, (_, at) in zip(self._labels, self._texts, strict=False):
+            _set_beside(label, at, taken)
+
+
+class CursorLayer:
+    """A cross at the position of the pointer in another view."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._cross = Spots(size=17, symbol="crosshair", brush=None)
+        self._cross.setZValue(25)
+        plot.addItem(self._cross, ignoreBounds=True)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        self._cross.setPen(cosmetic_pen(look.palette.chosen, width=1))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw the cursor, or hide it if there is none."""
+        at, cursor = _NOTHING, shown.cursor
+        if cursor is not None:
+            at = points_at(shown.scene.pose.position, np.array([cursor.heading]), np.array([cursor.range]))
+        self._cross.setData(*at.T)
+        self._cross.setVisible(cursor is not None)  # hidden items take no time
+
+
+class RulerLayer:
+    """A line between two points, labelled with its length and direction."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._line = PlotLine()
+        self._ends = Spots(size=13, symbol="crosshair", brush=None)
+        self.label = pg.TextItem()
+        for item in (self._line, self._ends, self.label):
+            item.setZValue(40)
+            plot.addItem(item, ignoreBounds=True)
+        self.clear()
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        self._line.setPen(cosmetic_pen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
+        self._ends.setPen(cosmetic_pen(look.palette.ink, width=1.5))
+        self.label.setColor(look.palette.ink)
+        self.label.fill = pg.mkBrush(look.palette.tip_paper)
+        self.label.setFont(text_font(look))
+
+    def draw(self, start: Point, end: Point, text: str) -> None:
+        """Draw the ruler from one point to another."""
+        ends = np.array([start, end])
+        self._line.setData(*ends.T)
+        self._ends.setData(*ends.T)
+        self.label.setText(text)
+        _set_beside(self.label, ends[1], [])
+        for item in (self._line, self._ends, self.label):
+            item.setVisible(True)
+
+    def clear(self) -> None:
+        """Remove the ruler."""
+        for item in (self._line, self._ends, self.label):
+            item.setVisible(False)
+
+
+def _posts_path(posts: FloatArray) -> QPainterPath:
+    path = QPainterPath()
+    for x, y, radius in posts:
+        path.addEllipse(QRectF(x - radius, y - radius, 2 * radius, 2 * radius))
+    return path
+
+
+def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
+    """Put a label beside a point, towards the middle of the view and within it, clear of the areas `taken`."""
+    label.setPos(*at)
+    box = label.getViewBox()
+    if box is None:
+        return
+    (left, right), (low, high) = box.viewRange()
+    across = (_AFTER, _BEFORE) if at[0] < (left + right) / 2 else (_BEFORE, _AFTER)
+    along = (_ABOVE, _BELOW) if at[1] < (low + high) / 2 else (_BELOW, _ABOVE)
+    point, size = box.mapViewToScene(QPointF(*at)), label.textItem.boundingRect().size()
+    beside = [(x, y) for x in across for y in along]
+    sides = [(x, y + math.copysign(row, y)) for row in range(_ROWS) for x, y in beside]
+    places = [QRectF(QPointF(point.x() - x * size.width(), point.y() - y * size.height()), size) for x, y in sides]
+    clear = [k for k, place in enumerate(places) if not any(map(place.intersects, taken))]
+    within = [k for k in clear if box.sceneBoundingRect().contains(places[k])]
+    free = next(iter(within or clear), 0)
+    label.setAnchor(sides[free])
+    taken.append(places[free])
+
+
+def _sensor_box(box: pg.ViewBox, at: Point) -> QRectF:
+    middle = box.mapViewToScene(QPointF(*at))
+    return QRectF(middle.x() - _SENSOR / 2, middle.y() - _SENSOR / 2, _SENSOR, _SENSOR)
+
+
+def _label() -> pg.TextItem:
+    item = pg.TextItem()
+    item.setZValue(30)
+    item.setVisible(False)
+    return item
+
+
+# Arrows at the edge of the plan towards readings outside the visible part, with their distance from the sensor.
+#
+# Each arrow lies on the line from the sensor to its reading, so the arrow of the selected reading lies on the beam.
+
+
+_INSET = 9.0  # pixels, from the edge to the middle of an arrow
+_ARROW, _HALF_WIDTH, _GAP = 8.0, 5.5, 3.0  # pixels: half of its length and width, and the gap before its text
+_APART = 72.0  # pixels between two arrows at least; readings between them share one
+_PICK = 16.0  # pixels
+PixelPoint = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EdgeArrow:
+    """One arrow: the nearest of its readings, or the selected one."""
+
+    reading: int
+    kind: Class
+    at: PixelPoint  # of its middle, from the upper left corner of the plot
+    towards: PixelPoint  # unit vector
+    distance: float  # m, from the sensor
+    heading: float  # rad, from the sensor
+    count: int  # readings that share it
+
+
+def edge_arrows(
+    placed: dict[Class, Placed], seen: QRectF, size: PixelPoint, sensor: PixelPoint, chosen: int | None
+) -> list[EdgeArrow]:
+    """Return arrows towards the readings outside the area `seen`, m, of a plot of `size` pixels."""
+    if not placed or min(size) <= 4 * _INSET:
+        return []
+    kinds = [kind for kind, (points, _) in placed.items() for _ in points.readings]
+    numbers = np.array([number for points, _ in placed.values() for number in points.readings])
+    places = np.vstack([positions for _, positions in placed.values()])
+    scale = size[0] / seen.width(), size[1] / seen.height()
+    pixels = np.column_stack(((places[:, 0] - seen.left()) * scale[0], (seen.bottom() - places[:, 1]) * scale[1]))
+    outside = np.flatnonzero(~((pixels >= 0) & (pixels <= size)).all(axis=1))
+    if not len(outside):
+        return []
+    origin = (sensor[0] - seen.left()) * scale[0], (seen.bottom() - sensor[1]) * scale[1]
+    at, towards = _at_edge(pixels[outside], np.array(size), np.array(origin))
+    along = places[outside] - sensor
+    away, headings = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
+    order = np.lexsort((away, numbers[outside] != chosen))  # the selected reading first, then the nearest ones
+    arrows: list[EdgeArrow] = []
+    taken = np.full(len(outside), False)
+    for k in order.tolist():
+        if taken[k]:
+            continue
+        near = ~taken & (np.hypot(*(at - at[k]).T) < _APART)
+        taken |= near
+        index = int(outside[k])
+        arrows.append(
+            EdgeArrow(
+                int(numbers[index]),
+                kinds[index],
+                tuple(at[k]),
+                tuple(towards[k]),
+                float(away[k]),
+                float(headings[k]),
+                int(near.sum()),
+            )
+        )
+    return arrows
+
+
+def _at_edge(pixels: FloatArray, size: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the lines from `origin` to `pixels` (n, 2) leave the plot, and their directions.
+
+    If `origin` is not in the plot, the lines begin in its middle.
+    """
+    if not ((origin > _INSET) & (origin < size - _INSET)).all():
+        origin = size / 2
+    along = pixels - origin
+    room = np.where(along > 0, size - _INSET - origin, origin - _INSET)
+    share = (room / np.maximum(np.abs(along), 1e-9)).min(axis=1)
+    return origin + share[:, None] * along, along / np.hypot(*along.T)[:, None]
+
+
+def _beside(at: PixelPoint, size: QSizeF, whole: QRectF) -> tuple[QRectF, QRectF]:
+    """Return the areas on both sides of an arrow for a text of this size.
+
+    They lie along the edge, in the margin around the room: farther inwards the text would cover walls and readings.
+    """
+    (x, y), width, height = at, size.width(), size.height()
+    right, below = whole.width() - width - 1, whole.height() - height - 1
+    apart = _ARROW + _GAP
+    if min(x, whole.width() - x) < min(y, whole.height() - y):
+        left = 1.0 if x < whole.width() / 2 else right
+        return QRectF(QPointF(left, y + apart), size), QRectF(QPointF(left, y - apart - height), size)
+    top = 1.0 if y < whole.height() / 2 else below
+    return QRectF(QPointF(x + apart, top), size), QRectF(QPointF(x - apart - width, top), size)
+
+
+class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
+    """Draws the arrows in front of a view box, in pixels."""
+
+    def __init__(self, box: pg.ViewBox) -> None:
+        super().__init__()
+        self.arrows: list[EdgeArrow] = []
+        self._box = box
+        self._look = Look()
+        self._font = QFont()
+        self._placed: dict[Class, Placed] = {}
+        self._sensor: PixelPoint = (0.0, 0.0)
+        self._chosen: int | None = None
+        self.setParentItem(box)
+        self.setZValue(1000)
+        box.sigRangeChanged.connect(self._lay_out)
+        box.sigResized.connect(self._lay_out)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours, unit and text size of `look`."""
+        self._look, self._font = look, text_font(look, 0.8)
+        self.update()
+
+    def draw(self, placed: dict[Class, Placed], sensor: PixelPoint, chosen: int | None) -> None:
+        """Draw the arrows of these readings."""
+        self._placed, self._sensor, self._chosen = placed, sensor, chosen
+        self._lay_out()
+
+    def reading_at(self, position: QPointF) -> int | None:
+        """Return the reading of the arrow at a point in scene coordinates; None if there is none."""
+        at = self.mapFromScene(position)
+        near = [(abs(at.x() - x) + abs(at.y() - y), arrow.reading) for arrow in self.arrows for x, y in (arrow.at,)]
+        away, reading = min(near, default=(_PICK + 1, None))
+        return reading if away <= _PICK else None
+
+    def text(self, arrow: EdgeArrow) -> str:
+        """Return the text beside an arrow."""
+        unit = self._look.unit
+        distance = f"{unit.of(arrow.distance):.{max(unit.decimals - 2, 0)}f} {unit.label}"  # short: it covers the plan
+        at = f"{heading_text(arrow.heading)}: " if arrow.reading == self._chosen else ""
+        return f"{at}{distance}" if arrow.count == 1 else f"{at}{distance} ×{arrow.count}"
+
+    def boundingRect(self) -> QRectF:
+        """Return the area of the plot."""
+        return QRectF(0, 0, self._box.width(), self._box.height())
+
+    def text_areas(self) -> list[tuple[EdgeArrow, QRectF]]:
+        """Return the arrows with a text, and its area. Texts overlap neither texts nor arrows; the first arrow wins."""
+        metrics, whole = QFontMetricsF(self._font), self.boundingRect()
+        taken = [QRectF(x - _ARROW, y - _ARROW, 2 * _ARROW, 2 * _ARROW) for x, y in (one.at for one in self.arrows)]
+        found = []
+        for arrow in self.arrows:
+            size = metrics.boundingRect(self.text(arrow)).size() + QSizeF(4, 0)
+            for area in _beside(arrow.at, size, whole):
+                if whole.contains(area) and not any(map(area.intersects, taken)):
+                    taken.append(area)
+                    found.append((arrow, area))
+                    break
+        return found
+
+    def paint(self, painter: QPainter, *_: object) -> None:
+        """Draw the arrows, and the texts that do not overlap; the selected reading comes first."""
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setFont(self._font)
+        for arrow in self.arrows:
+            self._paint_arrow(painter, arrow)
+        for arrow, area in self.text_areas():
+            painter.fillRect(area, QColor(self._look.palette.paper))
+            painter.setPen(QColor(self._look.palette.ink))
+            painter.drawText(area, Qt.AlignmentFlag.AlignCenter, self.text(arrow))
+
+    def _paint_arrow(self, painter: QPainter, arrow: EdgeArrow) -> None:
+        colours, along = self._look.palette, QPointF(*arrow.towards)
+        across, tip = QPointF(-along.y(), along.x()) * _HALF_WIDTH, QPointF(*arrow.at) + along * _ARROW
+        back = tip - along * 2 * _ARROW
+        chosen = arrow.reading == self._chosen
+        painter.setPen(QPen(QColor(colours.chosen if chosen else colours.paper), 2.0 if chosen else 1.0))
+        painter.setBrush(QColor(colours.of(arrow.kind)))
+        painter.drawPolygon(QPolygonF([tip, back + across, back - across]))
+
+    def _lay_out(self) -> None:
+        (left, right), (low, high) = self._box.viewRange()
+        seen = QRectF(left, low, right - left, high - low)
+        self.arrows = edge_arrows(
+            self._placed, seen, (self._box.width(), self._box.height()), self._sensor, self._chosen
+        )
+        self.setVisible(bool(self.arrows))
+        self.update()
+
+
+# The search for the room in the plan: dashed walls, readings for and against one of them, the next place to scan.
+
+
+_GAP_OF_LINES = np.full((1, 2), np.nan)
+_WIDTH, _CLEARED = 3, 9  # pixels: dashes, and a strip below them without the outline, which has their colour
+_REACH = 0.18  # of the diagonal of the found walls: radius of the sectors of the next scan
+
+
+class FoundLayer:
+    """Dashed surfaces, marks at readings, and the next place with its headings."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self.surfaces, self.chosen = (PlotLine(connect="finite") for _ in range(2))
+        self.sectors = PlotLine(connect="finite")
+        self.speaking_for = Spots(size=15, symbol="o", brush=None)
+        self.against = Spots(size=15, symbol="x", brush=None)
+        self.next_scan = Spots(size=20, symbol="star")
+        self._label = pg.TextItem("scan next", anchor=(0.5, -0.5))
+        self._posts = Spots(size=16, symbol="+", brush=None)  # a post may be smaller than a pixel
+        for z, item in (
+            (4, self.surfaces),  # over walls and outline, below readings of all scans
+            (4, self._posts),
+            (4.5, self.chosen),
+            (34, self.speaking_for),
+            (34, self.against),
+            (33, self.sectors),
+            (37, self.next_scan),
+            (37, self._label),
+        ):
+            item.setZValue(z)
+            plot.addItem(item, ignoreBounds=True)
+        self.draw(None)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        colours = look.palette
+        self.surfaces.setPen(cosmetic_pen(colours.predicted, width=_WIDTH, style=Qt.PenStyle.DashLine))
+        self.surfaces.setShadowPen(cosmetic_pen(colours.paper, width=_CLEARED))
+        self.chosen.setPen(cosmetic_pen(colours.predicted, width=5))
+        self._posts.setPen(cosmetic_pen(colours.predicted, width=2))
+        self.speaking_for.setPen(cosmetic_pen(colours.predicted, width=2))
+        self.against.setPen(cosmetic_pen(colours.long, width=3))
+        self.sectors.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DotLine))
+        self.next_scan.setPen(cosmetic_pen(colours.ink, width=1))
+        self.next_scan.setBrush(pg.mkBrush(colours.extra))
+        self._label.setColor(colours.ink)
+        self._label.fill = pg.mkBrush(colours.paper)
+        self._label.setFont(text_font(look, 0.9))
+
+    def draw(self, found: FoundDrawing | None) -> None:
+        """Draw the state of a search; None: nothing."""
+        walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if found is None else (found.walls, found.posts)
+        _set(self.surfaces, surface_outlines(walls, posts))
+        _set(self.chosen, NO_POINTS if found is None else surface_outlines(found.chosen_walls, found.chosen_posts))
+        _set(self._posts, posts[:, :2])
+        _set(self.speaking_for, NO_POINTS if found is None else found.speaking_for)
+        _set(self.against, NO_POINTS if found is None else found.against)
+        self._draw_next(None if found is None else found.next_scan, walls)
+
+    def _draw_next(self, place: NextScan | None, walls: FloatArray) -> None:
+        at = NO_POINTS if place is None else np.array([place.position])
+        _set(self.next_scan, at)
+        self._label.setVisible(place is not None)
+        if place is None:
+            _set(self.sectors, NO_POINTS)
+            return
+        self._label.setPos(*place.position)
+        ends = walls.reshape(-1, 2)
+        reach = _REACH * float(np.hypot(*np.ptp(ends, axis=0))) if len(ends) else 1.0
+        _set(self.sectors, _sectors(place, reach))
+
+
+def _set(item: PlotLine | Spots, points: FloatArray) -> None:
+    item.setData(*points.T)
+    item.setVisible(len(points) > 0)
+
+
+def _sectors(place: NextScan, reach: float) -> FloatArray:
+    """Return the outlines of the sectors, (n, 2) m, with NaN between them."""
+    middle, parts = np.array([place.position]), []
+    for begin, end in place.sectors:
+        angles = np.linspace(begin, end, 25)
+        arc = middle + reach * np.column_stack((np.cos(angles), np.sin(angles)))
+        parts += [middle, arc, middle, _GAP_OF_LINES]
+    return np.vstack(parts) if parts else NO_POINTS
+
+
+# The proposed change of the room in the plan: dashed surfaces, and rings around the readings that it explains.
+
+
+_PROPOSAL_WIDTH = 4  # pixels
+_SMALLEST = 18  # pixels, of the cross at a post, which may be smaller than a pixel
+
+
+class ProposalLayer:
+    """Dashed walls and posts, and rings."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self.surfaces = PlotLine(connect="finite")
+        self._posts = Spots(size=_SMALLEST, symbol="+", brush=None)
+        self.rings = Spots(size=15, symbol="o", brush=None)
+        for z, item in ((35, self.surfaces), (35, self._posts), (34, self.rings)):
+            item.setZValue(z)
+            plot.addItem(item, ignoreBounds=True)
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        pen = cosmetic_pen(look.palette.predicted, width=_PROPOSAL_WIDTH, style=Qt.PenStyle.DashLine)
+        self.surfaces.setPen(pen)
+        self._posts.setPen(cosmetic_pen(look.palette.predicted, width=2))
+        self.rings.setPen(cosmetic_pen(look.palette.predicted, width=2))
+
+    def draw(self, proposal: Proposal | None, marks: ReadingMarks) -> None:
+        """Draw a proposal, and rings around its readings at their marks; None: nothing."""
+        walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if proposal is None else (proposal.walls, proposal.posts)
+        self.surfaces.setData(*surface_outlines(walls, posts).T)
+        self._posts.setData(*posts[:, :2].T)
+        draw_rings(self.rings, proposal, marks)
+
+
+def draw_rings(rings: Spots, proposal: Proposal | None, marks: ReadingMarks) -> None:
+    """Draw rings around the readings of a proposal."""
+    found = [] if proposal is None else [marks.position_of(reading) for reading in proposal.readings]
+    positions = [position for position in found if position is not None]
+    rings.setData(*np.array(positions).reshape(-1, 2).T)
+
+
+# The layer of the plan that draws sound on its paths, what the board does not detect yet, and what it would report.
+
+
+_CIRCLE = np.linspace(0, 2 * np.pi, 73)
+
+
+class SoundLayer:
+    """The burst of each path with its wavefront, the disc of blanking, and the range counted so far."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._deaf = PlotLine(filled=True)
+        self._ways = PlotLine(connect="finite")
+        self._others, self._winner = (PlotLine(connect="finite") for _ in range(2))
+        self._fronts = PlotLine(connect="finite")
+        self._counting = PlotLine()
+        self.counted = Spots(size=12, symbol="o")
+        items: tuple[pg.GraphicsObject, ...] = (
+            *(self._deaf, self._ways, self._others, self._winner, self._fronts),
+            *(self._counting, self.counted),
+        )
+        for z, item in zip((-12, 26, 27, 28, 28, 26, 29), items, strict=True):
+            item.setZValue(z)
+            item.setVisible(False)
+            plot.addItem(item, ignoreBounds=True)
+        self._items, self._look = items, Look()
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours of `look`."""
+        colours, self._look = look.palette, look
+        self._deaf.setBrush(colours.blanking)
+        self._deaf.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DashLine))
+        self._ways.setPen(cosmetic_pen(colours.faint, width=1))
+        self._others.setPen(cosmetic_pen(colours.faint, width=4))
+        self._winner.setPen(cosmetic_pen(colours.predicted, width=5))
+        self._fronts.setPen(cosmetic_pen(colours.predicted, width=1.5))
+        self._counting.setPen(cosmetic_pen(colours.measured, width=1, style=Qt.PenStyle.DotLine))
+        self.counted.setPen(cosmetic_pen(colours.measured, width=2))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw one moment, or hide everything."""
+        sound = shown.sound
+        for item in self._items:
+            item.setVisible(sound is not None)
+        if sound is None:
+            return
+        ping, pulses = sound.ping, moment_at(sound.ping, sound.time)
+        sensor = ping.prediction.standpoints[ping.index]
+        deaf = ping.prediction.board.blanked_range(ping.prediction.room.air)
+        self._deaf.setData(*(sensor + deaf * np.column_stack((np.cos(_CIRCLE), np.sin(_CIRCLE)))).T)
+        self._deaf.setOpacity(1.0 if sound.time < ping.blanking else 0.45)
+        self._ways.setData(*_with_gaps([way.points for way in ping.ways]).T)
+        self._others.setData(*_trails(pulses, wins=False).T)
+        self._winner.setData(*_trails(pulses, wins=True).T)
+        self._fronts.setData(*_with_gaps([pulse.front for pulse in pulses]).T)
+        here = counted_position(ping, sound.time)
+        self._counting.setData(*np.array([sensor, here]).T)
+        reported = ping.detected is not None and sound.time >= ping.detected
+        self.counted.setBrush(pg.mkBrush(self._look.palette.measured if reported else None))
+        self.counted.setData(*here[:, None])
+
+
+def _trails(pulses: tuple[Pulse, ...], wins: bool) -> FloatArray:
+    return _with_gaps([pulse.trail for pulse in pulses if pulse.way.echo.wins is wins])
+
+
+def _with_gaps(lines: list[FloatArray]) -> FloatArray:
+    """Return lines as one array of points, (n, 2), with NaN between them."""
+    parts = [part for line in lines if len(line) for part in (line, _GAP_OF_LINES)]
+    return np.vstack(parts) if parts else _NOTHING

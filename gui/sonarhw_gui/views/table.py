@@ -1,0 +1,609 @@
+"""The view "Readings": a table to sort, filter by class, by text and by notes, and copy as CSV."""
+
+from dataclasses import replace
+from functools import partial
+from math import ceil
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QItemSelectionModel,
+    QMargins,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    Qt,
+    Signal,
+    Slot,
+)
+from PySide6.QtGui import (
+    QAction,
+    QBrush,
+    QColor,
+    QFont,
+    QFontMetrics,
+    QFontMetricsF,
+    QGuiApplication,
+    QIcon,
+    QKeyEvent,
+    QKeySequence,
+    QPalette,
+    QPixmap,
+    QResizeEvent,
+    QShortcut,
+    QTextLayout,
+)
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHBoxLayout,
+    QLineEdit,
+    QSizePolicy,
+    QTableView,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+from sonarhw_compare.match import Kind
+
+from sonarhw.errors import counted
+from sonarhw_gui.jobs.forecast import IntArray
+from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed, text_font
+from sonarhw_gui.model.rows import (
+    CLASSES,
+    NO_ROWS,
+    Column,
+    ReadingRows,
+    RowQuery,
+    cell_text,
+    class_name,
+    column_name,
+    order_of,
+    rows_as_csv,
+)
+from sonarhw_gui.model.scene import NO_NOTES
+from sonarhw_gui.model.shown import Shown, bounces_text
+from sonarhw_gui.views.base import Gestures, ViewEntry
+from sonarhw_gui.views.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, PlainLabel, plain_tip
+
+# The Qt model of the table of readings.
+#
+# `reading_order` sorts and filters whole arrays. Qt's own proxy model would fetch two cells from Python for each of
+# half a million comparisons in a log of one hour.
+
+
+Index = QModelIndex | QPersistentModelIndex
+_Role = Qt.ItemDataRole
+_KNOWN_ROLES = frozenset(
+    map(
+        int,
+        (
+            *(_Role.DisplayRole, _Role.ToolTipRole, _Role.DecorationRole),
+            *(_Role.TextAlignmentRole, _Role.ForegroundRole),
+        ),
+    )
+)  # roles with a value; Qt requests seven roles at each paint of a cell
+_PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.PATH, Column.SENTENCE))
+_AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
+
+
+class ReadingModel(QAbstractTableModel):
+    """The filtered rows in the selected order."""
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self.rows: ReadingRows = NO_ROWS
+        self.order: IntArray = np.empty(0, np.int64)  # index into `rows` for each row of the table
+        self.query = RowQuery()
+        self._shown: Shown | None = None
+        self._sentences: dict[int, str] = {}
+        self._marks: dict[Class, QPixmap] = {}
+        self._faint: QBrush | None = None  # colour of predicted values while they are outdated
+
+    def show_state(self, shown: Shown) -> None:
+        """Update readings, classes and look."""
+        before, self._shown = self._shown, shown
+        if shown.changed_since(before, "look", "origin"):
+            self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
+            self._sentences.clear()
+            self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
+            self._emit_data_changed()
+        if before is None or not shown.same_readings(before):
+            self._sentences.clear()
+            self._change(shown.rows, order_of(shown.rows, self.query, shown.notes))
+        elif before.notes is not shown.notes:
+            self._change(self.rows, order_of(self.rows, self.query, shown.notes))
+        if shown.changed_since(before, "outdated", "look"):
+            self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
+            self._emit_data_changed()
+
+    def set_query(self, query: RowQuery) -> None:
+        """Apply a filter and an order."""
+        self.query = query
+        self._change(self.rows, order_of(self.rows, query, self._shown.notes if self._shown else NO_NOTES))
+
+    def row_of(self, reading: int) -> int | None:
+        """Return the table row of a reading; None if it is filtered out."""
+        places = np.flatnonzero(self.order == reading)
+        return int(places[0]) if len(places) else None
+
+    # QAbstractTableModel
+
+    def rowCount(self, parent: Index = QModelIndex()) -> int:
+        """Return the number of rows."""
+        return 0 if parent.isValid() else len(self.order)
+
+    def columnCount(self, parent: Index = QModelIndex()) -> int:
+        """Return the number of columns."""
+        return 0 if parent.isValid() else len(Column)
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return text, mark, alignment, tooltip or colour of a cell."""
+        if role not in _KNOWN_ROLES or not index.isValid() or self._shown is None:
+            return None
+        row, column = int(self.order[index.row()]), Column(index.column())
+        match role:
+            case _Role.DisplayRole:
+                return self._text(self._shown, row, column)
+            case _Role.ToolTipRole if column in (Column.NOTE, Column.PATH, Column.SENTENCE):
+                return plain_tip(self._text(self._shown, row, column))
+            case _Role.DecorationRole if column is Column.CLASS:
+                return self._marks[CLASSES[self.rows.classes[row]]]
+            case _Role.TextAlignmentRole if column in _AT_RIGHT:
+                return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+            case _Role.ForegroundRole if column in _PREDICTED:
+                return self._faint
+        return None
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return the name of a column with its unit."""
+        if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and self._shown:
+            return column_name(Column(section), self._shown.look, self._shown.origin)
+        return None
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        """Sort by a column. Sentences begin with the range and are sorted by it."""
+        by = Column.MEASURED if column == Column.SENTENCE else Column(column)
+        descending = order is Qt.SortOrder.DescendingOrder
+        self.set_query(replace(self.query, column=by, descending=descending))
+
+    # changes
+
+    def _text(self, shown: Shown, row: int, column: Column) -> str:
+        if column is Column.NOTE:
+            return shown.notes.of(row)
+        if column is not Column.SENTENCE:
+            return cell_text(self.rows, row, column, shown.look)
+        if row not in self._sentences:
+            self._sentences[row] = shown.sentence_of(row)
+        return self._sentences[row]
+
+    def _change(self, rows: ReadingRows, order: IntArray) -> None:
+        """Replace the rows so that the view keeps its scroll position while a scan adds rows at the end."""
+        before, after = len(self.order), len(order)
+        both = min(before, after)
+        if not np.array_equal(self.order[:both], order[:both]):
+            self.beginResetModel()
+            self.rows, self.order = rows, order
+            self.endResetModel()
+            return
+        if after > before:
+            self.beginInsertRows(QModelIndex(), before, after - 1)
+            self.rows, self.order = rows, order
+            self.endInsertRows()
+        elif after < before:
+            self.beginRemoveRows(QModelIndex(), after, before - 1)
+            self.rows, self.order = rows, order
+            self.endRemoveRows()
+        self.rows, self.order = rows, order
+        self._emit_data_changed()
+
+    def _emit_data_changed(self) -> None:
+        if len(self.order):
+            self.dataChanged.emit(self.index(0, 0), self.index(len(self.order) - 1, len(Column) - 1))
+
+
+def _mark(kind: Class, look: Look) -> QPixmap:
+    """Return the mark of a class, or an empty picture of the same size."""
+    if kind in MARKS:
+        return mark_picture(kind, look.palette, 1.0)
+    empty = QPixmap(mark_picture(Unclassed.MEASURED, look.palette, 1.0).size())
+    empty.fill(Qt.GlobalColor.transparent)
+    return empty
+
+
+_LEAST = {
+    Column.CLASS: "missed",
+    Column.NOTE: "a note on this",
+    Column.PATH: "north>pillar",
+    Column.SENTENCE: "0.827 m at 270.0°: three reflections",
+}
+_PLURAL: dict[Class, str] = {Kind.MATCH: "matches"}  # for screen readers: "matches: 64"
+_USUAL_PATH = "bottom>top>bottom"
+_HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
+_MARK = 20  # pixels, mark of a class with the gap before the name
+_BESIDE = 12  # pixels, margins
+_ARROW = 14  # pixels, sort indicator in the header
+_LEAST_WORDS = 70  # pixels, of the field for words
+_MANY = 360  # readings
+_SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
+
+
+class _Rows(QTableView):
+    """A table view that leaves copying to its owner."""
+
+    copied = Signal()
+    resized = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Copy rows instead of the text of one cell."""
+        if event.matches(QKeySequence.StandardKey.Copy):
+            self.copied.emit()
+        else:
+            super().keyPressEvent(event)
+
+    def lay_out(self) -> None:
+        """Lay out new rows now: Qt would do it after the next paint, and paint again."""
+        self.executeDelayedItemsLayout()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the selected row visible."""
+        super().resizeEvent(event)
+        self.resized.emit()
+        self.scrollTo(self.currentIndex())
+
+
+class TableView(QWidget):
+    """A table with one row for each reading, and filters above it."""
+
+    entry = ViewEntry("Readings", is_text=True)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gestures = Gestures(self)
+        self._shown: Shown | None = None
+        self._sorted_by = Column.NUMBER
+        self._path_width = 0  # pixels, while the column of sentences is visible
+        self._following = False  # whether the selection changes because the selected reading or the rows changed
+        self.model = ReadingModel(self)
+        self.view = self._made_view()
+        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading, class or note (Ctrl+F)")
+        self.words.setMinimumWidth(_LEAST_WORDS)
+        self.words.setToolTip("Show only readings whose path, heading, class and note contain all these words")
+        self.classes = {kind: self._made_button(kind) for kind in CLASSES}
+        self.noted = QToolButton(autoRaise=True)
+        self.noted.setCheckable(True)
+        self.noted.hide()
+        self.noted.setToolTip("List only readings with a note")
+        self.copy = QToolButton()
+        copy = QAction("Copy CSV", self)
+        copy.setToolTip("Copy the selected rows; with fewer than two selected, copy all listed rows (Ctrl+C)")
+        copy.triggered.connect(self.copy_rows)
+        self.copy.setDefaultAction(copy)
+        self.addAction(copy)
+        switches = QWidget()
+        flow = FlowLayout(switches, QMargins(0, 0, 0, 0), gap=2)
+        for button in (*self.classes.values(), self.noted):
+            flow.addWidget(button)
+        self.words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)  # the switches come first
+        bar = QHBoxLayout()
+        bar.setContentsMargins(6, 2, 6, 2)
+        bar.setSpacing(2)
+        for part in (switches, self.words, self.copy):
+            bar.addWidget(part, stretch=1 if part is self.words else 0)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(bar)
+        column.addWidget(self.view)
+        self._connect()
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw the changes since the last call."""
+        before, self._shown = self._shown, shown
+        if shown.changed_since(before, "look"):
+            self._set_look(shown)
+        if before is not None and before.hidden is not shown.hidden:
+            self._draw_switches(shown)
+            self._filter()
+        self._following = True  # added or removed rows move the selection; the user has picked nothing
+        self.model.show_state(shown)
+        self._following = False
+        if not shown.same_readings(before):
+            self._count(shown)
+        if shown.changed_since(before, "notes"):
+            self._count_notes(shown)
+        if before is None or _width_inputs(before) != _width_inputs(shown):
+            self._widen_columns(shown)
+        if shown.changed_since(before, "outdated", "look"):
+            self._fade_counts(shown)
+        self._follow(shown.chosen)
+        self.view.lay_out()
+
+    def fit(self) -> None:
+        """Show the selected reading, and the columns that fit."""
+        self._follow_again()
+        self._choose_columns()
+
+    def picture(self) -> None:
+        """Return None: only plots are saved as pictures."""
+
+    @Slot()
+    def copy_rows(self) -> None:
+        """Copy the selected rows as CSV; with fewer than two selected, copy all listed rows."""
+        if self._shown is not None:
+            selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
+            order = self.model.order[selected] if len(selected) > 1 else self.model.order
+            in_metres = replace(self._shown, look=Look())
+            text = rows_as_csv(self.model.rows, order.tolist(), in_metres.sentence_of, in_metres.notes)
+            QGuiApplication.clipboard().setText(text)
+
+    def _made_view(self) -> _Rows:
+        view = _Rows(showGrid=False, wordWrap=False)
+        view.setAlternatingRowColors(True)
+        view.setModel(self.model)
+        view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        view.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerItem)
+        view.setTabKeyNavigation(False)
+        view.verticalHeader().hide()
+        view.horizontalHeader().setStretchLastSection(True)
+        view.horizontalHeader().setHighlightSections(False)
+        view.horizontalHeader().setSortIndicator(Column.NUMBER, Qt.SortOrder.AscendingOrder)
+        view.setSortingEnabled(True)
+        return view
+
+    def _made_button(self, kind: Class) -> QToolButton:
+        button = QToolButton(autoRaise=True)
+        button.hide()  # until there are such readings
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
+        button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings in all views")
+        button.clicked.connect(partial(self._switch, kind))
+        return button
+
+    def _connect(self) -> None:
+        self.view.selectionModel().currentRowChanged.connect(self._row_changed)
+        self.view.clicked.connect(self._pick)
+        self.model.modelReset.connect(self._follow_again)
+        self.words.textChanged.connect(self._filter)
+        self.noted.toggled.connect(self._filter)
+        self.view.copied.connect(self.copy_rows)
+        self.view.resized.connect(self._choose_columns)
+        self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
+        QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
+
+    def _set_look(self, shown: Shown) -> None:
+        look = shown.look
+        font = text_font(look, 0.9)
+        metrics = QFontMetrics(font)
+        self.view.setFont(font)
+        self.view.horizontalHeader().setFont(font)
+        self.view.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
+        for column in Column:
+            self.view.setColumnWidth(column, self._needed(shown, column))
+        self._path_width = metrics.horizontalAdvance(_USUAL_PATH) + _BESIDE
+        self.noted.setFont(font)
+        for button in self.classes.values():
+            button.setFont(font)
+            button.setIconSize(SWITCH_SIZE)
+        self._draw_switches(shown)
+
+    def _draw_switches(self, shown: Shown) -> None:
+        for kind, button in self.classes.items():
+            mark = partial(mark_picture, kind) if kind in MARKS else no_picture
+            button.setIcon(
+                QIcon(switch_picture(mark, shown.look.palette, self.devicePixelRatioF(), kind not in shown.hidden))
+            )
+            button.setFixedSize(button.sizeHint())
+
+    def _switch(self, kind: Class) -> None:
+        if self._shown is not None:
+            self.gestures.switched.emit(kind, kind in self._shown.hidden)
+
+    def _widen_columns(self, shown: Shown) -> None:
+        """Widen the columns for longer numbers and class names."""
+        for column in (Column.NUMBER, Column.CLASS):
+            self.view.setColumnWidth(column, max(self._needed(shown, column), self.view.columnWidth(column)))
+        self._choose_columns()
+
+    def _needed(self, shown: Shown, column: Column) -> int:
+        """Return the pixels that a column needs to be readable; for a path or a sentence, a useful minimum."""
+        widest = _LEAST.get(column, "")
+        if column is Column.NUMBER:
+            widest = "0" * _digits(shown)
+        elif column is Column.CLASS and shown.scene.room is None:
+            widest = class_name(Unclassed.MEASURED)
+        text = max(
+            map(self.view.fontMetrics().horizontalAdvance, (widest, column_name(column, shown.look, shown.origin)))
+        )
+        return text + _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
+
+    @Slot()
+    def _choose_columns(self) -> None:
+        """Hide the least important columns until the others are readable."""
+        if self._shown is None:
+            return
+        needed = {column: self._needed(self._shown, column) for column in Column}
+        if not self._shown.notes:
+            del needed[Column.NOTE]
+        for column in _HIDDEN_FIRST:
+            if sum(needed.values()) > self.view.viewport().width():
+                del needed[column]
+        for column in Column:
+            self.view.setColumnHidden(column, column not in needed)
+        # the last column is stretched but never made smaller
+        self.view.setColumnWidth(Column.PATH, self._path_width if Column.SENTENCE in needed else needed[Column.PATH])
+
+    @Slot(int)
+    def _move_arrow(self, column: int) -> None:
+        before, self._sorted_by = self._sorted_by, Column(column)
+        if self._shown is not None:
+            for which in (before, self._sorted_by):
+                self.view.setColumnWidth(which, self._needed(self._shown, which))
+            self._choose_columns()
+
+    def _count(self, shown: Shown) -> None:
+        for kind, count in self.model.rows.counts().items():
+            button = self.classes[kind]
+            button.setText(f"{count} {class_name(kind)}")
+            button.setAccessibleName(f"{_PLURAL.get(kind, class_name(kind))}: {count}")
+            button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
+            least = _MANY if kind is Unclassed.WAITING else 0  # a few are compared within a moment
+            button.setVisible(count > least or kind in shown.hidden)
+
+    def _count_notes(self, shown: Shown) -> None:
+        count = len(shown.notes)
+        self.noted.setText(counted(count, "note"))
+        self.noted.setAccessibleName(f"only readings with a note: {count}")
+        self.noted.setFixedSize(self.noted.sizeHint())
+        self.noted.setVisible(count > 0)
+        if not count:
+            self.noted.setChecked(False)  # otherwise no reading would be listed
+
+    def _fade_counts(self, shown: Shown) -> None:
+        """Show the counts in grey while they belong to an older prediction."""
+        colours = QPalette()
+        if shown.outdated:
+            colours.setColor(QPalette.ColorRole.ButtonText, shown.look.palette.faint)
+        for button in self.classes.values():
+            button.setPalette(colours)
+
+    @Slot()
+    def _filter(self) -> None:
+        hidden = frozenset(kind for kind in CLASSES if self._shown is not None and kind in self._shown.hidden)
+        self._following = True
+        query = replace(self.model.query, hidden=hidden, text=self.words.text(), noted=self.noted.isChecked())
+        self.model.set_query(query)
+        self._following = False
+        self._follow_again()
+
+    # selection and selected reading
+
+    def _follow(self, chosen: int | None) -> None:
+        """Select the row of the selected reading if it is listed."""
+        place = None if chosen is None else self.model.row_of(chosen)
+        current, selection = self.view.currentIndex(), self.view.selectionModel()
+        # if the selected row was removed, Qt makes its neighbour current without selecting it
+        if place is None or (place == current.row() and selection.hasSelection()):
+            return
+        self._following = True
+        # not through the view, which selects differently while Ctrl or Shift is held
+        selection.setCurrentIndex(self.model.index(place, max(current.column(), 0)), _SELECT)
+        self._following = False
+
+    @Slot()
+    def _follow_again(self) -> None:
+        if self._shown is not None:
+            self._follow(self._shown.chosen)
+            self.view.scrollTo(self.view.currentIndex())
+
+    @Slot(QModelIndex, QModelIndex)
+    def _row_changed(self, current: QModelIndex, before: QModelIndex) -> None:
+        if not self._following:
+            self._pick(current)
+
+    @Slot(QModelIndex)
+    def _pick(self, index: QModelIndex) -> None:
+        if index.isValid():
+            self.gestures.picked.emit(int(self.model.order[index.row()]))
+
+
+def _width_inputs(shown: Shown) -> tuple[Look, int, bool, bool]:
+    """Return the values that the column widths depend on."""
+    return shown.look, _digits(shown), shown.scene.room is None, bool(shown.notes)
+
+
+def _digits(shown: Shown) -> int:
+    return len(str(len(shown.readings)))
+
+
+# The sentence that explains the selected reading, and the line with the bounces of its path.
+#
+# The tooltip has the full text of what does not fit.
+
+
+_LINES = 2  # fixed height, so that a longer sentence does not move the views
+_MARGIN, _ABOVE, _BELOW = 12, 3, 3
+_SIZE = 1.2  # of the default text size
+
+
+class Sentence(PlainLabel):
+    """Explains the selected reading."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._whole = ""
+        self._look: Look | None = None
+        self.setWordWrap(True)
+        self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.setContentsMargins(_MARGIN, _ABOVE, _MARGIN, _ABOVE)
+        self.setMinimumWidth(1)
+
+    def show_state(self, shown: Shown) -> None:
+        """Show the sentence of the selected reading, in grey while it belongs to an older prediction."""
+        _fade(self, shown.outdated)
+        if self._look is None or self._look.scale != shown.look.scale:
+            self._look = shown.look
+            self.setFont(text_font(shown.look, _SIZE))
+            self.setFixedHeight(_LINES * ceil(QFontMetricsF(self.font()).lineSpacing()) + 2 * _ABOVE)
+            self._fit()
+        if self._whole != shown.sentence:
+            self._whole = shown.sentence
+            self._fit()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fit the sentence into the new width."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        fitting = shortened_to_lines(self._whole, self.font(), self.width() - 2 * _MARGIN, _LINES)
+        self.setText(fitting)
+        self.heightForWidth(self.width())  # lays out now: during the paint, it would ask for another one
+        self.setToolTip(self._whole if fitting != self._whole else "")
+
+
+class BounceLine(ElidedLabel):
+    """The note on the selected reading, and the bounces of its path, numbered as in the plan, with the loss of each."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.setContentsMargins(_MARGIN, 0, _MARGIN, _BELOW)
+        self._look: Look | None = None
+
+    def show_state(self, shown: Shown) -> None:
+        """Show note and bounces, in grey while they belong to an older prediction."""
+        _fade(self, shown.outdated)
+        if self._look is None or self._look.scale != shown.look.scale:
+            self._look = shown.look
+            self.setFont(text_font(shown.look))
+            self.setFixedHeight(ceil(QFontMetricsF(self.font()).lineSpacing()) + _BELOW)
+        note = "" if shown.asked is not None else shown.notes.of(shown.chosen)
+        text = " — ".join(filter(None, (f"note: {note}" if note else "", bounces_text(shown))))
+        self.setText(text)
+
+
+def _fade(label: PlainLabel, outdated: bool) -> None:
+    """Show a text in grey or in black. Qt sends a change of the palette even if the role is the same."""
+    role = QPalette.ColorRole.PlaceholderText if outdated else QPalette.ColorRole.WindowText
+    if label.foregroundRole() != role:
+        label.setForegroundRole(role)
+
+
+def shortened_to_lines(text: str, font: QFont, width: float, lines: int) -> str:
+    """Return the text that fits into `lines` lines of `width` pixels; a shortened text ends in …."""
+    layout = QTextLayout(text, font)
+    layout.beginLayout()
+    starts = []
+    while (line := layout.createLine()).isValid():
+        line.setLineWidth(max(width, 1.0))
+        starts.append(line.textStart())
+    layout.endLayout()
+    if len(starts) <= lines:
+        return text
+    last = starts[lines - 1]
+    metrics = QFontMetricsF(font)
+    return text[:last] + metrics.elidedText(text[last:], Qt.TextElideMode.ElideRight, width)

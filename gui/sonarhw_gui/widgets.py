@@ -1,0 +1,418 @@
+"""Small widgets that are not specific to sonar: labels, fields, sliders, icons and layouts."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+from PySide6 import QtGui
+from PySide6.QtCore import (
+    QEvent,
+    QLocale,
+    QMargins,
+    QObject,
+    QPoint,
+    QPointF,
+    QRect,
+    QRectF,
+    QSignalBlocker,
+    QSize,
+    Qt,
+    Signal,
+    Slot,
+)
+from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPaintEvent, QPixmap, QPolygonF, QResizeEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QLabel,
+    QLayout,
+    QLayoutItem,
+    QSizePolicy,
+    QSlider,
+    QWidget,
+)
+
+# A layout that wraps its items into further lines, so that a long row never makes the window too wide.
+
+
+class FlowLayout(QLayout):
+    """Items in lines, wrapped like words in a text."""
+
+    def __init__(self, parent: QWidget, margins: QMargins, gap: int) -> None:
+        super().__init__(parent)
+        self._items: list[QLayoutItem] = []
+        self.gap = gap
+        self.setContentsMargins(margins)
+
+    def addItem(self, item: QLayoutItem) -> None:
+        """Append an item."""
+        self._items.append(item)
+
+    def count(self) -> int:
+        """Return the number of items."""
+        return len(self._items)
+
+    def itemAt(self, index: int) -> QLayoutItem | None:
+        """Return an item, or None if the index is out of range."""
+        return self._items[index] if 0 <= index < len(self._items) else None
+
+    def takeAt(self, index: int) -> QLayoutItem | None:  # type: ignore[override, unused-ignore]
+        """Remove and return an item; None if the index is out of range, which ends Qt's loop."""
+        return self._items.pop(index) if 0 <= index < len(self._items) else None
+
+    def expandingDirections(self) -> Qt.Orientation:
+        """Return that the layout does not expand."""
+        return Qt.Orientation(0)
+
+    def hasHeightForWidth(self) -> bool:
+        """Return that the height depends on the width."""
+        return True
+
+    def heightForWidth(self, width: int) -> int:
+        """Return the height for a width."""
+        return self._placed(QRect(0, 0, width, 0), move=False)
+
+    def setGeometry(self, area: QRect) -> None:
+        """Place every item."""
+        super().setGeometry(area)
+        self._placed(area, move=True)
+
+    def sizeHint(self) -> QSize:
+        """Return the size of all items in one line."""
+        margins = self.contentsMargins()
+        hints = [item.sizeHint() for item in self._items if not item.isEmpty()]
+        width = sum(hint.width() for hint in hints) + self.gap * max(0, len(hints) - 1)
+        height = max((hint.height() for hint in hints), default=0)
+        return QSize(width, height).grownBy(margins)
+
+    def minimumSize(self) -> QSize:
+        """Return the size of the largest item."""
+        width = max((item.minimumSize().width() for item in self._items), default=0)
+        height = max((item.minimumSize().height() for item in self._items), default=0)
+        return QSize(width, height).grownBy(self.contentsMargins())
+
+    def _placed(self, area: QRect, move: bool) -> int:
+        """Return the height that the items need in the width of `area`; `move` also places them."""
+        margins = self.contentsMargins()
+        inside = area.marginsRemoved(margins)
+        x, y, line = inside.left(), inside.top(), 0
+        for item in self._items:
+            hint = item.sizeHint()
+            if item.isEmpty():
+                continue
+            if x > inside.left() and x + hint.width() > inside.right() + 1:
+                x, y, line = inside.left(), y + line + self.gap // 2, 0
+            if move:
+                item.setGeometry(QRect(QPoint(x, y), hint))
+            x += hint.width() + self.gap
+            line = max(line, hint.height())
+        return y + line + margins.bottom() - area.top()
+
+
+# A container for a label whose text changes often. A new text does not trigger a new layout of the window.
+#
+# Only a change of the label's height does, as with a larger text size.
+
+
+class LabelSlot(QWidget):
+    """Takes its height from its label and its width from the layout."""
+
+    def __init__(self, label: QLabel) -> None:
+        super().__init__()
+        label.setParent(self)
+        self._label = label
+        self._height = self._needed_height()
+
+    def sizeHint(self) -> QSize:
+        """Return the minimum size of the label."""
+        return QSize(self._label.minimumWidth(), self._needed_height())
+
+    minimumSizeHint = sizeHint
+
+    def event(self, event: QEvent) -> bool:
+        """Pass a layout request of the label to the parent only if its height has changed."""
+        if event.type() is QEvent.Type.LayoutRequest and self._height != (needed := self._needed_height()):
+            self._height = needed
+            self.updateGeometry()
+        return super().event(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Give the label the whole area."""
+        self._label.setGeometry(self.rect())
+
+    def _needed_height(self) -> int:
+        least = self._label.minimumHeight()
+        if least == self._label.maximumHeight():
+            return least  # the size hint of a wrapped text lays it out for another width, which paints it twice
+        return max(least, self._label.minimumSizeHint().height())
+
+
+# Icons of the replay bar. Not every font has these symbols, and Qt's own icons are dark on dark.
+
+
+_SIZE = 16  # pixels
+Shape = Sequence[tuple[float, ...]]  # two corners of a bar, or three of a triangle, in sixteenths
+
+PLAY: Shape = ((4, 2, 4, 14, 14, 8),)
+PAUSE: Shape = ((3, 2, 6.5, 14), (9.5, 2, 13, 14))
+STEP_FORTH: Shape = ((2, 3, 4.5, 13), (6.5, 3, 6.5, 13, 14, 8))
+STEP_BACK: Shape = ((11.5, 3, 14, 13), (9.5, 3, 9.5, 13, 2, 8))
+NEXT_SCAN: Shape = ((1, 3, 1, 13, 7, 8), (7, 3, 7, 13, 13, 8), (13, 3, 15, 13))
+PREVIOUS_SCAN: Shape = ((15, 3, 15, 13, 9, 8), (9, 3, 9, 13, 3, 8), (1, 3, 3, 13))
+
+
+def media_icon(shape: Shape, colour: str, faint: str, ratio: float) -> QIcon:
+    """Return an icon in `colour`, and in `faint` when disabled; `ratio`: device pixels per pixel."""
+    icon = QIcon(_drawn(shape, colour, ratio))
+    icon.addPixmap(_drawn(shape, faint, ratio), QIcon.Mode.Disabled)
+    return icon
+
+
+def _drawn(shape: Shape, colour: str, ratio: float) -> QPixmap:
+    picture = QPixmap(round(_SIZE * ratio), round(_SIZE * ratio))
+    picture.setDevicePixelRatio(ratio)
+    picture.fill(Qt.GlobalColor.transparent)
+    with QPainter(picture) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(colour))
+        for part in shape:
+            corners = [QPointF(*part[k : k + 2]) for k in range(0, len(part), 2)]
+            if len(corners) == 2:
+                painter.drawRect(QRectF(*corners))
+            else:
+                painter.drawPolygon(QPolygonF(corners))
+    return picture
+
+
+# A bar that hides some of its parts where it is too narrow for all of them.
+
+
+GAP = 6  # pixels between the parts
+
+
+class NarrowBar(QWidget):
+    """A bar with groups of parts that it can do without: a narrow bar hides the first, a narrower one the next too."""
+
+    dispensable: tuple[tuple[QWidget, ...], ...] = ()
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the size without the parts that a narrow bar hides."""
+        whole = super().minimumSizeHint()
+        shown = [part for group in self.dispensable for part in group if not part.isHidden()]
+        return QSize(whole.width() - _width_of(shown), whole.height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Hide what does not fit."""
+        super().resizeEvent(event)
+        self.hide_what_does_not_fit()
+
+    def hide_what_does_not_fit(self) -> None:
+        """Show the groups that fit into the width."""
+        needed = self.minimumSizeHint().width()
+        for group in reversed(self.dispensable):
+            needed += _width_of(group)
+            for part in group:
+                part.setVisible(self.width() >= needed)
+
+
+def _width_of(parts: Iterable[QWidget]) -> int:
+    return sum(part.sizeHint().width() + GAP for part in parts)
+
+
+# A label that shows any text as it is. Names from files and devices may look like HTML.
+
+
+class PlainLabel(QLabel):
+    """A label whose text and tooltip are never interpreted as HTML."""
+
+    def __init__(self, text: str = "", *, wordWrap: bool = False) -> None:
+        super().__init__(text, textFormat=Qt.TextFormat.PlainText, wordWrap=wordWrap)
+
+    @Slot(str)
+    def setToolTip(self, text: str) -> None:
+        """Set the tooltip."""
+        super().setToolTip(plain_tip(text))
+
+
+class TitleLabel(PlainLabel):
+    """A bold label."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        bold = QFont()
+        bold.setBold(True)  # only this property: a style sheet would keep the colour of the look that it was made in
+        self.setFont(bold)
+
+
+def plain_tip(text: str) -> str:
+    """Return a tooltip that shows exactly this text. Qt interprets a tooltip that looks like HTML as HTML."""
+    return f"<p>{escape(text)}</p>" if QtGui.Qt.mightBeRichText(text) else text
+
+
+# A label of any width. Text that does not fit ends in …, and the tooltip has the full text.
+
+
+class ElidedLabel(PlainLabel):
+    """One line of text, shortened to the width of the label."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+
+    @Slot(str)
+    def setText(self, text: str) -> None:
+        """Set the text and the tooltip."""
+        if text != self.text():
+            super().setText(text)
+            self.setToolTip(text)
+
+    def minimumSizeHint(self) -> QSize:
+        """Return a minimum width of 0."""
+        return QSize(0, super().minimumSizeHint().height())
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the shortened text."""
+        with QPainter(self) as painter:
+            area = self.contentsRect()
+            text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, area.width())
+            painter.drawText(area, self.alignment(), text)
+
+
+# Let the mouse wheel scroll a panel instead of changing the field under the pointer, if the field has no focus.
+
+
+class _WheelFilter(QObject):
+    """Leaves wheel events to the parent of its widget."""
+
+    def __init__(self, widget: QWidget) -> None:
+        super().__init__(widget)
+        self._widget = widget
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Block wheel events of a widget without the focus."""
+        if event.type() is not QEvent.Type.Wheel or self._widget.hasFocus():
+            return False
+        event.ignore()
+        return True
+
+
+def ignore_wheel_without_focus(widget: QWidget) -> None:
+    """Let a slider, field or list react to the wheel only after a click or the Tab key."""
+    widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+    widget.installEventFilter(_WheelFilter(widget))
+
+
+# A number field without digit grouping that accepts a comma as the decimal point.
+#
+# A value is applied on Enter or when the field loses the focus; incomplete input is not applied.
+
+
+class NumberField(QDoubleSpinBox):
+    """A number with decimals, in the same format on every system."""
+
+    def __init__(self, low: float, high: float, decimals: int = 2, suffix: str = "") -> None:
+        super().__init__(decimals=decimals, minimum=low, maximum=high, suffix=suffix)
+        plain = QLocale.c()
+        plain.setNumberOptions(QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator)
+        self.setLocale(plain)
+        self.setKeyboardTracking(False)
+        ignore_wheel_without_focus(self)
+
+    def validate(self, text: str, at: int) -> Any:
+        """Accept a comma and replace it by a decimal point."""
+        return super().validate(text.replace(",", "."), at)
+
+
+# A drop-down list of names that does not widen its panel.
+
+
+_SHORT = 8  # characters, minimum width of a list
+
+
+def short_list() -> QComboBox:
+    """Return an empty list that does not widen the panel for a long name."""
+    field = QComboBox()
+    field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    field.setMinimumContentsLength(_SHORT)
+    ignore_wheel_without_focus(field)
+    return field
+
+
+def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
+    """Fill a list with names and choose `current` if it is among them."""
+    wanted = [*names]
+    with QSignalBlocker(field):
+        if [field.itemText(k) for k in range(field.count())] != wanted:
+            field.clear()
+            field.addItems(wanted)
+        field.setCurrentIndex(wanted.index(current) if current in wanted else 0)
+
+
+# A slider with a number field for the same value. One drag of the slider is one gesture, and so one undo step.
+
+
+class SliderField(QWidget):
+    """A slider and a number field for one value between two bounds."""
+
+    changed = Signal(float, object)  # the value, the gesture
+
+    def __init__(self, low: float, high: float, decimals: int, suffix: str, tip: str) -> None:
+        super().__init__()
+        self._step = 10.0**-decimals
+        self._low = low
+        self._gesture = object()
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setRange(0, round((high - low) / self._step))
+        self.slider.setPageStep(max(1, self.slider.maximum() // 10))
+        ignore_wheel_without_focus(self.slider)
+        self.field = NumberField(low, high, decimals, suffix)
+        self.field.setSingleStep(self._step)
+        self.field.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        for part in (self.slider, self.field):
+            part.setToolTip(tip)
+            part.setAccessibleName(tip)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(self.slider, stretch=1)
+        row.addWidget(self.field)
+        self.setFocusProxy(self.slider)
+        self.slider.sliderPressed.connect(self._begin)
+        self.slider.valueChanged.connect(self._slid)
+        self.field.valueChanged.connect(self._typed)
+
+    @property
+    def value(self) -> float:
+        """The current value."""
+        return self.field.value()
+
+    def show_value(self, value: float) -> None:
+        """Show a value, except while the user drags the slider."""
+        if self.slider.isSliderDown() or abs(value - self.field.value()) < self._step / 2:
+            return
+        self._set_both(value)
+
+    def _set_both(self, value: float) -> None:
+        with QSignalBlocker(self.slider), QSignalBlocker(self.field):
+            self.slider.setValue(round((value - self._low) / self._step))
+            self.field.setValue(value)
+
+    @Slot()
+    def _begin(self) -> None:
+        self._gesture = object()
+
+    @Slot(int)
+    def _slid(self, steps: int) -> None:
+        if not self.slider.isSliderDown():
+            self._begin()  # changed by key or wheel
+        self._set(self._low + steps * self._step)
+
+    @Slot(float)
+    def _typed(self, value: float) -> None:
+        self._begin()
+        self._set(value)
+
+    def _set(self, value: float) -> None:
+        self._set_both(value)
+        self.changed.emit(self.field.value(), self._gesture)

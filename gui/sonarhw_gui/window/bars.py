@@ -1,0 +1,405 @@
+"""The bars around the views: banner, hint, status bar and toolbar."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QMargins, Qt, QTimer, Signal, Slot
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFrame,
+    QHBoxLayout,
+    QProgressBar,
+    QPushButton,
+    QSizePolicy,
+    QStatusBar,
+    QToolBar,
+    QToolButton,
+    QWidget,
+)
+
+from sonarhw.readings import Origin
+from sonarhw_gui.model.look import LIGHT, Look
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session.notices import Notice, Notices, Until
+from sonarhw_gui.session.status import Badge, Source, Status
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel
+from sonarhw_gui.window.commands import Commands
+
+# The banner: a line above the views with errors, warnings and offers.
+#
+# A message stays until the user dismisses it, its cause is gone, or a new scan begins. It is never a dialog, so it
+# does not block a running scan.
+
+
+class Banner(QFrame):
+    """Shows one notice at a time, the newest of the most severe kind; hidden without notices."""
+
+    answered = Signal(object)  # the value of the accepted or declined offer
+    opened = Signal(bool)  # before it is shown: True; after it is hidden: False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("banner")
+        self._notices = Notices()
+        self._label = PlainLabel()
+        self._label.setWordWrap(True)
+        self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        self.more_button = QToolButton(autoRaise=True)
+        self.more_button.setToolTip("Show the next message")
+        self.more_button.clicked.connect(self._show_next)
+        self.accept_button = QPushButton()
+        self.accept_button.clicked.connect(self._accept)
+        self.decline_button = QPushButton()
+        self.decline_button.clicked.connect(self._decline)
+        self.close_button = QToolButton(autoRaise=True)
+        self.close_button.setText("×")
+        self.close_button.setToolTip("Dismiss this message")
+        self.close_button.clicked.connect(self._dismiss)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(10, 4, 6, 4)
+        row.addWidget(self._label)
+        row.addWidget(self.accept_button)
+        row.addWidget(self.decline_button)
+        row.addWidget(self.more_button)
+        row.addWidget(self.close_button)
+        self.hide()
+
+    @property
+    def message(self) -> str:
+        """The visible text; empty while the banner is hidden."""
+        return self._label.text() if not self.isHidden() else ""
+
+    def show_look(self, look: Look) -> None:
+        """Use the colours of `look`."""
+        ink, paper = look.palette.warning_ink, look.palette.warning_paper
+        self.setStyleSheet(
+            f"#banner {{ background: {paper}; }} #banner QLabel, #banner QToolButton {{ color: {ink}; }}"
+        )
+
+    def show_state(self, status: Status) -> None:
+        """Show a problem with the scanner for as long as it lasts."""
+        self._notices.set_state(status.trouble)
+        self._show()
+
+    @Slot(str)
+    def show_message(self, message: str) -> None:
+        """Show a warning, unless there are errors. An empty message clears all."""
+        if message:
+            self._notices.add(message)
+        else:
+            self._notices.clear()
+        self._show()
+
+    @Slot(object)
+    def show_notice(self, notice: Notice) -> None:
+        """Show a notice, unless there are more severe ones."""
+        self._notices.add(notice)
+        self._show()
+
+    @Slot(str)
+    def show_error(self, message: str) -> None:
+        """Show an error before all warnings."""
+        self.show_notice(Notice(message, error=True))
+
+    @Slot(str)
+    def show_connection_error(self, message: str) -> None:
+        """Show an error that ends when a scanner is connected."""
+        self.show_notice(Notice(message, error=True, until=Until.CONNECTED))
+
+    @Slot()
+    def end_connection_errors(self) -> None:
+        """Remove the errors of earlier attempts: a scanner is connected."""
+        self._notices.end(Until.CONNECTED)
+        self._show()
+
+    @Slot(str)
+    def show_search_error(self, message: str) -> None:
+        """Show an error that ends when the scans or the scene of the search change."""
+        self.show_notice(Notice(message, error=True, until=Until.SEARCH_CHANGED))
+
+    @Slot()
+    def end_search_errors(self) -> None:
+        """Remove the errors of a search whose scans or scene have changed."""
+        self._notices.end(Until.SEARCH_CHANGED)
+        self._show()
+
+    @Slot()
+    def _show_next(self) -> None:
+        self._notices.show_next()
+        self._show()
+
+    @Slot()
+    def _accept(self) -> None:
+        answer = self._notices.shown.accept_value
+        self._dismiss()
+        self.answered.emit(answer)
+
+    @Slot()
+    def _decline(self) -> None:
+        answer = self._notices.shown.decline_value
+        self._dismiss()
+        self.answered.emit(answer)
+
+    @Slot()
+    def _dismiss(self) -> None:
+        self._notices.dismiss()
+        self._show()
+
+    def _show(self) -> None:
+        notice, more = self._notices.shown, self._notices.more
+        self._label.setText(f"⚠ {notice.text}" if notice.text else "")
+        for button, text in ((self.accept_button, notice.accept_text), (self.decline_button, notice.decline_text)):
+            button.setText(text)
+            button.setVisible(bool(text))
+        self.more_button.setText(f"{more} more ▸")
+        self.more_button.setVisible(more > 0)
+        if notice.text:
+            self.opened.emit(True)  # before it needs its place: Qt enlarges the window at once
+            self.show()
+        else:
+            self.hide()
+            self.opened.emit(False)
+
+
+# The hint of the first start: what is measured, what is predicted, and where to click. It goes away by itself.
+
+
+_LASTS = 120_000  # ms
+_MARKS = {
+    Origin.MEASURED: "Orange marks: measured by the sonar.",
+    Origin.FAKE: "Orange marks: from a fake scanner, which hides one post.",
+    Origin.SIMULATED: "Orange marks: simulated readings.",
+    Origin.IMPORTED: "Orange marks: readings imported from a CSV file.",
+}
+_NO_MARKS = "Orange marks: readings. There are none yet."
+_LINE, _NO_LINE = "Blue line: predicted by the model.", "Blue line: a prediction. It needs a room (Ctrl+R)."
+_CLICK = "Click {}: the sentence below says why."
+_COLOURS = "measured", "predicted", "chosen"  # of the steps
+
+
+class Hint(QFrame):
+    """Three steps in one line. Hidden until `begin`; ends when a reading is selected, or after two minutes."""
+
+    ended = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("hint")
+        steps = QWidget()
+        row = FlowLayout(steps, QMargins(6, 2, 6, 2), gap=18)
+        self.labels = [PlainLabel() for _ in _COLOURS]
+        for label in self.labels:
+            row.addWidget(label)
+        self.close_button = QToolButton(autoRaise=True)
+        self.close_button.setText("×")
+        self.close_button.setToolTip("Close this hint; Help > First steps shows it again")
+        self.close_button.clicked.connect(self.end)
+        line = QHBoxLayout(self)
+        line.setContentsMargins(4, 0, 6, 0)
+        line.addWidget(steps, stretch=1)
+        line.addWidget(self.close_button)
+        self.timer = QTimer(self, singleShot=True, interval=_LASTS)
+        self.timer.timeout.connect(self.end)
+        self._open = self._gives_way = False
+        self.hide()
+
+    def show_state(self, shown: Shown) -> None:
+        """Name what made the marks; without readings, and without a room, say that something is missing."""
+        empty, room = not shown.readings and shown.origin is Origin.MEASURED, shown.scene.room is not None
+        marks = _NO_MARKS if empty else _MARKS[shown.origin]
+        click = _CLICK.format("the blue line" if empty and room else "a mark")
+        for number, text in enumerate((marks, _LINE if room else _NO_LINE, click)):
+            self.labels[number].setText(f"{number + 1}  {text}")
+
+    def show_look(self, look: Look) -> None:
+        """Give each step the colour of what it describes."""
+        for label, colour in zip(self.labels, _COLOURS, strict=True):
+            label.setStyleSheet(f"color: {getattr(look.palette, colour)}; font-weight: bold")
+
+    @Slot()
+    def begin(self) -> None:
+        """Show the hint."""
+        self.timer.start()
+        self._open = True
+        self.setVisible(not self._gives_way)
+
+    @Slot()
+    def end(self) -> None:
+        """Hide the hint."""
+        self.timer.stop()
+        if self._open:
+            self._open = False
+            self.hide()
+            self.ended.emit()
+
+    def give_way(self, wanted: bool) -> None:
+        """Hide the hint for as long as a message needs its place."""
+        self._gives_way = wanted
+        self.setVisible(self._open and not wanted)
+
+
+# The status bar: activity, recording file, number and rate of readings, lost readings, temperature, live or replay.
+
+
+# badges have the same background in both palettes
+_BADGE_COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
+
+FAKE = "fake scanner, hides a post"
+_FAKE_MEANS = (
+    "A fake scanner simulates its room, which deliberately differs from the room file: one additional post, a sensor "
+    "some millimetres away, and air of another temperature. View > Causes searches for the post"
+)
+_FAKE_STAYS = (
+    "Moving the sensor or choosing a board in the window changes the prediction only. The fake scanner is still {}, so "
+    "its readings differ. Scan > Move the fake scanner here moves it, and scans again"
+)
+_FEW = 360  # readings; so many are compared within a moment, as during a scan
+_MESSAGE_TIME = 10_000  # ms
+
+
+class StatusBar(QStatusBar):
+    """The line at the bottom of the window."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSizeGripEnabled(False)
+        self.activity = ElidedLabel()
+        self.activity.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.fake = PlainLabel(FAKE)
+        self.badge = PlainLabel()
+        self.figures = PlainLabel()
+        self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air temperature")
+        # width of the longest text; otherwise an additional digit is cut off until the next layout
+        widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")
+        self.figures.setMinimumWidth(widest)
+        self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.progress = QProgressBar()
+        self.progress.setFixedWidth(self.progress.fontMetrics().horizontalAdvance("000 of at most 000 parts") + 16)
+        self.progress.setFormat("%v of at most %m parts")
+        self.progress.setToolTip("Parts of the model that are compiled; this prediction may not need all of them")
+        self.setContentsMargins(8, 0, 4, 0)
+        self.addWidget(self.progress)
+        self.addWidget(LabelSlot(self.activity), 1)
+        self.addPermanentWidget(self.fake)
+        self.addPermanentWidget(LabelSlot(self.figures))
+        self.addPermanentWidget(self.badge)
+        self.show_state(Status())
+
+    @Slot(str)
+    def show_briefly(self, message: str) -> None:
+        """Show a message for 10 s."""
+        self.showMessage(message, _MESSAGE_TIME)
+
+    def show_look(self, look: Look) -> None:
+        """Set the text colour; with a style sheet, Qt would keep the colour of the previous palette."""
+        ink = look.palette.ink
+        self.setStyleSheet(f"QStatusBar::item {{ border: none; }} QLabel {{ color: {ink}; }}")
+
+    def show_state(self, status: Status) -> None:
+        """Show the status."""
+        self.activity.setText(activity_text(status))
+        self.progress.setVisible(status.preparing is not None)
+        if status.preparing is not None:
+            self.progress.setRange(0, status.preparing.known)
+            self.progress.setValue(status.preparing.done)
+        self.fake.setVisible(status.fake)
+        self.fake.setText(f"fake scanner, still {status.fake_still}" if status.fake_still else FAKE)
+        self.fake.setToolTip(_FAKE_STAYS.format(status.fake_still) if status.fake_still else _FAKE_MEANS)
+        self.figures.setText(figures_text(status))
+        self.badge.setText(badge_text(status))
+        background = _BADGE_COLOURS.get(status.badge, LIGHT.idle)
+        style = f"color: white; background: {background}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
+        if self.badge.styleSheet() != style:  # setting a style sheet triggers a new layout of the window
+            self.badge.setStyleSheet(style)
+
+
+def badge_text(status: Status) -> str:
+    """Return the text of the badge."""
+    return f"● {status.badge}" if status.badge is Badge.LIVE else str(status.badge)
+
+
+def figures_text(status: Status) -> str:
+    """Return the numbers of readings, their rate, and the temperature."""
+    rate = [f"{status.rate:.1f} Hz"] if status.rate else []  # no rate without new readings
+    parts = [f"{status.readings} readings", *rate, f"{status.lost} lost"]
+    if status.temperature_c is not None:
+        parts.append(f"{status.temperature_c:.1f} °C")
+    return " · ".join(parts)
+
+
+def activity_text(status: Status) -> str:
+    """Return the current activity."""
+    parts = []
+    if status.source is Source.LIVE and status.phase is not None:
+        parts.append("waiting for the scanner" if status.trouble else str(status.phase))
+    if status.source is Source.LIVE and status.recording is not None:
+        parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
+    if status.source is Source.REPLAY:
+        parts.append(f"{'following' if status.following else 'replaying'} {status.log_name}")
+    if status.preparing:
+        parts.append("preparing the model (first start only)")
+    if status.scan_due:
+        parts.append("the scan begins when its prediction is there")
+    if status.outdated:
+        parts.append("predicting … grey values belong to the previous prediction")
+    elif status.predicting and not status.preparing:
+        parts.append("predicting …")
+    if status.uncompared > _FEW:
+        parts.append(f"{status.uncompared} readings to compare")
+    return " · ".join(parts)
+
+
+def _short(path: Path) -> str:
+    """Return a path with the home folder as ~."""
+    home = Path.home()
+    return f"~/{path.relative_to(home).as_posix()}" if path.is_relative_to(home) else str(path)
+
+
+# The toolbar: the most frequent commands, and the list of places.
+
+
+_PLACE = 11  # characters of a place given as X,Y in metres, to the millimetre
+
+
+class ToolBar(QToolBar):
+    """The most frequent commands, and the list of places."""
+
+    def __init__(self, commands: Commands) -> None:
+        super().__init__("Main", movable=False)
+        self.setObjectName("toolbar")
+        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
+        self.place = QComboBox()
+        self.place.setToolTip("Place of the scanner in the room")
+        self.place.setMinimumContentsLength(_PLACE)
+        self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
+        self.addSeparator()
+        self.addActions([commands.scan, commands.stop])
+        self.addSeparator()
+        self.addActions(commands.views.actions())
+        self.addSeparator()
+        self.addAction(commands.fit)
+        self.addWidget(self._named_place())
+        gap = QWidget()
+        gap.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        self.addWidget(gap)
+        self.addAction(commands.dark)
+
+    def _named_place(self) -> QWidget:
+        """Return name and list in one part: on a narrow screen both move behind the arrow of the toolbar."""
+        part = QWidget()
+        row = QHBoxLayout(part)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(PlainLabel("  Place "))
+        row.addWidget(self.place)
+        return part
+
+    def show_state(self, shown: Shown) -> None:
+        """List the places of the room."""
+        names = [*shown.scene.room.places] if shown.scene.room else []
+        here = shown.scene.pose.name
+        if here and here not in names:
+            names.append(here)  # a place given as X,Y
+        if [self.place.itemText(k) for k in range(self.place.count())] != names:
+            self.place.clear()
+            self.place.addItems(names)
+        self.place.setCurrentText(here)

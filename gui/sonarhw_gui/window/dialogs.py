@@ -1,0 +1,493 @@
+"""The dialogs of the window: command palette, connection, help and recordings. One is open at a time."""
+
+import time
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+from PySide6.QtCore import QEvent, QModelIndex, QObject, QSize, Qt, QTimer, Signal, Slot
+from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QApplication,
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QGridLayout,
+    QHBoxLayout,
+    QHeaderView,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QScrollArea,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw_gui.jobs.files import RecordingList, RecordingRow, Recordings
+from sonarhw_gui.model.look import MARKS, Look
+from sonarhw_gui.session.scanner import PortRow
+from sonarhw_gui.views.legend import mark_picture
+from sonarhw_gui.widgets import PlainLabel, plain_tip
+
+# The command palette: type words of a command's name or of its description, and run it with Enter.
+
+
+_SIZE = 420, 360  # pixels
+_STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
+
+
+class CommandPalette(QDialog):
+    """Lists the enabled commands with all typed words: first those with the words in their names. Not modal."""
+
+    def __init__(self, actions: Sequence[QAction], parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle("sonarhw — commands")
+        self._actions = {plain_name(action): action for action in actions if action.isEnabled() and action.text()}
+        self.words, self.list = QLineEdit(placeholderText="part of a command"), QListWidget()
+        self.words.setAccessibleName("Part of a command")
+        self.list.setAccessibleName("Commands")
+        self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the arrow keys work while the words have the focus
+        self.words.textChanged.connect(self._filter)
+        self.words.returnPressed.connect(self._run)
+        self.list.itemClicked.connect(self._run)
+        self.words.installEventFilter(self)
+        column = QVBoxLayout(self)
+        column.addWidget(self.words)
+        column.addWidget(self.list)
+        self.resize(*_SIZE)
+        self._filter("")
+
+    @property
+    def names(self) -> list[str]:
+        """The names listed."""
+        return [self.list.item(row).data(Qt.ItemDataRole.UserRole) for row in range(self.list.count())]
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Let the arrow keys move in the list."""
+        if event.type() is QEvent.Type.KeyPress and isinstance(event, QKeyEvent) and event.key() in _STEPS:
+            self.list.event(event)
+            return True
+        return super().eventFilter(watched, event)
+
+    @Slot(str)
+    def _filter(self, text: str) -> None:
+        self.list.clear()
+        words = text.casefold().split()
+        found = [one for one in self._actions.items() if _has(f"{one[0]} {one[1].toolTip()}", words)]
+        for name, action in sorted(found, key=lambda one: not _has(one[0], words)):
+            item = QListWidgetItem(f"{name}    {action.shortcut().toString()}".rstrip())
+            item.setData(Qt.ItemDataRole.UserRole, name)
+            self.list.addItem(item)
+        self.list.setCurrentRow(0)
+
+    @Slot()
+    def _run(self) -> None:
+        item = self.list.currentItem()
+        if item is None:
+            return
+        action = self._actions[item.data(Qt.ItemDataRole.UserRole)]
+        self.close()
+        action.trigger()
+
+
+def _has(text: str, words: Sequence[str]) -> bool:
+    return all(word in text.casefold() for word in words)
+
+
+def plain_name(action: QAction) -> str:
+    """Return the name of a command without its symbols."""
+    return action.text().replace("&", "").strip("▶■● …")
+
+
+# The connect dialog: the ports of this computer and a field for any other URL. Not modal.
+
+
+_EXAMPLES = (
+    "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, fake:ROOM?place=NAME, "
+    "or lines:PORT?preset=arduino-radar"
+)
+
+
+class ConnectDialog(QDialog):
+    """Dialog to choose a scanner."""
+
+    chosen = Signal(str)  # URL
+    refreshed = Signal()  # list the ports again
+    probe_all_requested = Signal()
+    listen_requested = Signal(str)  # port
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Connect a scanner")
+        self._rows: tuple[PortRow, ...] = ()
+        self.ports = _port_table()
+        self.none = PlainLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
+        self.none.setWordWrap(True)
+        self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Check all ports")
+        self.probe_all.setToolTip("Opening a port may reset the device on it")
+        self.listen = QPushButton("Listen for text")
+        self.listen.setToolTip("Find out what an Arduino radar or another device prints at the port below")
+        self.field = QLineEdit(placeholderText=_EXAMPLES)
+        self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
+        self.url.setToolTip(_EXAMPLES)
+        self.url.setLineEdit(self.field)
+        # with selected text, Return would replace a proposed URL by an earlier one
+        self.url.setCompleter(None)  # type: ignore[arg-type]  # the stub does not know that None is allowed
+        self.buttons = QDialogButtonBox()
+        self.connect_button = self.buttons.addButton("Connect", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self._lay_out()
+        self._connect()
+        self.resize(640, 340)
+        self._update_button()
+
+    def show_ports(self, rows: Sequence[PortRow]) -> None:
+        """List the ports; the selection does not change."""
+        self._rows, chosen = tuple(rows), self.url.currentText()
+        self.ports.setRowCount(len(rows))
+        for k, row in enumerate(rows):
+            for column, text in enumerate((row.device, row.description, row.answer)):
+                item = QTableWidgetItem(text)
+                item.setToolTip(plain_tip(text))
+                self.ports.setItem(k, column, item)
+        self.none.setVisible(not rows)
+        self.ports.setVisible(bool(rows))
+        self.probe_all.setEnabled(any(row.answer == "not checked" for row in rows))
+        proposed = {row.device: row.proposed_url for row in rows if row.proposed_url}
+        if chosen in proposed:
+            self.url.setEditText(proposed[chosen])
+        answering = [row.device for row in rows if row.answers]
+        if not chosen and len(answering) == 1:
+            self.url.setEditText(answering[0])
+        self._select(self.url.currentText(), rows)
+
+    def show_urls(self, urls: Sequence[str]) -> None:
+        """List URLs that were used before; the entered text does not change."""
+        text = self.url.currentText()
+        self.url.clear()
+        self.url.addItems(list(urls))
+        self.url.setEditText(text)
+
+    def _select(self, url: str, rows: Sequence[PortRow]) -> None:
+        row = next((k for k, row in enumerate(rows) if url in (row.device, row.proposed_url)), -1)
+        if row >= 0:
+            self.ports.selectRow(row)
+
+    def _lay_out(self) -> None:
+        beside = QHBoxLayout()
+        beside.addWidget(self.refresh)
+        beside.addWidget(self.probe_all)
+        beside.addWidget(self.listen)
+        beside.addStretch(1)
+        column = QVBoxLayout(self)
+        column.addWidget(self.none)
+        column.addWidget(self.ports, stretch=1)
+        column.addLayout(beside)
+        column.addWidget(PlainLabel("Port or URL"))
+        column.addWidget(self.url)
+        column.addWidget(self.buttons)
+
+    def _connect(self) -> None:
+        self.ports.clicked.connect(self._take_row)
+        self.ports.doubleClicked.connect(self._choose_row)
+        self.url.editTextChanged.connect(self._update_button)
+        self.refresh.clicked.connect(self.refreshed)
+        self.probe_all.clicked.connect(self.probe_all_requested)
+        self.listen.clicked.connect(self._listen)
+        self.buttons.accepted.connect(self._choose)
+        self.buttons.rejected.connect(self.close)
+
+    @Slot(QModelIndex)
+    def _take_row(self, index: QModelIndex) -> None:
+        row = self._rows[index.row()]
+        self.url.setEditText(row.proposed_url or row.device)
+
+    @Slot(QModelIndex)
+    def _choose_row(self, index: QModelIndex) -> None:
+        self._take_row(index)
+        self._choose()
+
+    @Slot()
+    def _choose(self) -> None:
+        url = self.url.currentText().strip()
+        if url:
+            self.close()
+            self.chosen.emit(url)
+
+    @Slot()
+    def _listen(self) -> None:
+        self.listen_requested.emit(self.url.currentText().strip())
+
+    @Slot()
+    def _update_button(self) -> None:
+        url = self.url.currentText().strip()
+        self.connect_button.setEnabled(bool(url))
+        self.listen.setEnabled(bool(url) and "://" not in url and "?" not in url)
+        self.connect_button.setDefault(True)
+
+
+def _port_table() -> QTableWidget:
+    table = QTableWidget(0, 3)
+    table.setHorizontalHeaderLabels(["port", "device", "answer"])
+    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.verticalHeader().hide()
+    for column in (0, 1):
+        table.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
+    table.horizontalHeader().setStretchLastSection(True)
+    return table
+
+
+def open_connect_dialog(parent: QWidget) -> ConnectDialog:
+    """Return a dialog that is deleted when it is closed."""
+    dialog = ConnectDialog(parent)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    return dialog
+
+
+# The help page: a short introduction, every key, and the classes of readings, on one screen. Not modal.
+
+
+_COLUMNS = 3
+_CLASS_WIDTH = 250  # pixels
+_ABOUT = (
+    "The window shows a scan over its prediction. <b>Click a reading</b> in the plan, the range view or the table: the "
+    "sentence explains it, the plan shows the path of its sound, and the trace names every echo. "
+    "<b>Drag the sensor</b> to move it, or its beam to turn it: the prediction follows. Esc cancels the drag. "
+    "<b>Drop a file</b> on the window to open it: a log, a room, or a scan as CSV. "
+    "<b>Point at a name in the legend</b> to read what it means."
+)
+
+
+class HelpPage(QDialog):
+    """The help page."""
+
+    def __init__(
+        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, max_size: QSize
+    ) -> None:
+        """`max_size`: larger content gets a scroll bar."""
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle("sonarhw — help")
+        self.area = QScrollArea(widgetResizable=True)
+        self.area.setFrameShape(QScrollArea.Shape.NoFrame)
+        bar = self.area.verticalScrollBar().sizeHint().width()
+        for columns in range(_COLUMNS, 0, -1):
+            page = _page(_in_columns(groups, columns), look)
+            if page.minimumSizeHint().width() + bar <= max_size.width():
+                break
+        self.area.setWidget(page)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.area)
+        width = page.minimumSizeHint().width()
+        whole = QSize(width, page.heightForWidth(width))
+        self.resize((whole + QSize(bar, 0)).boundedTo(max_size))
+
+
+def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look) -> QWidget:
+    page = QWidget()
+    about = QLabel(_ABOUT)
+    about.setWordWrap(True)
+    keys = QGridLayout()
+    keys.setHorizontalSpacing(28)
+    for column, part in enumerate(columns):
+        label = QLabel("".join(_table(name, actions, look) for name, actions in part))
+        label.setAlignment(Qt.AlignmentFlag.AlignTop)
+        keys.addWidget(label, 0, column)
+    beside = QHBoxLayout()
+    beside.setSpacing(28)
+    beside.addLayout(keys)
+    beside.addLayout(_classes(look), stretch=1)
+    layout = QVBoxLayout(page)
+    layout.setContentsMargins(18, 14, 18, 14)
+    layout.addWidget(about)
+    layout.addLayout(beside)
+    return page
+
+
+def _classes(look: Look) -> QGridLayout:
+    """Return the mark of each class of readings beside its meaning."""
+    grid = QGridLayout()
+    grid.setSpacing(8)
+    grid.setColumnMinimumWidth(1, round(_CLASS_WIDTH * look.scale))
+    grid.addWidget(QLabel(_heading("Classes of readings", look)), 0, 0, 1, 2)
+    for row, (kind, mark) in enumerate(MARKS.items(), start=1):
+        symbol = QLabel(pixmap=mark_picture(kind, look.palette, QApplication.primaryScreen().devicePixelRatio()))
+        text = QLabel(f"<b>{mark.name}</b>: {mark.meaning}. {mark.hint}{'.' if mark.hint else ''}", wordWrap=True)
+        for column, part in enumerate((symbol, text)):
+            part.setAlignment(Qt.AlignmentFlag.AlignTop)
+            grid.addWidget(part, row, column)
+    grid.setRowStretch(grid.rowCount(), 1)
+    return grid
+
+
+def _in_columns(
+    groups: Mapping[str, Sequence[QAction]], most_columns: int
+) -> list[list[tuple[str, Sequence[QAction]]]]:
+    """Distribute the groups over columns of similar height, in order."""
+    heights = {name: len(actions) + 2 for name, actions in groups.items()}
+    most = sum(heights.values()) / most_columns
+    columns: list[list[tuple[str, Sequence[QAction]]]] = [[]]
+    height = 0.0
+    for name, actions in groups.items():
+        if columns[-1] and height + heights[name] / 2 > most and len(columns) < most_columns:
+            columns.append([])
+            height = 0.0
+        columns[-1].append((name, actions))
+        height += heights[name]
+    return columns
+
+
+def _table(name: str, actions: Sequence[QAction], look: Look) -> str:
+    rows = "".join(
+        f"<tr><td><b>{escape(keys)}</b>&nbsp;&nbsp;</td><td>{escape(plain_name(action))}</td></tr>"
+        for action in actions
+        if (keys := _keys(action))
+    )
+    return f"{_heading(name, look)}<table>{rows}</table>"
+
+
+def _heading(name: str, look: Look) -> str:
+    return f'<p style="color: {look.palette.predicted}; margin: 4px 0 2px 0">{escape(name)}</p>'
+
+
+def _keys(action: QAction) -> str:
+    return ", ".join(key.toString(QKeySequence.SequenceFormat.NativeText) for key in action.shortcuts())
+
+
+# One dialog at a time: opening a dialog closes the others of the window.
+
+
+def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
+    """Close every open dialog of `window`, except `but`."""
+    for dialog in window.findChildren(QDialog):
+        if dialog is not but and dialog.isVisible():
+            dialog.close()
+
+
+# The dialog that lists, searches and opens recordings. Not modal.
+
+
+_RECORDING_COLUMNS = ("date", "room", "place", "readings", "traces", "file", "condition")
+_PATH = Qt.ItemDataRole.UserRole
+_TICK = 50  # ms
+
+
+class RecordingsDialog(QDialog):
+    """Dialog to open a recording."""
+
+    chosen = Signal(str)  # path
+    failed = Signal(str)
+
+    def __init__(self, folder: Path, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle("Recordings")
+        self._recordings = Recordings(folder)
+        self.search = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
+        self.table = _recording_table()
+        self.summary = PlainLabel(wordWrap=True)
+        self.buttons = QDialogButtonBox()
+        self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
+        column = QVBoxLayout(self)
+        for part in (self.search, self.table, self.summary, self.buttons):
+            column.addWidget(part)
+        self.resize(860, 420)
+        self._timer = QTimer(self, interval=_TICK)
+        self._timer.timeout.connect(self._take)
+        self._timer.start()
+        self.search.textChanged.connect(self._filter)
+        self.table.itemSelectionChanged.connect(self._update_button)
+        self.table.doubleClicked.connect(self._choose)
+        self.buttons.accepted.connect(self._choose)
+        self.buttons.rejected.connect(self.reject)
+        self._draw(self._recordings.listed)
+
+    @Slot()
+    def _take(self) -> None:
+        if self._recordings.take():
+            self._draw(self._recordings.listed)
+        for message in self._recordings.failures:
+            self.failed.emit(message)
+        self._recordings.failures.clear()
+
+    def _draw(self, listed: RecordingList) -> None:
+        chosen = self._chosen()
+        self.table.setRowCount(len(listed.rows))
+        for number, row in enumerate(listed.rows):
+            for column, text in enumerate(_texts(row)):
+                item = QTableWidgetItem(text)
+                item.setToolTip(plain_tip(str(row.path)))
+                item.setData(_PATH, str(row.path))
+                self.table.setItem(number, column, item)
+            if str(row.path) == chosen:
+                self.table.selectRow(number)
+        if listed.rows and not chosen:
+            self.table.selectRow(0)
+        self.summary.setText(_summary(listed))
+        self._filter()
+
+    @Slot()
+    def _filter(self) -> None:
+        """Hide the rows that do not contain every word."""
+        words = self.search.text().lower().split()
+        for number in range(self.table.rowCount()):
+            cells = (self.table.item(number, column) for column in range(len(_RECORDING_COLUMNS)))
+            text = " ".join(cell.text() for cell in cells if cell is not None).lower()
+            self.table.setRowHidden(number, not all(word in text for word in words))
+        self._update_button()
+
+    def _chosen(self) -> str:
+        """Return the path of the selected visible row; empty without one."""
+        found = [item for item in self.table.selectedItems() if not self.table.isRowHidden(item.row())]
+        return str(found[0].data(_PATH)) if found else ""
+
+    @Slot()
+    def _update_button(self) -> None:
+        self.open_button.setEnabled(bool(self._chosen()))
+
+    @Slot()
+    @Slot(QModelIndex)
+    def _choose(self) -> None:
+        if path := self._chosen():
+            self.chosen.emit(path)
+            self.accept()
+
+    def done(self, result: int) -> None:
+        """End the thread when the dialog closes in any way."""
+        self._timer.stop()
+        self._recordings.close()
+        super().done(result)
+
+
+def _recording_table() -> QTableWidget:
+    table = QTableWidget(0, len(_RECORDING_COLUMNS))
+    table.setHorizontalHeaderLabels(_RECORDING_COLUMNS)
+    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.verticalHeader().hide()
+    table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    table.horizontalHeader().setStretchLastSection(True)
+    return table
+
+
+def _texts(row: RecordingRow) -> tuple[str, ...]:
+    date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row.began))
+    return date, row.room, row.place, str(row.readings), "yes" if row.traces else "no", row.path.name, row.condition
+
+
+def _summary(listed: RecordingList) -> str:
+    if not listed.files:
+        return f"{listed.folder}: no recordings yet; every scan in the window is recorded"
+    reading = "" if listed.complete else f", {len(listed.rows)} read"
+    return f"{listed.folder}: {listed.files} recordings{reading}"

@@ -1,0 +1,275 @@
+"""The dialog that asks how to read a CSV scan, and shows its first lines as they would be imported. Not modal."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer, Signal, Slot
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QCheckBox,
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QGridLayout,
+    QHBoxLayout,
+    QHeaderView,
+    QLineEdit,
+    QPushButton,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+from sonarhw_compare.foreign_csv import CsvColumns, CsvHead, Meaning, likely_columns, likely_unit, read_head
+
+from sonarhw.errors import InputError
+from sonarhw.readings import Reading
+from sonarhw_gui.jobs.files import CsvRead, ReadCsvRequest
+from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.model.look import LengthUnit
+from sonarhw_gui.widgets import NumberField, PlainLabel, plain_tip
+
+_LINES = 8  # in the preview
+_TICK = 50  # ms
+_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
+_TURNS = {"counter-clockwise": 1.0, "clockwise": -1.0}
+_NO_TIME = "(none: 0.1 s apart)"
+
+
+class ImportDialog(QDialog):
+    """Reads the file again in a thread after each change; an error is shown where the values are typed."""
+
+    accepted_as = Signal(object)  # ReadCsvRequest
+
+    def __init__(self, path: Path, unit: LengthUnit, parent: QWidget) -> None:
+        """`unit`: of the ranges in the preview."""
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle(f"Import {path.name}")
+        self._path, self._unit = path, unit
+        self._head = CsvHead((), (), False)
+        self._asked: ReadCsvRequest | None = None  # what the values say; None if one is wrong
+        self._read: CsvRead | None = None  # the answer to it
+        self._worker = Worker("read CSV")
+        self.heading, self.distance, self.time = QComboBox(), QComboBox(), QComboBox()
+        self.turn, self.unit = QComboBox(), QComboBox()
+        self.turn.addItems(list(_TURNS))
+        self.unit.addItems(list(_UNITS))
+        self.zero = NumberField(-360.0, 360.0, 3, "°")
+        self.zero.setKeyboardTracking(True)  # the preview follows every key
+        self.no_echo = QLineEdit(placeholderText="none")
+        self.silence = QPushButton()
+        self.decimal_comma = QCheckBox("Decimal commas; semicolons or tabs between columns")
+        self.preview = _preview_table()
+        self.note = PlainLabel(wordWrap=True)
+        self.buttons = QDialogButtonBox()
+        self.import_button = self.buttons.addButton("Import", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self._lay_out()
+        self._begin()
+        self._connect()
+
+    def _lay_out(self) -> None:
+        form = QGridLayout()
+        for row, fields in enumerate(
+            (
+                (("Heading column", self.heading), ("Headings increase", self.turn)),
+                (("Range column", self.distance), ("Unit of the range", self.unit)),
+                (("Time column", self.time), ("Turntable angle at heading 0", self.zero)),
+                (("Range that means no echo", self.no_echo),),
+            )
+        ):
+            for column, (name, field) in enumerate(fields):
+                field.setAccessibleName(name)
+                form.addWidget(PlainLabel(name), row, 2 * column)
+                form.addWidget(field, row, 2 * column + 1)
+        form.addWidget(self.silence, 3, 2, 1, 2)
+        form.addWidget(self.decimal_comma, 4, 0, 1, 4)
+        form.setColumnStretch(1, 1)
+        form.setColumnStretch(3, 1)
+        below = QHBoxLayout()
+        below.addWidget(self.note, stretch=1)
+        below.addWidget(self.buttons, alignment=Qt.AlignmentFlag.AlignBottom)
+        page = QVBoxLayout(self)
+        page.addLayout(form)
+        page.addWidget(self.preview, stretch=1)
+        page.addLayout(below)
+        self.silence.hide()
+        self.import_button.setDefault(True)
+        self.resize(760, 480)
+
+    def _begin(self) -> None:
+        """Guess how the file is written, and its columns."""
+        try:
+            read_head(self._path, 0)
+        except InputError:
+            try:
+                read_head(self._path, 0, decimal_comma=True)
+                self.decimal_comma.setChecked(True)
+            except InputError:
+                pass  # reported by the next reading
+        self._read_head()
+
+    def _connect(self) -> None:
+        self._timer = QTimer(self, interval=_TICK)
+        self._timer.timeout.connect(self._take)
+        self._timer.start()
+        self.decimal_comma.toggled.connect(self._read_head)
+        self.distance.currentTextChanged.connect(self._guess_unit)
+        for list_ in (self.heading, self.distance, self.time, self.turn, self.unit):
+            list_.currentIndexChanged.connect(self._read_again)
+        self.zero.valueChanged.connect(self._read_again)
+        self.no_echo.textChanged.connect(self._read_again)
+        self.silence.clicked.connect(self._take_silence)
+        self.buttons.accepted.connect(self.accept)
+        self.buttons.rejected.connect(self.reject)
+
+    @Slot()
+    def _read_head(self) -> None:
+        """Read the first lines, and list the columns."""
+        try:
+            self._head = read_head(self._path, _LINES, self.decimal_comma.isChecked())
+        except InputError as error:
+            self._head, self._asked, self._read = CsvHead((), (), False), None, None
+            self._list_columns()
+            self._report(str(error))
+            return
+        self._list_columns()
+        self._guess_unit(self.distance.currentText())
+        self._read_again()
+
+    def _list_columns(self) -> None:
+        header = self._head.header
+        for list_, guessed, first in zip(
+            (self.heading, self.distance, self.time), likely_columns(header), ("", "", _NO_TIME), strict=True
+        ):
+            list_.blockSignals(True)
+            list_.clear()
+            list_.addItem(first, None)
+            for name in header:
+                list_.addItem(name, name)
+            list_.setCurrentIndex(0 if guessed is None else 1 + header.index(guessed))
+            list_.blockSignals(False)
+        self._show_lines(())
+
+    @Slot(str)
+    def _guess_unit(self, column: str) -> None:
+        metres = likely_unit(column)
+        if metres is not None:
+            self.unit.setCurrentText(next(name for name, value in _UNITS.items() if value == metres))
+
+    @Slot()
+    def _take_silence(self) -> None:
+        if self._read is not None and self._read.likely_no_echo is not None:
+            self.no_echo.setText(f"{self._read.likely_no_echo[0]:g}")
+            self.no_echo.setFocus()
+
+    @Slot()
+    def _read_again(self) -> None:
+        """Read the whole file with the values typed."""
+        self._asked = self._read = None
+        self.import_button.setEnabled(False)
+        try:
+            self._asked = self._request()
+            self._worker.submit(self._asked)
+            self.note.setText("reading …")
+        except InputError as error:
+            self._report(str(error))
+
+    def _request(self) -> ReadCsvRequest:
+        """Return what the values say. Raises InputError if one is missing or wrong."""
+        heading, distance, time = (list_.currentData() for list_ in (self.heading, self.distance, self.time))
+        if not heading or not distance:
+            raise InputError(f"choose the column of the {'range' if heading else 'heading'}")
+        columns = CsvColumns(heading, distance, time, self._head.decimal_comma)
+        sign, scale = _TURNS[self.turn.currentText()], _UNITS[self.unit.currentText()]
+        return ReadCsvRequest(self._path, columns, Meaning(scale, sign, self.zero.value(), self._typed_no_echo()))
+
+    def _typed_no_echo(self) -> float | None:
+        text = self.no_echo.text().strip()
+        if not text:
+            return None
+        try:
+            return float(text.replace(",", ".") if self._head.decimal_comma else text)
+        except ValueError:
+            raise InputError(f"range that means no echo: {text!r}; expected a number, or nothing") from None
+
+    @Slot()
+    def _take(self) -> None:
+        for answer in self._worker.take():
+            if answer.request is not self._asked:
+                continue  # a value has changed since
+            if isinstance(answer, Failure):
+                self._report(answer.message)
+            else:
+                self._show_read(answer)
+
+    def _show_read(self, read: CsvRead) -> None:
+        self._read = read
+        self.import_button.setEnabled(True)
+        self._show_lines(read.readings)
+        self.note.setText(self._summary(read.readings))
+        self.silence.setVisible(read.likely_no_echo is not None)
+        if read.likely_no_echo is not None:
+            value, count = read.likely_no_echo
+            self.silence.setText(f"{value:g} means no echo ({count} readings)")
+            self.silence.setToolTip("Enter this value as the range that means no echo")
+
+    def _report(self, problem: str) -> None:
+        """Show what is wrong in place of the summary."""
+        self._show_lines(())
+        self.silence.hide()
+        self.import_button.setEnabled(False)
+        self.note.setText(f"⚠ {problem}")
+
+    def _show_lines(self, readings: Sequence[Reading]) -> None:
+        """Show the first lines: their fields as written, then angle and range as they are read."""
+        header, table = self._head.header, self.preview
+        table.setColumnCount(len(header) + 2)
+        table.setHorizontalHeaderLabels([*header, "turntable angle", "range"])
+        table.setRowCount(len(self._head.rows))
+        for row, fields in enumerate(self._head.rows):
+            read = self._texts(readings[row]) if row < len(readings) else ("", "")
+            padded = [*fields, *[""] * len(header)][: len(header)]
+            for column, text in enumerate((*padded, *read)):
+                item = QTableWidgetItem(text)
+                item.setToolTip(plain_tip(text))
+                if column >= len(header):
+                    font = item.font()
+                    font.setBold(True)
+                    item.setFont(font)
+                table.setItem(row, column, item)
+
+    def _texts(self, reading: Reading) -> tuple[str, str]:
+        range_ = "no echo" if reading.range is None else self._unit.text(reading.range)
+        return f"{math.degrees(reading.angle):z.1f}°", range_
+
+    def _summary(self, readings: Sequence[Reading]) -> str:
+        ranges = [reading.range for reading in readings if reading.range is not None]
+        angles = [math.degrees(reading.angle) for reading in readings]
+        between = f", {self._unit.text(min(ranges))} to {self._unit.text(max(ranges))}" if ranges else ""
+        turned = f"turntable angles {min(angles):z.1f}° to {max(angles):z.1f}°"
+        return f"{len(readings)} readings, {len(readings) - len(ranges)} without an echo; {turned}{between}"
+
+    def accept(self) -> None:
+        """Import what the preview shows."""
+        if self._read is not None:
+            self.accepted_as.emit(self._read.request)
+            super().accept()
+
+    def done(self, result: int) -> None:
+        """End the thread when the dialog closes in any way."""
+        self._timer.stop()
+        self._worker.close()
+        super().done(result)
+
+
+def _preview_table() -> QTableWidget:
+    table = QTableWidget(0, 0)
+    table.setAccessibleName("First lines as they are read")
+    table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.verticalHeader().hide()
+    table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    return table

@@ -1,0 +1,359 @@
+"""The application: opens the window with its display settings and layout, and returns the exit status."""
+
+import ctypes
+import gc
+import importlib.util
+import os
+import re
+import signal
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from pathlib import Path
+from types import FrameType
+
+from pyqtgraph.util.garbage_collector import GarbageCollector
+from PySide6.QtCore import QByteArray, QObject, QTimer, Slot
+from PySide6.QtWidgets import QApplication
+
+from sonarhw.errors import MissingExtra, OutputError, SonarError
+from sonarhw.log import Log
+from sonarhw.readings import ScanOrder
+from sonarhw_gui.jobs.files import OpenLogRequest, WatchedFile
+from sonarhw_gui.model.look import Look, apply_look
+from sonarhw_gui.model.scene import Scene, SceneMemory
+from sonarhw_gui.session.kept import Memory, read_memory, write_memory
+from sonarhw_gui.session.notices import with_newest
+from sonarhw_gui.session.scanner import (
+    WHOLE_TURN,
+    ScannerFinder,
+    ScannerOpener,
+    ScannerTarget,
+    ScanSettings,
+    recordings_folder,
+)
+from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.window.window import MainWindow
+
+# Checks for Qt and a display before Qt is loaded, because without a display Qt aborts the process.
+
+
+DEMO = "`sonarhw demo --headless DIR` works without a window"
+_TIMEOUT = 2.0  # s
+
+
+class NoDisplay(SonarError):
+    """There is no display for a window."""
+
+
+def check_display(instead: str = DEMO) -> None:
+    """Raise NoDisplay or MissingExtra if no window can be opened. `instead` states what works without a window."""
+    if sys.platform.startswith("linux") and not _without_display() and not os.environ.get("WAYLAND_DISPLAY"):
+        _check_x_server(instead)
+    for package in ("PySide6", "pyqtgraph"):
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtra(f"the window needs {package}", "gui")
+
+
+def _check_x_server(instead: str) -> None:
+    display = os.environ.get("DISPLAY", "")
+    if not display:
+        raise NoDisplay(f"no display for a window (DISPLAY is not set); {instead}")
+    if not _answers(display):
+        raise NoDisplay(f"no display for a window (no X server answers at {display}); {instead}")
+    try:
+        ctypes.CDLL("libxcb-cursor.so.0")
+    except OSError:
+        raise NoDisplay(f"Qt needs libxcb-cursor0 for a window: apt-get install libxcb-cursor0; {instead}") from None
+
+
+def _without_display() -> bool:
+    return os.environ.get("QT_QPA_PLATFORM", "xcb").split(":")[0] in ("offscreen", "minimal", "vnc", "linuxfb", "eglfs")
+
+
+def _answers(display: str) -> bool:
+    """Return whether an X server listens at `display`; assumed for an unusual format."""
+    matched = re.fullmatch(r"(?:unix)?([^:/]*):(\d+)(?:\.\d+)?", display)
+    if matched is None:
+        return True
+    host, number = matched[1], int(matched[2])
+    if host:
+        return _connects(socket.AF_INET, (host, 6000 + number))
+    path = f"/tmp/.X11-unix/X{number}"
+    return (Path(path).exists() and _connects(socket.AF_UNIX, path)) or _connects(socket.AF_UNIX, f"\0{path}")
+
+
+def _connects(family: socket.AddressFamily, address: str | tuple[str, int]) -> bool:
+    with socket.socket(family) as probe:
+        probe.settimeout(_TIMEOUT)
+        try:
+            probe.connect(address)
+        except OSError:
+            return False
+    return True
+
+
+# How the process of a window frees memory.
+#
+# Python's garbage collector runs only in the window's thread, between two events. Otherwise any allocation may
+# trigger it, in a worker thread or inside Qt while it destroys a window. If it frees a widget there, the program
+# crashes.
+#
+# The objects of modules and of the window stay until the end, so they are not searched: that would stop a live scan
+# for 0.1 s.
+
+
+_INTERVAL = 1.0  # s
+_IMPORTED = 10  # modules: an import of so many leaves thousands of objects
+_ARENA_MAX, _MMAP_THRESHOLD = -8, -3  # parameters of glibc's mallopt
+_LARGE = 128 * 1024  # bytes
+
+
+class _Collector(GarbageCollector):  # type: ignore[misc]  # pyqtgraph has no types
+    """Collects by a timer, without the objects that existed at its start or after a large import."""
+
+    def __init__(self) -> None:
+        super().__init__(_INTERVAL)
+        self._modules = 0
+        self._leave_out()
+
+    def check(self) -> None:
+        """Collect garbage if there are many new objects."""
+        if len(sys.modules) - self._modules >= _IMPORTED:
+            self._leave_out()
+        else:
+            super().check()
+
+    def _leave_out(self) -> None:
+        self._modules = len(sys.modules)
+        gc.freeze()
+
+
+@contextmanager
+def collected_between_events() -> Iterator[None]:
+    """Collect only by a timer of the event loop; restore automatic collection of all objects at the end."""
+    was_complete, collector = gc.get_freeze_count() == 0, _Collector()
+    try:
+        yield
+    finally:
+        collector.timer.stop()
+        if was_complete:
+            gc.unfreeze()
+        gc.enable()
+
+
+def return_large_blocks() -> None:
+    """Let glibc return freed blocks above 128 KiB to the system, and keep one heap for all threads.
+
+    By default it raises this limit to the size of the largest freed block, and has a heap for each thread. After 800
+    actions of a user, these heaps held 260 MiB of free memory between 180 MiB in use; with one heap, 3 MiB.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is not None:
+        mallopt(_ARENA_MAX, 1)
+        mallopt(_MMAP_THRESHOLD, _LARGE)
+
+
+# Store the state of the window when it closes, and restore it.
+
+
+_EVERY = 2000  # ms between two looks for changes
+
+
+class MemoryWriter(QObject):
+    """Stores the state of a window when it has changed, and when it closes."""
+
+    def __init__(self, window: MainWindow, path: Path) -> None:
+        super().__init__(window)
+        self._window = window
+        self._path = path
+        self._written: Memory | None = None
+        self._timer = QTimer(self, interval=_EVERY)
+        self._timer.timeout.connect(self._write)
+        self._timer.start()
+        window.closing.connect(self._finish)
+
+    @Slot()
+    def _finish(self) -> None:
+        self._timer.stop()
+        self._write()
+
+    @Slot()
+    def _write(self) -> None:
+        memory = memory_of(self._window)
+        if memory != self._written:
+            with suppress(OutputError):  # the next window opens with older settings
+                write_memory(self._path, memory)
+                self._written = memory
+
+
+def memory_of(window: MainWindow) -> Memory:
+    """Return the state of a window. Call this before the window is hidden."""
+    session = window.session
+    return Memory(
+        scene=SceneMemory.of(session.shown.scene),
+        log=session.log_file,
+        url=session.scanners.url,
+        scan_settings=session.live.scan_settings,
+        recent=session.documents.recent,
+        urls=session.scanners.urls,
+        look=session.shown.look,
+        view=window.views.stage.currentIndex(),
+        layout={
+            "window": window.saveGeometry(),
+            "docks": window.saveState(),
+            "views": window.views.saveState(),
+        },
+        layouts=dict(window.layouts.layouts),
+        introduced=window.hint.isHidden(),
+    )
+
+
+def restore_window(window: MainWindow, memory: Memory) -> None:
+    """Restore lists and layout; a part that no longer exists, or that Qt refuses, keeps its default."""
+    window.session.remember_used(memory.recent, memory.urls)
+    window.restoreGeometry(memory.layout.get("window", QByteArray()))
+    window.restoreState(memory.layout.get("docks", QByteArray()))
+    window.views.restoreState(memory.layout.get("views", QByteArray()))
+    window.layouts.restore(memory.layouts)
+    views = window.commands.views.actions()
+    if 0 <= memory.view < len(views):
+        views[memory.view].trigger()
+
+
+# The application: opens the window and returns the exit status.
+#
+# The status is 0 after the window was closed, and 130 after Ctrl-C or SIGTERM.
+
+
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class WindowStart:
+    """The initial content of the window, and where it stores files."""
+
+    scene: Scene
+    source: ScannerOpener | Log | None = None  # opens a scanner, or a log to replay
+    source_name: str = "the log"  # file name of the log
+    source_file: Path | None = None  # path of the log; without a log, a file to open
+    used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
+    url: str = ""  # of the scanner
+    takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
+    find_scanner: ScannerFinder | None = None  # opens any other scanner
+    order: ScanOrder = WHOLE_TURN
+    traces: bool = True
+    autostart: bool = False  # start a scan at once
+    recordings: Path = field(default_factory=recordings_folder)
+    memory: Path | None = None  # file that stores the state of the window; None: not stored
+    resume: bool = False  # restore the last state, if there is one
+    when_open: Callable[[MainWindow], None] | None = None  # for tests and pictures
+
+
+def run_window(start: WindowStart) -> int:
+    """Show the window until it is closed. Raises NoDisplay without a display."""
+    check_display()
+    application = open_application()
+    window = open_window(start)
+    window.show()
+    if start.when_open is not None:
+        start.when_open(window)
+    with _closed_by_signals(window) as signals, collected_between_events():
+        status = application.exec()
+    return INTERRUPTED if signals else status
+
+
+def open_application() -> QApplication:
+    """Return the application of this process, with the same style on every system."""
+    return_large_blocks()
+    running = QApplication.instance()
+    application = running if isinstance(running, QApplication) else QApplication(["sonarhw"])
+    application.setApplicationName("sonarhw")
+    application.setStyle("Fusion")
+    apply_look(Look())
+    return application
+
+
+def open_window(start: WindowStart) -> MainWindow:
+    """Return a window with its session, not visible yet."""
+    restored, memory, problem = _resumed(start)
+    source = restored.source
+    scanner = None if source is None or isinstance(source, Log) else ScannerTarget(restored.url, source)
+    scan_settings = ScanSettings(start.recordings, start.order, start.traces)
+    if start.resume and memory.scan_settings is not None:
+        scan_settings = replace(memory.scan_settings, folder=start.recordings)
+    unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
+    window = MainWindow(WindowSession(restored.scene, scanner, scan_settings, memory.look, start.find_scanner, unsaved))
+    window.session.scanner_board.wanted = restored.takes_board
+    restore_window(window, memory)
+    recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
+    window.session.remember_used(recent, memory.urls)
+    for path in start.used:
+        if path.name == restored.scene.room_file:
+            window.session.files.watch(WatchedFile.ROOM, path)
+    if start.memory is not None:
+        if not memory.introduced:
+            window.hint.begin()
+        MemoryWriter(window, start.memory)
+    _open_source(window, restored, resumed=restored is not start)
+    if problem:
+        window.session.warned.emit(problem)
+    return window
+
+
+def _open_source(window: MainWindow, start: WindowStart, *, resumed: bool) -> None:
+    """Show the log, open the file, or scan, if the start asks for one of these."""
+    session = window.session
+    if isinstance(start.source, Log):
+        session.show_log(start.source, start.source_name, start.source_file)
+    elif start.source_file is not None and resumed:
+        session.reopen(OpenLogRequest(start.source_file, start.scene))  # restores fit results and edits too
+    elif start.source_file is not None:
+        session.open_file(str(start.source_file))
+    elif start.autostart:
+        session.scan_when_predicted()
+
+
+def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
+    """Return the start with the last state if requested, the stored memory, and an error message or "".
+
+    A restored start never moves a scanner.
+    """
+    memory = Memory()
+    try:
+        if start.memory is not None:
+            memory = read_memory(start.memory)
+        if not start.resume or memory.scene is None or start.find_scanner is None:
+            return start, memory, ""
+        scene = memory.scene.scene()
+        opener = start.find_scanner(memory.url).opener if memory.url else None
+    except SonarError as error:
+        return start, memory, str(error)
+    log = Path(memory.log) if memory.log else None
+    resumed = replace(start, scene=scene, source=opener, source_file=log, url=memory.url, autostart=False)
+    return resumed, memory, ""
+
+
+@contextmanager
+def _closed_by_signals(window: MainWindow) -> Iterator[list[int]]:
+    """Let Ctrl-C, SIGTERM and SIGHUP close the window. The list contains the received signals.
+
+    Python handles a signal only while it runs Python code. The session's timer runs some at every tick.
+    """
+    received: list[int] = []
+
+    def close(number: int, _frame: FrameType | None) -> None:
+        received.append(number)
+        QTimer.singleShot(0, window.close)
+
+    hangup = getattr(signal, "SIGHUP", signal.SIGTERM)  # Windows has none
+    endings = {number for number in (signal.SIGTERM, hangup) if signal.getsignal(number) != signal.SIG_IGN}
+    before = {number: signal.signal(number, close) for number in (signal.SIGINT, *endings)}
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

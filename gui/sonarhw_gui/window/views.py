@@ -1,0 +1,350 @@
+"""All views of the window: one large view at a time in the middle, the small views in docks beside it."""
+
+from typing import TypeVar, cast
+
+from PySide6.QtCore import QByteArray, QChildEvent, QEvent, QSize, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QResizeEvent, QShowEvent
+from PySide6.QtWidgets import (
+    QDockWidget,
+    QHBoxLayout,
+    QMainWindow,
+    QProxyStyle,
+    QStackedWidget,
+    QStyle,
+    QStyleOption,
+    QStyleOptionDockWidget,
+    QTabBar,
+    QTabWidget,
+    QToolButton,
+    QWidget,
+)
+
+from sonarhw_gui.model.look import Look, text_font
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session.session import ShownModel
+from sonarhw_gui.views.base import View
+from sonarhw_gui.views.bscan import BScanView
+from sonarhw_gui.views.differences import DifferenceView
+from sonarhw_gui.views.echoes import EchoListView
+from sonarhw_gui.views.plan import PlanView, SideBySide
+from sonarhw_gui.views.ranges import RangeView
+from sonarhw_gui.views.table import TableView
+from sonarhw_gui.views.trace import TraceView
+from sonarhw_gui.widgets import PlainLabel
+
+# A dock with one small view, under a thin title bar: it can be moved, floated, stacked as a tab and closed.
+
+
+_BUTTON = 10  # pixels, icons of the title bar
+_TEXT = 0.8  # of the default text size
+
+
+class ViewDock(QDockWidget):
+    """A dock with one view. Its name is the key of the stored layout."""
+
+    def __init__(self, view: View, parent: QWidget) -> None:
+        super().__init__(view.entry.name, parent)
+        self.view = view
+        self.in_front = False  # whether it is visible, and not behind another tab
+        self.setObjectName(view.entry.name)
+        self.setWidget(cast(QWidget, view))
+        self._title = _TitleBar(self)
+        self.setTitleBarWidget(self._title)
+        self.opener = QAction(view.entry.name, self, checkable=True)
+        self.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
+        self.opener.triggered.connect(self._open_or_close)
+        self.visibilityChanged.connect(self._note_visibility)
+
+    def show_look(self, look: Look) -> None:
+        """Use the text size of `look`."""
+        self._title.name.setFont(text_font(look, _TEXT))
+
+    @Slot(bool)
+    def _note_visibility(self, visible: bool) -> None:
+        self.in_front = visible
+        self.opener.setChecked(visible)
+
+    @Slot(bool)
+    def _open_or_close(self, wanted: bool) -> None:
+        self.setVisible(wanted)
+        if wanted:
+            self.raise_()
+
+
+class _TitleBar(QWidget):
+    """The name of a view, and buttons that float and close it; a drag of it moves the dock."""
+
+    def __init__(self, dock: QDockWidget) -> None:
+        super().__init__(dock)
+        self.name = PlainLabel(dock.windowTitle())
+        row = QHBoxLayout(self)
+        row.setContentsMargins(8, 0, 2, 0)
+        row.setSpacing(0)
+        row.addWidget(self.name, stretch=1)
+        self.setToolTip("Drag to move this view: beside or onto another view, or out of the window")
+        pixmap = QStyle.StandardPixmap
+        for what, tip, icon in (
+            ("float", "Float this view in a window of its own, or put it back", pixmap.SP_TitleBarNormalButton),
+            ("close", "Close this view; the View menu opens it again", pixmap.SP_TitleBarCloseButton),
+        ):
+            button = QToolButton(autoRaise=True)
+            button.setIcon(self.style().standardIcon(icon, QStyleOptionDockWidget(), dock))
+            button.setIconSize(QSize(_BUTTON, _BUTTON))
+            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+            button.setToolTip(tip)
+            button.setAccessibleName(f"{what} {dock.windowTitle()}")
+            button.clicked.connect(dock.close if what == "close" else self._float)
+            row.addWidget(button)
+        self._dock = dock
+
+    @Slot()
+    def _float(self) -> None:
+        self._dock.setFloating(not self._dock.isFloating())
+
+
+# A window whose docks can be tabs, with their whole names.
+
+
+_SPACE = 9  # pixels, of a tab beside its name; that of Qt is 24
+
+
+class _NarrowTabs(QProxyStyle):
+    """Less space beside the names of tabs, so that those of all panels fit in the width of a panel."""
+
+    def pixelMetric(
+        self, metric: QStyle.PixelMetric, option: QStyleOption | None = None, widget: QWidget | None = None
+    ) -> int:
+        """Return a length of the style in pixels."""
+        if metric == QStyle.PixelMetric.PM_TabBarTabHSpace:
+            return _SPACE
+        return super().pixelMetric(metric, option, widget)
+
+
+class TabbedWindow(QMainWindow):
+    """A main window that does not shorten the names of tabs. Tabs that do not fit scroll."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._tab_style = _NarrowTabs()  # a tab bar does not keep its style alive
+        self._tab_style.setParent(self)
+
+    def childEvent(self, event: QChildEvent) -> None:
+        """Set a new tab bar up; Qt makes them itself and would shorten a name to a letter."""
+        super().childEvent(event)
+        bar = event.child()
+        if event.polished() and isinstance(bar, QTabBar):
+            bar.setStyle(self._tab_style)
+            bar.setElideMode(Qt.TextElideMode.ElideNone)
+            bar.setUsesScrollButtons(True)
+
+
+_LOW, _LOWEST = 850, 680  # pixels; on a lower screen, the small views share two stacks or one, instead of three
+_RIGHT = Qt.DockWidgetArea.RightDockWidgetArea
+_SIDES = (_RIGHT, Qt.DockWidgetArea.LeftDockWidgetArea)
+_V = TypeVar("_V", bound=View)
+
+
+class _Stage(QStackedWidget):
+    """The large views. Only the visible one needs space."""
+
+    def minimumSizeHint(self) -> QSize:
+        """Return that of the visible view."""
+        shown = self.currentWidget()
+        return super().minimumSizeHint() if shown is None else shown.minimumSizeHint()
+
+
+class ViewArea(TabbedWindow):
+    """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow.
+
+    It is a main window inside the window, so that legend and sentence keep the whole width.
+    """
+
+    uncovered = Signal()  # a view became visible
+    answered = Signal()  # the user selected a reading, or asked a heading
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setWindowFlags(Qt.WindowType.Widget)
+        self.large: list[View] = []
+        self.docks: list[ViewDock] = []
+        self._stacks: list[list[ViewDock]] = [[], [], []]
+        self._restored = False  # whether the arrangement is that of an earlier session
+        self._widths: dict[int, float] = {}  # share of each large view that the user has resized
+        self.stage = _Stage()
+        self.plan = self._large(PlanView())
+        self.side_by_side = self._large(SideBySide())
+        self.bscan = self._large(BScanView())
+        self.trace = self._beside(TraceView(), stack=0)
+        self.ranges = self._beside(RangeView(), stack=1)
+        self.table = self._beside(TableView(), stack=2)
+        self.echo_list = self._beside(EchoListView(), stack=2)
+        self.differences = self._beside(DifferenceView(), stack=2)
+        self.setCentralWidget(self.stage)
+        self.setDockNestingEnabled(True)
+        self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
+        self.stage.currentChanged.connect(self.uncovered)
+        self.stage.currentChanged.connect(self._share_width)
+        self.arrange()
+
+    @property
+    def large_view(self) -> View:
+        """The visible large view."""
+        return self.large[self.stage.currentIndex()]
+
+    @property
+    def beside(self) -> list[View]:
+        """The small views."""
+        return [dock.view for dock in self.docks]
+
+    @property
+    def all(self) -> list[View]:
+        """All views."""
+        return [*self.large, *self.beside]
+
+    @property
+    def openers(self) -> list[QAction]:
+        """The actions that open and close the small views."""
+        return [dock.opener for dock in self.docks]
+
+    def connect_gestures(self, showing: ShownModel) -> None:
+        """Connect the user actions of all views with the session."""
+        for view in self.all:
+            gestures = view.gestures
+            gestures.picked.connect(showing.choose)
+            gestures.picked.connect(self.answered)
+            gestures.asked.connect(self.answered)
+            gestures.pointed.connect(showing.point_at)
+            gestures.edited.connect(showing.edit)
+            gestures.cancelled.connect(showing.cancel)
+            gestures.switched.connect(showing.switch)
+            gestures.asked.connect(showing.ask)
+            gestures.turned_question.connect(showing.turn_question)
+            gestures.path_pointed.connect(showing.point_at_path)
+            gestures.bscan_requested.connect(showing.request_bscan)
+
+    def show_large(self, shown: Shown) -> None:
+        """Update the visible large view."""
+        self.large_view.show_state(shown)
+
+    def show_plot_beside(self, place: int, shown: Shown) -> None:
+        """Update a plot beside the large view if it is visible; `place`: below `plots_beside`, from the top."""
+        dock = [dock for dock in self.docks if not dock.view.entry.is_text][place]
+        if dock.in_front:
+            dock.view.show_state(shown)
+
+    @property
+    def plots_beside(self) -> int:
+        """The number of small views that are plots, visible or not."""
+        return sum(not dock.view.entry.is_text for dock in self.docks)
+
+    def show_texts(self, shown: Shown) -> None:
+        """Update the visible views of text."""
+        for dock in self.docks:
+            if dock.view.entry.is_text and dock.in_front:
+                dock.view.show_state(shown)
+
+    def show_look(self, look: Look) -> None:
+        """Use the text size of `look` for the title bars."""
+        for dock in self.docks:
+            dock.show_look(look)
+
+    @Slot()
+    def fit(self) -> None:
+        """Reset the range of every view."""
+        for view in self.all:
+            view.fit()
+
+    @Slot()
+    def arrange(self) -> None:
+        """Put all small views back in their stacks on the right: three, two on a low screen, one on a very low one."""
+        self._widths = {}
+        stacks = self._stacks_for(self.screen().availableSize().height())
+        for dock in self.docks:
+            dock.setFloating(False)
+            self.removeDockWidget(dock)
+        for stack in stacks:
+            self.addDockWidget(_RIGHT, stack[0])
+            for dock in stack[1:]:
+                self.tabifyDockWidget(stack[0], dock)
+        for dock in self.docks:
+            dock.show()
+        for stack in stacks:
+            stack[0].raise_()
+        shares = [215, 265, 165] if len(stacks) == 3 else [1] * len(stacks)
+        heights = [round(self.height() * share / sum(shares)) for share in shares]
+        tops = [stack[0] for stack in stacks]
+        self.resizeDocks(tops, heights, Qt.Orientation.Vertical)
+        self.resizeDocks(tops, [self._width_beside] * len(tops), Qt.Orientation.Horizontal)
+
+    def restoreState(self, state: "QByteArray | bytes | bytearray | memoryview[int]", version: int | None = 0) -> bool:
+        """Restore an arrangement that `saveState` returned; one that Qt refuses changes nothing."""
+        done = super().restoreState(state, version or 0)
+        if done:
+            self._restored = True
+            self._note_width()
+        return done
+
+    def event(self, event: QEvent) -> bool:
+        """Remember the width that the user gave the large view with the line beside it."""
+        done = super().event(event)
+        if event.type() is QEvent.Type.MouseButtonRelease and event.isAccepted():
+            self._note_width()
+        return done
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the shares of the width; Qt would give the large view all that is gained or lost."""
+        super().resizeEvent(event)
+        if self.isVisible() and event.oldSize().width() != self.width():
+            self._share_width()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Arrange the views in the size of the window at the first time, unless they were restored."""
+        super().showEvent(event)
+        if self._restored:
+            self._note_width()
+        else:
+            self._restored = True
+            self.arrange()
+
+    def _stacks_for(self, height: int) -> list[list[ViewDock]]:
+        """Return the small views by stack, for a screen of this height."""
+        first, second, third = self._stacks
+        if height < _LOWEST:
+            return [first + second + third]
+        return [first + second, third] if height < _LOW else [first, second, third]
+
+    @property
+    def _width_beside(self) -> int:
+        """The width of the small views beside the large one, pixels."""
+        return round((1 - self._widths.get(self.stage.currentIndex(), self.large_view.entry.width)) * self.width())
+
+    def _note_width(self) -> None:
+        """Keep the width that the visible large view has now, as a share."""
+        if self.isVisible():
+            self._widths[self.stage.currentIndex()] = self.stage.width() / self.width()
+
+    @Slot()
+    def _share_width(self) -> None:
+        """Give the visible large view its share of the width, and the small views beside it the rest."""
+        beside = [
+            dock
+            for dock in self.docks
+            if dock.in_front and not dock.isFloating() and self.dockWidgetArea(dock) in _SIDES
+        ]
+        now = self.width() - self.stage.width()
+        if beside and now > 0:
+            widths = [round(dock.width() * self._width_beside / now) for dock in beside]
+            self.resizeDocks(beside, widths, Qt.Orientation.Horizontal)
+
+    def _large(self, view: _V) -> _V:
+        self.large.append(view)
+        self.stage.addWidget(cast(QWidget, view))
+        return view
+
+    def _beside(self, view: _V, stack: int) -> _V:
+        """Add a small view; `stack`: its initial place, from the top. Views of one stack are tabs."""
+        dock = ViewDock(view, self)
+        self.docks.append(dock)
+        self._stacks[stack].append(dock)
+        dock.visibilityChanged.connect(self.uncovered)
+        return view

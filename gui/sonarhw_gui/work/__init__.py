@@ -1,1 +1,0 @@
-"""Work for worker threads: prediction, comparison, B-scan, fit, ports."""
