@@ -627,7 +627,7 @@ def write_firmware(port: str, combination: Combination) -> None:
     if it fails.
     """
     avrdude, target = find_avrdude(), _TARGETS[combination.controller]
-    with as_file(files("sonarhw.bringup").joinpath(f"images/{combination.image}.hex")) as image:
+    with as_file(files("sonarhw").joinpath(f"images/{combination.image}.hex")) as image:
         command = [avrdude, "-q", "-p", target.part, "-c", target.programmer, "-P", port, "-b", str(target.baud)]
         done = subprocess.run(
             [*command, "-D", "-U", f"flash:w:{image}:i"], stdin=subprocess.DEVNULL, capture_output=True, text=True

@@ -1,4 +1,4 @@
-"""Report how the repository is built: files per folder, import and include cycles, repeated names, disallowed words.
+"""Report how the repository is built: small modules, import and include cycles, repeated names, disallowed words.
 
 Run `python -m tests.structure`. `tests/unit/test_structure.py` checks the limits.
 """
@@ -20,6 +20,7 @@ TOP_FOLDERS = (
     *("sonarhw", "sim", "compare", "gui", "cli", "rooms", "firmware", "tests", "benchmarks", "docs", "requirements"),
 )
 OTHER_PACKAGES = ("tests", "benchmarks")
+SMALL = 150  # code lines
 GENERATED = ("build", "__pycache__")
 
 # rule 2 of the guide to plain English: programs are not people
@@ -53,11 +54,6 @@ def files_below(*folders: str, suffixes: Iterable[str] = ()) -> Iterator[Path]:
                 yield path
 
 
-def files_per_folder() -> Counter[str]:
-    """Count the files that lie directly in each folder."""
-    return Counter(str(path.parent.relative_to(CHECKOUT)) for path in files_below(*TOP_FOLDERS))
-
-
 def import_graph() -> ImportGraph:
     """Return every import of the code, also those inside functions and those for type checkers only."""
     code = [name for name in installed_packages() if name not in ("sonarhw_rooms", "sonarhw_examples")]
@@ -69,17 +65,40 @@ def module_cycles(graph: ImportGraph) -> list[Cycle]:
     return cycles({module: graph.find_modules_directly_imported_by(module) for module in graph.modules})
 
 
-def folder_cycles(graph: ImportGraph) -> list[Cycle]:
-    """Return the groups of neighbours, folders or modules within one folder, that import each other."""
-    neighbours: dict[str, Edges] = defaultdict(lambda: defaultdict(set))
-    for importer in graph.modules:
-        for imported in graph.find_modules_directly_imported_by(importer):
-            here, there = importer.split("."), imported.split(".")
-            shared = next((i for i, (a, b) in enumerate(zip(here, there, strict=False)) if a != b), None)
-            if shared:  # None: one is the package of the other; 0: import-linter checks the order of the packages
-                folder = ".".join(here[:shared])
-                neighbours[folder][".".join(here[: shared + 1])].add(".".join(there[: shared + 1]))
-    return [cycle for edges in neighbours.values() for cycle in cycles(edges)]
+def small_single_importers(graph: ImportGraph) -> list[str]:
+    """Return the modules of the installed packages that are small and that one module alone imports."""
+    packages = installed_packages()
+    return sorted(
+        module
+        for module in graph.modules
+        if module.split(".")[0] in packages
+        and (path := module_path(module)).is_file()
+        and code_lines(path.read_text()) < SMALL
+        and len(_importers(graph, module)) == 1
+    )
+
+
+def _importers(graph: ImportGraph, module: str) -> set[str]:
+    """Return the modules outside of tests and benchmarks that import this one; a stub counts as one."""
+    importers = graph.find_modules_that_directly_import(module)
+    return {importer for importer in importers if importer.split(".")[0] not in OTHER_PACKAGES}
+
+
+def module_path(module: str) -> Path:
+    """Return the file of a module. That of a package is not one."""
+    top, *rest = module.split(".")
+    return installed_packages()[top].joinpath(*rest).with_suffix(".py")
+
+
+def code_lines(text: str) -> int:
+    """Count the lines without blank lines, comments and docstrings."""
+    documented: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
+            documented |= set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
+    lines = text.splitlines()
+    code = (line for number, line in enumerate(lines, 1) if number not in documented)
+    return sum(bool(line.strip()) and not line.lstrip().startswith("#") for line in code)
 
 
 def include_cycles() -> list[Cycle]:
@@ -113,11 +132,6 @@ def cycles(edges: Edges) -> list[Cycle]:
     reach = {node: reached(node) for node in edges}
     groups = {tuple(sorted(other for other in reach[node] if node in reach.get(other, ()))) for node in edges}
     return [list(group) for group in sorted(groups) if len(group) > 1]
-
-
-def repeated_modules() -> dict[str, list[str]]:
-    """Return the places of each module name that two modules of the installed packages share."""
-    return _repeated((path.stem, path) for path in _installed_modules() if not path.stem.startswith("__"))
 
 
 def repeated_classes() -> dict[str, list[str]]:
@@ -179,20 +193,19 @@ def help_texts() -> dict[str, str]:
 
 def report() -> Iterator[str]:
     """Yield the lines of the report."""
-    counts = files_per_folder()
-    yield f"files per folder: at most {max(counts.values())} in {len(counts)} folders; above 12:"
-    yield from (f"  {count:3}  {folder}" for folder, count in counts.most_common() if count > 12)
     graph = import_graph()
+    small = small_single_importers(graph)
+    yield f"modules below {SMALL} code lines with one importer: {len(small)}"
+    yield from (f"  {module}" for module in small)
     for title, found in (
         ("import cycles between modules", module_cycles(graph)),
-        ("import cycles between folders", folder_cycles(graph)),
         ("include cycles of the firmware", include_cycles()),
     ):
         yield f"{title}: {len(found)}"
         yield from (f"  {' '.join(cycle)}" for cycle in found)
-    for title, repeated in (("module names", repeated_modules()), ("public class names", repeated_classes())):
-        yield f"{title} used twice in the installed packages: {len(repeated)}"
-        yield from (f"  {name}: {' '.join(places)}" for name, places in repeated.items())
+    repeated = repeated_classes()
+    yield f"public class names used twice in the installed packages: {len(repeated)}"
+    yield from (f"  {name}: {' '.join(places)}" for name, places in repeated.items())
     yield f"installed top-level names: {' '.join(installed_packages())}"
     yield f"{'words of rule 2':<16}" + "".join(f"{word:>10}" for word in WORDS)
     for place, words in word_counts().items():

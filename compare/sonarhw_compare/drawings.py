@@ -576,10 +576,10 @@ def draw_difference(difference: ScanDifference, names: tuple[str, str]) -> Figur
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     headings = np.degrees([row.heading for row in difference.rows])
     marks = ((names[0], "o", PREDICTED, "none", 6), (names[1], ".", MEASURED, MEASURED, 6))
-    for which, (name, marker, colour, fill, size) in enumerate(marks):
+    for which, (name, marker, colour, face, size) in enumerate(marks):
         medians = [(row.first, row.second)[which].median for row in difference.rows]
         ranges = np.array([math.nan if median is None else median for median in medians])
-        above.plot(headings, ranges, marker, color=colour, mfc=fill, ms=size, ls="none", label=picture_text(name))
+        above.plot(headings, ranges, marker, color=colour, mfc=face, ms=size, ls="none", label=picture_text(name))
     above.set(ylabel="range (m)", ylim=(0, None))
     _draw_differences(below, difference)
     below.set(xlabel="heading (°)", ylabel="second minus first (cm)")

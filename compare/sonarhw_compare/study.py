@@ -62,6 +62,8 @@ from sonarhw.readings import FloatArray, headings_between, sector
 from sonarhw_compare.free_space import FreeSpace, find_free_space
 from sonarhw_compare.match import TOLERANCE
 
+__all__ = ["load_study", "read_study", "read_tables", "run_study"]
+
 if TYPE_CHECKING:
     import xarray as xr
 

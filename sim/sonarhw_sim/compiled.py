@@ -352,7 +352,7 @@ def kernel_folders() -> list[Path]:
     chosen = getattr(config, "CACHE_DIR", "")
     if chosen:
         return [Path(chosen)]
-    return [Path(__file__).parents[1] / "__pycache__", *_folder_of_user()]
+    return [Path(__file__).parent / "__pycache__", *_folder_of_user()]
 
 
 def _folder_of_user() -> list[Path]:

@@ -51,7 +51,7 @@ def built_wheel(folder: Path) -> Path:
     wheel = next(folder.glob("*.whl"))
     names = ZipFile(wheel).namelist()
     assert {name[: len("sonarhw")] for name in names} == {"sonarhw"}
-    assert "sonarhw/bringup/images/uno-hc-sr04-servo.hex" in names  # sonarhw flash
+    assert "sonarhw/images/uno-hc-sr04-servo.hex" in names  # sonarhw flash
     return wheel
 
 

@@ -30,11 +30,12 @@ def test_python_names_of_a_page_resolve(page: Path) -> None:
 
 
 @pytest.mark.parametrize("package", ["sim", "compare", "gui", "cli"])
-def test_the_page_of_a_package_lists_its_folders(package: str) -> None:
+def test_the_page_of_a_package_lists_its_folders_and_modules(package: str) -> None:
     page = (CHECKOUT / package / "README.md").read_text(encoding="utf-8")
-    folders = sorted(start.parent.name for start in (CHECKOUT / package).glob("sonarhw_*/*/__init__.py"))
-    assert folders
-    assert [folder for folder in folders if f"`{folder}/`" not in page] == []
+    parts = [path for path in (CHECKOUT / package).glob("sonarhw_*/*") if not path.name.startswith(("__", "py."))]
+    names = [f"{path.name}/" if path.is_dir() else path.name for path in parts]
+    assert names
+    assert sorted(name for name in names if f"`{name}`" not in page) == []
 
 
 def resolves(name: str) -> bool:

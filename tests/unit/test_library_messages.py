@@ -10,7 +10,7 @@ import pytest
 from tests.checkout import CHECKOUT
 
 PACKAGES = ("sonarhw", "sim/sonarhw_sim", "compare/sonarhw_compare")
-COMMAND_LINES = ("emulated_board.py", "setting.py")  # the arguments of programs, not messages
+COMMAND_LINES = ("emulated_board.py", "scenes.py")  # the arguments of programs, not messages
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
 WHOLE_COMMAND = re.compile(r"`sonarhw [^`]*`")
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-LAZY = ("sonarhw", "sonarhw_sim", "sonarhw_compare", "sonarhw_compare.fit", "sonarhw_compare.study")
-NAMES = [(package, name) for package in LAZY for name in import_module(package).__all__]
+LAZY = ("sonarhw", "sonarhw_sim", "sonarhw_compare", "sonarhw_compare.fit")
+NAMES = [(package, name) for package in (*LAZY, "sonarhw_compare.study") for name in import_module(package).__all__]
 
 
 @pytest.mark.parametrize(("package", "name"), NAMES)

@@ -4,23 +4,20 @@ import pytest
 
 from tests import structure
 
-MOST_FILES = 13  # twelve and an `__init__.py`
-LARGER = {
-    "firmware/avr": "a unit is a source file and its header",
-    "docs/screenshots": "pictures",
-    "rooms": "one file for each room",
+SMALL_WITH_ONE_IMPORTER = {
+    "sonarhw_cli.rooms": "commands; the list of all commands is another idea",
+    "sonarhw_gui.session.fake_place": "state of its own",
+    "sonarhw_gui.session.scans": "state of its own",
 }
 
 
-def test_folders_hold_few_files() -> None:
-    above = {folder: count for folder, count in structure.files_per_folder().items() if count > MOST_FILES}
-    assert above.keys() == LARGER.keys()
+def test_a_small_module_with_one_importer_is_part_of_it() -> None:
+    small = structure.small_single_importers(structure.import_graph())
+    assert set(small) - SMALL_WITH_ONE_IMPORTER.keys() == set()
 
 
 def test_imports_form_no_cycle() -> None:
-    graph = structure.import_graph()
-    assert structure.module_cycles(graph) == []
-    assert structure.folder_cycles(graph) == []
+    assert structure.module_cycles(structure.import_graph()) == []
 
 
 def test_no_two_public_classes_share_a_name() -> None:
@@ -29,10 +26,6 @@ def test_no_two_public_classes_share_a_name() -> None:
 
 def test_firmware_includes_have_no_cycle() -> None:
     assert structure.include_cycles() == []
-
-
-def test_no_two_modules_share_a_name() -> None:
-    assert structure.repeated_modules() == {}
 
 
 def test_all_installed_names_begin_with_the_name_of_the_project() -> None:

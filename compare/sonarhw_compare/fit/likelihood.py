@@ -1,4 +1,4 @@
-"""The log-likelihood of readings for given paths, and the paths that follow place and walls while a fit changes them."""
+"""The log-likelihood of readings for given paths, and the paths that follow place and walls during a fit."""
 
 import math
 from collections import deque

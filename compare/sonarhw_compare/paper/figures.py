@@ -23,10 +23,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.drawings import draw_room, mark_sensors
 from sonarhw_compare.paper.scenes import (
     GREEN,
-    MEASURED,
     ORANGE,
-    PREDICTED,
-    WALL,
     Bounds,
     Claim,
     Exhibit,
@@ -42,7 +39,7 @@ from sonarhw_compare.paper.scenes import (
     sheet,
     span,
 )
-from sonarhw_compare.pictures import picture_bytes, points_at
+from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL, picture_bytes, points_at
 
 # Figure 5: the impulse response h_R convolved with the pulse, and the loss at each angle.
 #

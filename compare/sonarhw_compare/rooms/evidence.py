@@ -1,4 +1,4 @@
-"""How well a draft explains scans, computed in several processes: every echo and every silence, with all reflections."""
+"""How well a draft explains scans, in several processes: every echo and every silence, with all reflections."""
 
 import math
 import os
