@@ -13,6 +13,11 @@ FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
 
+def angle_difference(angles: FloatArray, reference: FloatArray | float) -> FloatArray:
+    """Return `angles` minus `reference`, rad, each in [-π, π). Use `math.remainder` for single angles."""
+    return np.asarray(np.remainder(angles - reference + math.pi, math.tau) - math.pi)
+
+
 class Origin(StrEnum):
     """The origin of readings; the value is the adjective in titles, legends, tables and JSON."""
 

@@ -13,7 +13,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.room import Place, Room, wall_distances
 
 from sonarhw.errors import InputError, counted
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
 from sonarhw_compare.fit.quantities import HEADING, Parameter, Quantity, X, Y, free_parameters
@@ -98,7 +98,7 @@ def scores_with_prior(scores: Scores, expected: Place, spread: PoseSpread, redun
     If the heading is known, those of the lattice are within half a turn of it, as a normal prior needs them.
     """
     if math.isfinite(spread.heading):
-        turns = np.remainder(scores.headings - expected.heading + math.pi, math.tau) - math.pi
+        turns = angle_difference(scores.headings, expected.heading)
         by_heading = _log_normal(turns, math.hypot(spread.heading, math.tau / HEADINGS))
         weighed = scores.scores + redundancy * by_heading
         scores = replace(scores, headings=expected.heading + turns, scores=weighed)

@@ -17,7 +17,7 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw.errors import InputError
-from sonarhw.readings import BoolArray, FloatArray
+from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.regions import regions_of
@@ -290,7 +290,7 @@ class _Line:
         """Return the misfit of each arc to touching the line, in standard deviations, (n,)."""
         normal, distance = self.values.tolist()
         away = (distance - arcs.centres @ direction(normal) - arcs.ranges) / RANGE_SPREAD
-        return np.asarray(np.hypot(away, _turn(arcs.bearings, normal) / arcs.spreads))
+        return np.asarray(np.hypot(away, angle_difference(arcs.bearings, normal) / arcs.spreads))
 
 
 @dataclass(frozen=True)
@@ -304,11 +304,7 @@ class _Spot:
         """Return the misfit of each arc to passing through the point, in standard deviations, (n,)."""
         dx, dy = (self.values - arcs.centres).T
         away = (np.hypot(dx, dy) - arcs.ranges) / RANGE_SPREAD
-        return np.asarray(np.hypot(away, _turn(arcs.bearings, np.arctan2(dy, dx)) / arcs.spreads))
-
-
-def _turn(one: FloatArray, other: FloatArray | float) -> FloatArray:
-    return np.asarray(np.remainder(one - other + np.pi, 2 * np.pi) - np.pi)
+        return np.asarray(np.hypot(away, angle_difference(arcs.bearings, np.arctan2(dy, dx)) / arcs.spreads))
 
 
 def find_features(arcs: Sequence[Arc]) -> Features:
@@ -452,7 +448,7 @@ def _sees_through(scan: PlacedScan, wall: Wall, board: Board, kept: BoolArray) -
     if not _FROM_END <= -float(to_start @ along) <= length - _FROM_END:
         return False
     headings, ranges = headings_and_ranges(scan, board)
-    apart = np.remainder(headings - math.atan2(foot[1], foot[0]) + math.pi, math.tau) - math.pi
+    apart = angle_difference(headings, math.atan2(foot[1], foot[0]))
     facing = ranges[kept & (np.abs(apart) <= _BEAM) & ~np.isnan(ranges)]
     return bool(len(facing) and np.median(facing) > np.hypot(*foot) + _BEHIND)
 

@@ -15,7 +15,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.probability import PossibleReading, possible_readings, scan_with_fainter_paths
 
 from sonarhw.errors import harmless, shortened
-from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw.readings import FloatArray, Reading, Trace, angle_difference
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -278,7 +278,7 @@ def predicted_row(scan: PredictedScan, heading: float, cells: RangeCells) -> Flo
     if scan.only_at is None:
         ping = replace(scan, headings=np.array([heading])).ping(0)
     else:
-        ping = scan.ping(int(np.abs(np.angle(np.exp(1j * (scan.headings - heading)))).argmin()))
+        ping = scan.ping(int(np.abs(angle_difference(scan.headings, heading)).argmin()))
     return trace_row(ping.signal(2 * cells.reach / speed).envelope(), speed, cells)
 
 

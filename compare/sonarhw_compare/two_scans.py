@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Reading, angle_difference
 
 CHANGED = 4.0  # standard deviations; by chance, 1 heading in 16 000 differs more
 LEAST_NOISE = 0.002  # m, of a ping; less is not credible, because air moves
@@ -215,7 +215,7 @@ def _pairs(first: FloatArray, second: FloatArray) -> list[tuple[int, int]]:
     """Return pairs of nearest headings (rows of both), at most half a step of the finer scan apart."""
     swapped = len(first) > len(second)
     few, many = (second, first) if swapped else (first, second)
-    apart = np.abs(np.remainder(few[:, None] - many + math.pi, math.tau) - math.pi)
+    apart = np.abs(angle_difference(few[:, None], many))
     nearest = apart.argmin(axis=1)
     near = np.flatnonzero(apart[np.arange(len(few)), nearest] <= _step(many) / 2 + _SAME_HEADING)
     pairs = list(zip(near.tolist(), nearest[near].tolist(), strict=True))

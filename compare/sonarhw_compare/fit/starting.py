@@ -17,7 +17,7 @@ from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.sections import paths_from
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.fit.likelihood import ScanArrays, with_reverses, with_summed_patches
 from sonarhw_compare.fit.objective import COARSE, Problem
 from sonarhw_compare.fit.quantities import HEADING, Parameter, PlaceQuantity, Quantity, X, Y
@@ -315,7 +315,7 @@ def _within(scores: Scores, heading: Parameter | None, given: float) -> Scores:
     if not math.isfinite(upper - lower):
         return scores
     half = math.pi / scores.headings.size
-    turned = middle + np.remainder(scores.headings - middle + math.pi, math.tau) - math.pi
+    turned = middle + angle_difference(scores.headings, middle)
     allowed = np.abs(turned - middle) <= (upper - lower) / 2 + half
     return replace(
         scores,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.predicted_scan import standpoints
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.map import Arc, direction, headings_and_ranges
@@ -52,12 +52,12 @@ class ArcTable:
 
     def misfits(self, distances: FloatArray, bearings: FloatArray) -> FloatArray:
         """Return the misfit of each arc to a target at `distances` and `bearings` (n,), in standard deviations."""
-        turned = np.remainder(self.bearings - bearings + np.pi, 2 * np.pi) - np.pi
+        turned = angle_difference(self.bearings, bearings)
         return np.asarray(np.hypot((distances - self.ranges) / _RANGE, turned / self.spreads))
 
     def behind(self, distances: FloatArray, bearings: FloatArray) -> NDArray[np.bool_]:
         """Return which arcs are seen through a post at `distances` and `bearings` (n,), (n,)."""
-        turned = np.remainder(self.bearings - bearings + np.pi, 2 * np.pi) - np.pi
+        turned = angle_difference(self.bearings, bearings)
         return np.asarray((self.ranges > distances + _THROUGH) & (np.abs(turned) < self.spreads))
 
 

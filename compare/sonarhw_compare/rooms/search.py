@@ -18,7 +18,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.quantities import free_parameters
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
@@ -321,7 +321,7 @@ def _of_scan(
         ends = _end_shifts(draft, scan, moves, outline)
         slopes[path] = (_length_slope(outline, ends, shifts) / 2 + of_offset) / RANGE
         turned = _bearing_slope(predicted, path, ends[0], shifts)
-        away = np.remainder(headings - predicted.paths.departures[path] + np.pi, math.tau) - np.pi
+        away = angle_difference(headings, predicted.paths.departures[path])
         own = explained & (predicted.winners == path)
         mean = None if turned is None else _middle(away, own, measured)
         if turned is not None:

@@ -34,7 +34,7 @@ from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan, arm
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import SonarError
-from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw.readings import FloatArray, Reading, Trace, angle_difference
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.look import Palette
 from sonarhw_gui.model.scene import Scene
@@ -240,7 +240,7 @@ class HeadingAsked:
         room, _ = room_and_place(scene)
         if scene.board.ring is not None:
             sensors = scene.board.ring.headings(scene.pose)
-            heading = sensors[[np.argmin(np.abs(np.angle(np.exp(1j * (sensors - self.heading)))))]]
+            heading = sensors[[np.argmin(np.abs(angle_difference(sensors, self.heading)))]]
         prediction = predict_scan(room, scene.pose, scene.board, heading, scene.options, self.outline.paths)
         return HeadingAnswered(self.generation, prediction, chosen_trace(scene, None, prediction, 0))
 

@@ -18,7 +18,7 @@ from sonarhw_compare.scans import heading_text
 from sonarhw_sim.air import Air
 from sonarhw_sim.predict.predicted_scan import arm
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_gui.jobs.traces import Arm, BScans, BScanSettings, ColourScale, Pane, flat_area, polar_area
 from sonarhw_gui.model.look import Look, ViewLayer, text_font
 from sonarhw_gui.model.scene import wall_lines
@@ -408,7 +408,7 @@ def reading_along(shown: Shown, heading: float) -> int | None:
         return None
     zero = shown.scene.pose.heading
     angles = shown.scene.board.turned(np.array([reading.angle for reading in shown.readings]))
-    apart = np.abs(np.angle(np.exp(1j * (zero + angles - heading))))
+    apart = np.abs(angle_difference(zero + angles, heading))
     nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
     return int(nearest[-1])
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_sim.board.beam import beam_gain
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, in_parts, inlined
 from sonarhw_sim.rays.passing import BoolArray, KernelHeights, Passing, no_heights, surface_at
@@ -66,7 +66,7 @@ class TransducerAxes:
 
     def departing(self, directions: FloatArray) -> FloatArray:
         """Return an upper bound of the amplitude of rays that leave in these directions (n,) rad, (n,)."""
-        aside = np.abs((directions - self.leaving + math.pi) % math.tau - math.pi)
+        aside = np.abs(angle_difference(directions, self.leaving))
         return np.asarray(_loudest_aside(self.ka)[(aside / math.pi * (_ANGLES - 1)).astype(np.intp)])
 
 
@@ -936,5 +936,5 @@ def fan(rays: int, heading: float | None = None) -> FloatArray:
     all_round = (np.arange(rays, dtype=np.float64) + (math.sqrt(5) - 1) / 2) * (math.tau / rays)
     if heading is None:
         return all_round
-    aside = np.sort((all_round - heading + math.pi) % math.tau - math.pi)
+    aside = np.sort(angle_difference(all_round, heading))
     return heading + aside[np.abs(aside) < math.pi / 2]
