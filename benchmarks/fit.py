@@ -19,7 +19,8 @@ from multiprocessing import get_context
 import numpy as np
 from scipy.stats import binomtest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.fit.quantities import HEADING, PlaceQuantity, Quantity, X, Y, with_shifted_walls
+from sonarhw_compare.fit.free_walls import with_shifted_walls
+from sonarhw_compare.fit.quantities import HEADING, PlaceQuantity, Quantity, X, Y
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, Room, inside, load_room, wall_distances

@@ -11,7 +11,7 @@ from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_sim import PredictionOptions, Receiver, RoomEchoes, Unit, load_board, load_room, predict_scan, predict_with
 from sonarhw_sim.air import DEFAULT_BOARD, Model
 from sonarhw_sim.board.signal import RATE
-from sonarhw_sim.compiled import watch_compilation
+from sonarhw_sim.compilation import watch_compilation
 from sonarhw_sim.room.room import with_material
 
 from sonarhw.readings import FloatArray, Reading

@@ -29,10 +29,10 @@ from sonarhw_sim.room.room import load_room
 
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.synthetic_scan import synthetic_scan
-from sonarhw.export import write_scan
 from sonarhw.host.driver import Driver
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, ScanOrder
 
 ROOMS = Path(__file__).parents[2] / "rooms"

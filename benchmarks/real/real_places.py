@@ -8,8 +8,8 @@ import math
 from collections.abc import Sequence
 from statistics import median
 
+from sonarhw_compare.headings import heading_text
 from sonarhw_compare.locate import Located, locate_scan
-from sonarhw_compare.scans import heading_text
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

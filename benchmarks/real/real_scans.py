@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from sonarhw_compare.headings import heading_text
 from sonarhw_compare.match import Comparison, Kind
-from sonarhw_compare.scans import heading_text
 from sonarhw_sim.air import EdgeStrength, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions

@@ -22,7 +22,8 @@ from sonarhw_compare.edits import Z95
 from sonarhw_compare.fit.quantities import REFLECTANCE
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.match import drawn_blocks
-from sonarhw_compare.pictures import MEASURED, PREDICTED, write_picture
+from sonarhw_compare.picture_file import write_picture
+from sonarhw_compare.pictures import MEASURED, PREDICTED
 from sonarhw_compare.score import CalibrationBin, calibration_text, score_comparison
 from sonarhw_sim.air import Model
 from sonarhw_sim.board.profile import Board, load_board

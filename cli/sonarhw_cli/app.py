@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import typer
-from sonarhw_sim.compiled import watch_compilation
+from sonarhw_sim.compilation import watch_compilation
 
 from sonarhw.errors import ExitStatus, SonarError
 from sonarhw_cli import calibrate, compare, fit, logs, rooms, scan, scanner, simulate, window

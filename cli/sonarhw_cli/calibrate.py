@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.pictures import PICTURES
+from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import InputError, NoPlate, counted
@@ -440,7 +440,7 @@ def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
 
 
 def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":
-    from sonarhw.readings import ScanAir
+    from sonarhw.sound_speed import ScanAir
 
     speed = ScanAir(chosen_temperature=temperature).speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * board.max_range / speed, board.blanking_end, False, speed)

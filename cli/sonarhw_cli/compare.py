@@ -8,8 +8,8 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.pictures import PICTURES
-from sonarhw_compare.scans import heading_text, in_degrees
+from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import ROOM_TOLERANCE, Model, Receiver
 
 from sonarhw.errors import InputError, counted

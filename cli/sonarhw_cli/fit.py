@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.fit.quantities import QUANTITIES, ROOM_TOLERANCE, BoardQuantity, PlaceQuantity, words_of
-from sonarhw_compare.match import explains_few, few_explained
-from sonarhw_compare.pictures import PICTURES
-from sonarhw_compare.scans import estimate_degrees
+from sonarhw_compare.headings import estimate_degrees
+from sonarhw_compare.picture_file import PICTURES
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.inputs import LogFile, LogFiles, open_in_room, open_room, open_scan, print_place
@@ -248,7 +247,7 @@ class FittedLogs:
 
     def before(self, parameter: "Parameter") -> float | None:
         """Return the value before the fit; None for the pose of a scan whose place is unknown."""
-        from sonarhw_compare.fit.quantities import present_value
+        from sonarhw_compare.fit.parameters import present_value
 
         place = self.setting.scans[parameter.scan or 0].place
         if isinstance(parameter.quantity, PlaceQuantity) and not place.name:
@@ -257,7 +256,7 @@ class FittedLogs:
 
     def places(self, values: "Mapping[Parameter, float]") -> "tuple[Place, ...]":
         """Return the place of each scan with these values."""
-        from sonarhw_compare.fit.quantities import applied
+        from sonarhw_compare.fit.parameters import applied
 
         given = [scan.place for scan in self.setting.scans]
         poses = {one: value for one, value in values.items() if isinstance(one.quantity, PlaceQuantity)}
@@ -276,7 +275,7 @@ def _fitted(
     """Fit logs. Room, places and board that are not given are taken from them. Raises InputError if they have none."""
     from sonarhw_compare.fit import fit_scans
     from sonarhw_compare.fit.fitting import check_count, fit_setting
-    from sonarhw_compare.fit.quantities import check_words
+    from sonarhw_compare.fit.parameters import check_words
     from sonarhw_sim.board.profile import load_board
 
     words = [word for word in free.split(",") if word.strip()]
@@ -302,7 +301,7 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
     """Raise InputError if a file cannot be written, or would contain no fitted value."""
     if out is None and board_out is None:
         return
-    from sonarhw_compare.fit.quantities import quantities_of
+    from sonarhw_compare.fit.parameters import quantities_of
 
     if out is not None and board_out is not None and out.resolve() == board_out.resolve():
         raise InputError(f"--out and --board-out: both are {out}; give each a file of its own")
@@ -439,6 +438,8 @@ def locate(
     else:
         for line in _lines(located, near):
             print_line(line)
+    from sonarhw_compare.match import few_explained
+
     echoes = sum(reading.range is not None for reading in located.readings)
     few = few_explained(str(log_file), located.explained, echoes, located=True)
     turned = () if expected is None else _heading_doubts(located.poses[0], expected.heading, spread.heading)
@@ -458,6 +459,8 @@ def _heading_doubts(pose: "Pose", stated: float, deviation: float) -> tuple[str,
 
 
 def _figures(located: "Located", near: float) -> dict[str, Any]:
+    from sonarhw_compare.match import explains_few
+
     places = located.places(near)
     return {
         "poses": [_figures_of(pose, _place_near(located, pose, near)) for pose in located.poses],

@@ -12,7 +12,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.imports import ImportFormat, formats_text, import_format, is_bag, is_raw
+from sonarhw_compare.import_formats import ImportFormat, formats_text, import_format, is_bag, is_raw
 
 from sonarhw.errors import InputError, counted
 from sonarhw.export import FORMATS, export_format, export_suffixes
@@ -130,7 +130,7 @@ def import_scan(
     """
     from sonarhw_compare.foreign_csv import Meaning, likely_no_echo, read_foreign_scan
 
-    from sonarhw.export import write_scan
+    from sonarhw.log.writer import write_scan
 
     checked_out(out, (LOG,), force, file, room, board)
     _check_options(scale, heading_zero)

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from sonarhw_compare.pictures import PICTURES
-from sonarhw_compare.scans import in_degrees
+from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.picture_file import PICTURES
 
 from sonarhw.errors import InputError, counted
 from sonarhw_cli.inputs import LogFiles, check_one_of_each, open_room, open_scan, place_of_pose, print_place

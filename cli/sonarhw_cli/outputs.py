@@ -41,7 +41,7 @@ def write_text(out: Path, text: str, force: bool, what: str = "file") -> None:
 
 def write_figure(out: Path, figure: "Figure", force: bool) -> None:
     """Write a picture in the format of the file's suffix; PNG for a device or a pipe. Raises OutputError."""
-    from sonarhw_compare.pictures import PICTURES, write_picture
+    from sonarhw_compare.picture_file import PICTURES, write_picture
 
     with written_file(out, overwrite=force) as file:
         write_picture(figure, file, PICTURES[0] if is_special(out) else out.suffix.lower())

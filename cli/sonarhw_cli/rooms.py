@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_compare.pictures import PICTURES
+from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.errors import counted

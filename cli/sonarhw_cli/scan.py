@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from sonarhw_sim.rays.paths import Paths
     from sonarhw_sim.room.room import Place, Room
 
-    from sonarhw.export import FoxgloveServer
+    from sonarhw.foxglove import FoxgloveServer
     from sonarhw.host.scanner import ConnectedScanner, Scanner, ScanPlan
     from sonarhw.log import LogMetadata, LogWriter
     from sonarhw.plugins.plugin_scanner import PluginScanner
@@ -151,7 +151,7 @@ def scan_plan(scanner: "ConnectedScanner", request: ScanRequest, board: "Board",
     from sonarhw_sim.air import Air
 
     from sonarhw.host.scanner import ScanPlan
-    from sonarhw.readings import ScanAir
+    from sonarhw.sound_speed import ScanAir
 
     air = room_air or Air()
     if request.max_range is not None and request.max_range > board.max_range:
@@ -392,7 +392,8 @@ def ping(
 
 def _plan(count: int, board: "Board", max_range: float | None, temperature: float | None, traces: bool) -> "ScanPlan":
     from sonarhw.host.scanner import ScanPlan
-    from sonarhw.readings import ScanAir, pings_in_place
+    from sonarhw.readings import pings_in_place
+    from sonarhw.sound_speed import ScanAir
 
     reach = board.max_range if max_range is None else max_range
     return ScanPlan(
@@ -505,7 +506,7 @@ def serve(
     The topics are those of a log: /readings, /traces, and /scan with each whole sweep. With --room, /prediction has the
     predicted ranges beside each /scan.
     """
-    from sonarhw.export import FoxgloveServer
+    from sonarhw.foxglove import FoxgloveServer
     from sonarhw.plugins.device_plugin import takes_orders
 
     if not foxglove:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from sonarhw_sim.air import DEFAULT_BOARD
 
-from sonarhw.bringup import Combination, Controller, Ranging, Turning
+from sonarhw.controllers import Combination, Controller, Ranging, Turning
 from sonarhw.errors import CommandRefused, ExitStatus, InputError, SonarError, counted
 from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_cli.inputs import (
@@ -261,7 +261,7 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
 
 def _figures(scanner: "ConnectedScanner", device: "Statistics | None") -> dict[str, Any]:
     """Return the scanner under the keys of `info --json`; angles in degrees, None for what it does not state."""
-    from sonarhw.wire.messages import origin_of
+    from sonarhw.wire.readings_of_frames import origin_of
 
     info, can = scanner.info, scanner.info.capabilities
     return {

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_compare.film_file import FILMS
-from sonarhw_compare.pictures import PICTURES
-from sonarhw_compare.scans import in_degrees
+from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.picture_file import PICTURES
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError, counted
@@ -164,7 +164,7 @@ def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out
     """
     import numpy as np
 
-    from sonarhw.export import write_array
+    from sonarhw.npz import write_array
 
     *numbers, via = zip(*prediction_rows(scan), strict=True)
     columns = [np.array(column, dtype=float) for column in numbers] + [np.array([touched or "" for touched in via])]
@@ -227,8 +227,8 @@ def write_predicted_log(
     """Write the log of a scanner that measures exactly the prediction."""
     import time
 
-    from sonarhw.export import write_scan
     from sonarhw.log import LogMetadata
+    from sonarhw.log.writer import write_scan
     from sonarhw.readings import Reading
 
     air = scan.room.air
@@ -644,7 +644,7 @@ def paths(
 
 
 class PictureFormat(StrEnum):
-    """The formats of `sonarhw_compare.pictures.PICTURES`."""
+    """The formats of `sonarhw_compare.picture_file.PICTURES`."""
 
     PNG = "png"
     PDF = "pdf"

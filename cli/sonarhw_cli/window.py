@@ -378,7 +378,7 @@ def _can_open_window() -> bool:
 
 def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
     from sonarhw_compare.drawings import draw_comparison
-    from sonarhw_compare.pictures import write_picture
+    from sonarhw_compare.picture_file import write_picture
     from sonarhw_compare.score import score_comparison
 
     from sonarhw_cli.compare import compare_log, summary_lines

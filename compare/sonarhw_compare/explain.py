@@ -13,9 +13,9 @@ from sonarhw_sim.predict.predicted_scan import Echo, PredictedPing, PredictedSca
 
 from sonarhw.errors import counted
 from sonarhw.readings import FloatArray
+from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched
 from sonarhw_compare.regions import Region
-from sonarhw_compare.scans import heading_text, in_degrees
 from sonarhw_compare.score import RegionMatch, RegionPair, assigned_echoes, compare_regions, echo_statistics
 
 # Margins of the first echo: the changes of threshold or walls after which another echo would be reported.
@@ -149,8 +149,8 @@ def wall_changes(prediction: PredictedScan, index: int) -> tuple[WallChange, ...
 def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:
     """Return the derivative of path lengths by the shift of each wall towards the sensor, (rows, walls)."""
     # these imports take half a second, which would delay the start of the window
+    from sonarhw_compare.fit.free_walls import left_normals
     from sonarhw_compare.fit.likelihood import echo_paths, growth_by_wall
-    from sonarhw_compare.fit.quantities import left_normals
 
     room = prediction.room
     paths = echo_paths(prediction.paths.select(rows), room, [], list(room.names[: len(room.walls)]))

@@ -17,7 +17,8 @@ from typing import TextIO
 import numpy as np
 
 from sonarhw.errors import InputError, counted
-from sonarhw.readings import Reading, Trace, speed_of_sound
+from sonarhw.readings import Reading, Trace
+from sonarhw.sound_speed import speed_of_sound
 from sonarhw.wire.messages import MOST_DEGREES
 
 # Readings from the rows of any file of another program: units, conventions, limits.

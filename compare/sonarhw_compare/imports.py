@@ -5,7 +5,7 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -91,85 +91,6 @@ def _numbers(file: Path, where: str, words: list[str], count: int) -> list[float
     if len(values) != count or not all(map(math.isfinite, values)):
         raise InputError(f"{file}, {where}: expected {count} finite numbers")
     return values
-
-
-# The file formats that `sonarhw import` reads besides CSV, each with its file suffixes.
-#
-# To add a format, write a function `read_x(file, meaning)` in a new module and add an entry to FORMATS. The command
-# and its help follow.
-
-
-@dataclass(frozen=True)
-class ImportFormat:
-    """One file format."""
-
-    suffixes: tuple[str, ...]  # of the file name, in lower case
-    title: str
-    has_traces: bool  # of received signals, in place of ranges
-    has_step: bool  # without angles of its own, at least in part
-    read: "Callable[[Path, Meaning], list[Reading]]"
-
-
-def _read_carmen(file: Path, meaning: "Meaning") -> "list[Reading]":
-
-    return read_carmen_log(file, meaning)
-
-
-def _read_ping360(file: Path, meaning: "Meaning") -> "list[Reading]":
-
-    return read_ping360_log(file, meaning)
-
-
-def _read_ros(file: Path, meaning: "Meaning") -> "list[Reading]":
-
-    return read_ros_bag(file, meaning)
-
-
-def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
-
-    return read_raw_traces(file, meaning)
-
-
-FORMATS = (
-    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, False, _read_carmen),
-    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, False, _read_ping360),
-    ImportFormat((".bag",), "ROS bags, also the folder of a bag of ROS 2", False, True, _read_ros),
-    ImportFormat((".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, True, _read_raw),
-)
-_ROS, _RAW = FORMATS[-2:]
-
-
-def import_format(file: Path, rate: float | None) -> ImportFormat | None:
-    """Return the format of a file by its suffix; None: CSV. Raises InputError for a log.
-
-    With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag is a bag of ROS 2; any other
-    raises InputError.
-    """
-    if (file / "metadata.yaml").exists():
-        return _ROS
-    if file.is_dir():
-        raise InputError(f"{file}: is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2")
-    if file.suffix.lower() == ".mcap":
-        raise InputError(
-            f"{file}: is a log already, which all commands read; of a bag of ROS 2, give the folder with metadata.yaml"
-        )
-    known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
-    return _RAW if known is None and rate is not None else known
-
-
-def is_bag(known: ImportFormat | None) -> bool:
-    """Return whether a format has topics."""
-    return known is _ROS
-
-
-def is_raw(known: ImportFormat | None) -> bool:
-    """Return whether a format is an array of samples, without angles."""
-    return known is _RAW
-
-
-def formats_text() -> str:
-    """Return the formats and their suffixes as a list in one sentence."""
-    return "; ".join(f"{known.title} ({', '.join(known.suffixes)})" for known in FORMATS)
 
 
 # Profiles of a Ping360 in the sensor logs (`.bin`) of Ping Viewer.

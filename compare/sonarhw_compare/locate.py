@@ -16,15 +16,16 @@ from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
-from sonarhw_compare.fit.quantities import HEADING, Parameter, Quantity, X, Y, free_parameters
+from sonarhw_compare.fit.parameters import Parameter, free_parameters
+from sonarhw_compare.fit.quantities import HEADING, Quantity, X, Y
 from sonarhw_compare.fit.result import FitOptions, PlacedScan
 from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
 from sonarhw_compare.foreign_csv import opened, other_separator, short_lines
 from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.headings import turned_near
 from sonarhw_compare.match import TOLERANCE, drawn_blocks
 from sonarhw_compare.regions import angles_and_ranges, mean_run
-from sonarhw_compare.scans import turned_near
 
 # How well the pose of a scan is known before its readings are used, as a prior of its location.
 

@@ -1,10 +1,8 @@
-"""Parts of pictures without Matplotlib: B-scans, colours, shading, points, levels of traces and texts."""
+"""Parts of pictures without Matplotlib: B-scans, colours, shading, points and levels of traces."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from io import BytesIO
-from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +15,6 @@ from sonarhw_sim.predict.probability import PossibleReading, possible_readings, 
 from sonarhw.errors import harmless, shortened
 from sonarhw.readings import FloatArray, Reading, Trace, angle_difference
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 # The palette of Okabe and Ito: each meaning has one colour, on paper and in the window.
 
 
@@ -31,30 +26,6 @@ LONG = "#009E73"
 EXTRA = "#E69F00"
 MISSED = "#56B4E9"
 OWN_BODY = "#999999"
-
-
-# Pictures as PNG, PDF or SVG files. Equal figures give equal files: they contain no date, version or random name.
-
-
-PICTURES = (".png", ".pdf", ".svg")
-# None removes an entry that matplotlib writes by default
-_METADATA = {".png": {"Software": None}, ".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
-
-
-def write_picture(figure: "Figure", file: BinaryIO, suffix: str, *, tight: bool = False) -> None:
-    """Write a figure in the format of `suffix`, one of PICTURES; `tight` crops its margins."""
-    from matplotlib import rc_context
-
-    with rc_context({"svg.hashsalt": "sonarhw"}):
-        box = "tight" if tight else None
-        figure.savefig(file, format=suffix.removeprefix("."), metadata=_METADATA[suffix], bbox_inches=box)
-
-
-def picture_bytes(figure: "Figure", suffix: str, *, tight: bool = False) -> bytes:
-    """Return what `write_picture` writes."""
-    out = BytesIO()
-    write_picture(figure, out, suffix, tight=tight)
-    return out.getvalue()
 
 
 # Names of rooms and places as text in a picture. matplotlib interprets text between dollar signs as a formula.

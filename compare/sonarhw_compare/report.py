@@ -27,8 +27,10 @@ from sonarhw_compare.drawings import draw_found_room, draw_map, draw_room
 from sonarhw_compare.explain import explain_reading, path_suffix, region_counts
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.starting import Fit
+from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.map import Layer, RoomMap
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary, compare_readings, few_explained
+from sonarhw_compare.picture_file import picture_bytes
 from sonarhw_compare.pictures import (
     EXTRA,
     LONG,
@@ -44,7 +46,6 @@ from sonarhw_compare.pictures import (
     floor_of,
     heading_key,
     in_db,
-    picture_bytes,
     points_at,
     predicted_row,
     trace_row,
@@ -52,7 +53,7 @@ from sonarhw_compare.pictures import (
 from sonarhw_compare.regions import LEAST_WIDTH, Region
 from sonarhw_compare.rooms.outcome import found_room_figures, open_ends
 from sonarhw_compare.rooms.search import FoundRoom
-from sonarhw_compare.scans import GivenScan, heading_text, in_degrees
+from sonarhw_compare.scans import GivenScan
 from sonarhw_compare.score import (
     CalibrationBin,
     ProbabilityScore,

@@ -11,7 +11,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.explain import RankedEcho, ranked_echoes
-from sonarhw_compare.scans import heading_text
+from sonarhw_compare.headings import heading_text
 
 # Where sound is on a path at a given time: pure functions on points and lengths.
 #

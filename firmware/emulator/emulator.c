@@ -22,7 +22,7 @@
 #define VECTOR_SIZE 4 // bytes
 #define ENTRY_CYCLES 5 // from the interrupt to its vector; simavr omits them
 #define SERIAL_AT 4 // stored_serial in identity.c
-#define EMULATED_SERIAL "EMULATED" // as in sonarhw/wire/messages.py
+#define EMULATED_SERIAL "EMULATED" // as in sonarhw/wire/readings_of_frames.py
 #define STORED 24 // bytes that the Linux program keeps
 
 static volatile sig_atomic_t ending;

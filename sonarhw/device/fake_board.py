@@ -14,7 +14,6 @@ from sonarhw.device.protocol import ActionError, Line, ProtocolDevice, RefusalEr
 from sonarhw.errors import InputError
 from sonarhw.readings import EchoSource, Ping, PingResult, ScanOrder, Trace
 from sonarhw.wire.messages import (
-    FAKE_FIRMWARE,
     KEPT_READINGS,
     MAX_ECHOES,
     NO_TEMPERATURE,
@@ -45,7 +44,7 @@ from sonarhw.wire.messages import (
     radians_of,
     seconds_of,
 )
-from sonarhw.wire.readings_of_frames import scan_order, trace_chunks
+from sonarhw.wire.readings_of_frames import FAKE_FIRMWARE, scan_order, trace_chunks
 
 # A simulated turntable: its angle at any time. Angles are in rad, times in s.
 #

@@ -48,7 +48,8 @@ from sonarhw.host.scripts import (
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Session
 from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
-from sonarhw.readings import Reading, ScanAir, ScanOrder, sector
+from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import (
     MAX_ECHOES,
     Approach,
@@ -869,7 +870,7 @@ def probe_port(url: str, patience: float = _PROBE_WITHIN) -> tuple[bool, str]:
 # Scan a room and record the scan, for `sonarhw scan` and the window's Scan button.
 #
 # from sonarhw import LogMetadata, LogWriter, sector from sonarhw.host.scanner import ScanPlan, record_scan
-# from sonarhw.readings import ScanAir
+# from sonarhw.sound_speed import ScanAir
 #
 # plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir()) record_scan(scanner, plan,
 # LogWriter(path, LogMetadata("scan", time.time())), watcher)

@@ -25,12 +25,12 @@ from sonarhw.readings import (
     MARK_OVERRUN,
     FloatArray,
     Reading,
-    ScanAir,
     lost_steps_clause,
     nearest_mark,
     split_at_homings,
     unverified_clause,
 )
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import (
     BAUD_TIMEOUT,
     FIRST_BAUD,

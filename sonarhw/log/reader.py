@@ -54,10 +54,15 @@ from sonarhw.wire.messages import (
     Started,
     StartScan,
     TraceChunk,
-    origin_of,
     unpack_message,
 )
-from sonarhw.wire.readings_of_frames import DeviceClock, ReadingAssembler, broken_reading_rule, readings_requested
+from sonarhw.wire.readings_of_frames import (
+    DeviceClock,
+    ReadingAssembler,
+    broken_reading_rule,
+    origin_of,
+    readings_requested,
+)
 
 # The contents of a log as frozen dataclasses, and the names used in the file.
 

@@ -17,7 +17,8 @@ from sonarhw.host.scanner import DeviceInfo, ExclusiveUse, PingSettings, ping_se
 from sonarhw.host.session import PATIENCE, PAUSES, RECONNECT, Connection, Recorder
 from sonarhw.link import LinkStatistics
 from sonarhw.plugins.device_plugin import MOST_ANGLE, DeviceIdentity, DevicePlugin, Measurement
-from sonarhw.readings import Reading, ScanAir, ScanOrder, speed_of_sound
+from sonarhw.readings import Reading, ScanOrder
+from sonarhw.sound_speed import ScanAir, speed_of_sound
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import (
     MAX_ECHOES,

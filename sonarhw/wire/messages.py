@@ -13,8 +13,6 @@ from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum, IntEnum, IntFlag
 from typing import Any, ClassVar, TypeVar
 
-from sonarhw.readings import Origin
-
 # Encoding of message fields: numbers, text and arrays; little-endian, without padding.
 
 
@@ -726,26 +724,3 @@ def degrees_c(centidegrees: int) -> float | None:
 def centidegrees_of(temperature_c: float | None) -> int:
     """Return the temperature for a message, 0.01 °C; None means no thermometer."""
     return NO_TEMPERATURE if temperature_c is None else round(temperature_c * 100)
-
-
-# The origin of readings: measured by a scanner, or not.
-#
-# The origin follows from the program that wrote a log and from the identity of its device. Both are in every log, so
-# old logs have an origin too. A replayed log reports its recorded identity, so a scan of a replay has the origin of
-# that log.
-
-
-FAKE_FIRMWARE = "sonarhw-fake"  # first word in the firmware of a fake scanner
-EMULATED_SERIAL = "EMULATED"  # serial number of the emulated board
-_WRITER = "sonarhw {}"  # start of the firmware in a log that a command wrote without a scanner
-_BY_WRITER = {"simulate": Origin.SIMULATED, "import": Origin.IMPORTED}
-
-
-def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
-    """Return the origin of the readings in a log, from its writer and the identity of its device."""
-    for writer, origin in _BY_WRITER.items():
-        if made_by == writer or firmware.startswith(_WRITER.format(writer)):
-            return origin
-    if firmware.startswith(FAKE_FIRMWARE) or serial == EMULATED_SERIAL:
-        return Origin.FAKE
-    return Origin.MEASURED

@@ -30,7 +30,6 @@ from sonarhw.wire.messages import (
     microdegrees_of,
     microseconds_of,
     nanoseconds_of,
-    origin_of,
     radians_of,
     seconds_of,
     seconds_of_nanoseconds,
@@ -232,6 +231,169 @@ class DeviceClock:
         self._centre = (float(device.mean()), float(host.mean()))
 
 
+# Conversion of readings, traces and scan orders to messages. `assembly` converts messages to readings and traces.
+
+
+def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
+    """Return the message of a reading, with echo times that give the same ranges at `speed_of_sound`, mm/s.
+
+    Contains the earliest MAX_ECHOES echoes. Packing raises MessageError if a value does not fit.
+    """
+    scale = reading.speed_of_sound / (speed_of_sound * 1e-3) * 1e9
+    return ReadingMessage(
+        number=reading.number,
+        sweep=reading.sweep,
+        ping=reading.ping,
+        angle=microdegrees_of(reading.angle),
+        fired_us=microseconds_of(reading.time),
+        temperature=centidegrees_of(reading.temperature_c),
+        echoes=tuple(round(time * scale) for time in reading.echo_times[:MAX_ECHOES]),
+    )
+
+
+def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
+    """Yield the messages of the trace of reading `number`, 8 bits per sample, at most 65 535 samples.
+
+    Missing samples (NaN) are marked as lost; chunks without any sample are omitted.
+    """
+    samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
+    levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
+    kind = TraceKind.CARRIER if trace.carrier else TraceKind.ENVELOPE
+    period, start = round(1e9 / trace.rate), nanoseconds_of(trace.start)
+    for offset in range(0, len(levels), CHUNK):
+        stretch = levels[offset : offset + CHUNK]
+        lost = np.isnan(stretch)
+        if not lost.all():
+            sent, gaps = np.nan_to_num(stretch).astype(np.uint8), np.flatnonzero(lost).astype(np.uint8)
+            yield TraceChunk(number, offset, len(levels), period, start, sent.tobytes(), kind, lost=gaps.tobytes())
+
+
+def scan_order(message: StartScan) -> ScanOrder:
+    """Return the whole scan of which `message` requests all or a part."""
+    return ScanOrder(
+        radians_of(message.start),
+        radians_of(message.step),
+        message.headings,
+        message.sweeps,
+        message.pings,
+        bool(message.in_place),
+    )
+
+
+def start_scan(order: ScanOrder) -> StartScan:
+    """Return the message that requests the whole scan. Packing raises MessageError if a value does not fit."""
+    return StartScan(
+        start=microdegrees_of(order.start),
+        step=microdegrees_of(order.step),
+        headings=order.headings,
+        sweeps=order.sweeps,
+        pings=order.pings,
+        in_place=int(order.in_place),
+    )
+
+
+# Rules of firmware_protocol.md that the host can check, because it has sent the order and the settings.
+#
+# Each function returns a clause that names the broken rule, or None. Damaged frames never get here: the CRC rejects
+# them. So a broken rule is an error in the firmware.
+
+
+_TURN = 360_000_000  # µdeg
+_COARSEST = 200  # microsteps per turn; assumed if the device does not report its microsteps
+_ROUNDING = 1_000  # ns; the settings are in µs
+
+
+def readings_requested(order: StartScan) -> int:
+    """Return the number of readings that a StartScan requests."""
+    return order.count or max(0, order.headings * order.sweeps * order.pings - order.first)
+
+
+def broken_start_rule(order: StartScan, answer: Started) -> str | None:
+    """Return how the answer to a StartScan breaks the protocol; None if it does not."""
+    expected = readings_requested(order)
+    if (answer.readings, answer.first) == (expected, order.first):
+        return None
+    return (
+        f"Started announces {answer.readings} readings from number {answer.first}; "
+        f"StartScan requested {expected} from number {order.first}"
+    )
+
+
+def broken_settings_rule(request: Configure, answer: Settings) -> str | None:
+    """Return how the answer to a Configure breaks the protocol; None if it does not."""
+    if answer.speed_of_sound == 0:
+        return "Settings contains a speed_of_sound of 0; expected the requested one"
+    if answer.speed_of_sound != request.speed_of_sound:
+        return f"Settings contains speed_of_sound {answer.speed_of_sound}; {request.speed_of_sound} was requested"
+    if answer.listen_us == 0 or answer.listen_us > request.listen_us:
+        return f"Settings contains listen_us {answer.listen_us}; expected 1 to {request.listen_us}, as requested"
+    return None
+
+
+def broken_reading_rule(
+    reading: ReadingMessage, order: StartScan, settings: Settings | None, microsteps: int
+) -> str | None:
+    """Return how a reading of the scan `order` breaks the protocol; None if it does not.
+
+    `microsteps` per turn round its angle; 0: unknown.
+    """
+    broken = _broken_place(reading, order, microsteps) or _broken_order(reading.echoes)
+    if broken is None and settings is not None:
+        broken = _broken_window(reading.echoes, settings)
+    return f"reading {reading.number}: {broken}" if broken else None
+
+
+def _broken_place(reading: ReadingMessage, order: StartScan, microsteps: int) -> str | None:
+    heading, ping = divmod(reading.number, order.pings)
+    sweep, index = divmod(heading, order.headings)
+    if (reading.sweep, reading.ping) != (sweep, ping):
+        return f"sweep {reading.sweep}, ping {reading.ping}; its number means sweep {sweep}, ping {ping}"
+    angle = order.start + order.step * (order.headings - 1 - index if sweep % 2 else index)
+    if not order.in_place and abs(reading.angle - angle) > _TURN / (microsteps or _COARSEST):
+        return f"angle {reading.angle / 1e6:g} degrees; its number means {angle / 1e6:g} degrees"
+    return None
+
+
+def _broken_order(echoes: tuple[int, ...]) -> str | None:
+    for earlier, later in pairwise(echoes):
+        if later < earlier:
+            return f"an echo at {earlier / 1e6:g} ms is before one at {later / 1e6:g} ms; the earliest must be first"
+    return None
+
+
+def _broken_window(echoes: tuple[int, ...], settings: Settings) -> str | None:
+    if len(echoes) > settings.echoes:
+        return f"{len(echoes)} echoes; Settings allows {settings.echoes}"
+    if echoes and echoes[0] < settings.blanking_us * 1000 - _ROUNDING:
+        return f"an echo at {echoes[0] / 1e6:g} ms, before the end of blanking at {settings.blanking_us / 1000:g} ms"
+    if echoes and echoes[-1] > settings.listen_us * 1000 + _ROUNDING:
+        return f"an echo at {echoes[-1] / 1e6:g} ms, after the end of listening at {settings.listen_us / 1000:g} ms"
+    return None
+
+
+# The origin of readings: measured by a scanner, or not.
+#
+# The origin follows from the program that wrote a log and from the identity of its device. Both are in every log, so
+# old logs have an origin too. A replayed log reports its recorded identity, so a scan of a replay has the origin of
+# that log.
+
+
+FAKE_FIRMWARE = "sonarhw-fake"  # first word in the firmware of a fake scanner
+EMULATED_SERIAL = "EMULATED"  # serial number of the emulated board
+_WRITER = "sonarhw {}"  # start of the firmware in a log that a command wrote without a scanner
+_BY_WRITER = {"simulate": Origin.SIMULATED, "import": Origin.IMPORTED}
+
+
+def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
+    """Return the origin of the readings in a log, from its writer and the identity of its device."""
+    for writer, origin in _BY_WRITER.items():
+        if made_by == writer or firmware.startswith(_WRITER.format(writer)):
+            return origin
+    if firmware.startswith(FAKE_FIRMWARE) or serial == EMULATED_SERIAL:
+        return Origin.FAKE
+    return Origin.MEASURED
+
+
 # Decoder from device messages to readings, used for live links, logs and replay.
 
 
@@ -389,143 +551,3 @@ class ReadingAssembler:
             host_time=self._clock.host_time(time),
             origin=self._origin,
         )
-
-
-# Conversion of readings, traces and scan orders to messages. `assembly` converts messages to readings and traces.
-
-
-def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
-    """Return the message of a reading, with echo times that give the same ranges at `speed_of_sound`, mm/s.
-
-    Contains the earliest MAX_ECHOES echoes. Packing raises MessageError if a value does not fit.
-    """
-    scale = reading.speed_of_sound / (speed_of_sound * 1e-3) * 1e9
-    return ReadingMessage(
-        number=reading.number,
-        sweep=reading.sweep,
-        ping=reading.ping,
-        angle=microdegrees_of(reading.angle),
-        fired_us=microseconds_of(reading.time),
-        temperature=centidegrees_of(reading.temperature_c),
-        echoes=tuple(round(time * scale) for time in reading.echo_times[:MAX_ECHOES]),
-    )
-
-
-def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
-    """Yield the messages of the trace of reading `number`, 8 bits per sample, at most 65 535 samples.
-
-    Missing samples (NaN) are marked as lost; chunks without any sample are omitted.
-    """
-    samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
-    levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
-    kind = TraceKind.CARRIER if trace.carrier else TraceKind.ENVELOPE
-    period, start = round(1e9 / trace.rate), nanoseconds_of(trace.start)
-    for offset in range(0, len(levels), CHUNK):
-        stretch = levels[offset : offset + CHUNK]
-        lost = np.isnan(stretch)
-        if not lost.all():
-            sent, gaps = np.nan_to_num(stretch).astype(np.uint8), np.flatnonzero(lost).astype(np.uint8)
-            yield TraceChunk(number, offset, len(levels), period, start, sent.tobytes(), kind, lost=gaps.tobytes())
-
-
-def scan_order(message: StartScan) -> ScanOrder:
-    """Return the whole scan of which `message` requests all or a part."""
-    return ScanOrder(
-        radians_of(message.start),
-        radians_of(message.step),
-        message.headings,
-        message.sweeps,
-        message.pings,
-        bool(message.in_place),
-    )
-
-
-def start_scan(order: ScanOrder) -> StartScan:
-    """Return the message that requests the whole scan. Packing raises MessageError if a value does not fit."""
-    return StartScan(
-        start=microdegrees_of(order.start),
-        step=microdegrees_of(order.step),
-        headings=order.headings,
-        sweeps=order.sweeps,
-        pings=order.pings,
-        in_place=int(order.in_place),
-    )
-
-
-# Rules of firmware_protocol.md that the host can check, because it has sent the order and the settings.
-#
-# Each function returns a clause that names the broken rule, or None. Damaged frames never get here: the CRC rejects
-# them. So a broken rule is an error in the firmware.
-
-
-_TURN = 360_000_000  # µdeg
-_COARSEST = 200  # microsteps per turn; assumed if the device does not report its microsteps
-_ROUNDING = 1_000  # ns; the settings are in µs
-
-
-def readings_requested(order: StartScan) -> int:
-    """Return the number of readings that a StartScan requests."""
-    return order.count or max(0, order.headings * order.sweeps * order.pings - order.first)
-
-
-def broken_start_rule(order: StartScan, answer: Started) -> str | None:
-    """Return how the answer to a StartScan breaks the protocol; None if it does not."""
-    expected = readings_requested(order)
-    if (answer.readings, answer.first) == (expected, order.first):
-        return None
-    return (
-        f"Started announces {answer.readings} readings from number {answer.first}; "
-        f"StartScan requested {expected} from number {order.first}"
-    )
-
-
-def broken_settings_rule(request: Configure, answer: Settings) -> str | None:
-    """Return how the answer to a Configure breaks the protocol; None if it does not."""
-    if answer.speed_of_sound == 0:
-        return "Settings contains a speed_of_sound of 0; expected the requested one"
-    if answer.speed_of_sound != request.speed_of_sound:
-        return f"Settings contains speed_of_sound {answer.speed_of_sound}; {request.speed_of_sound} was requested"
-    if answer.listen_us == 0 or answer.listen_us > request.listen_us:
-        return f"Settings contains listen_us {answer.listen_us}; expected 1 to {request.listen_us}, as requested"
-    return None
-
-
-def broken_reading_rule(
-    reading: ReadingMessage, order: StartScan, settings: Settings | None, microsteps: int
-) -> str | None:
-    """Return how a reading of the scan `order` breaks the protocol; None if it does not.
-
-    `microsteps` per turn round its angle; 0: unknown.
-    """
-    broken = _broken_place(reading, order, microsteps) or _broken_order(reading.echoes)
-    if broken is None and settings is not None:
-        broken = _broken_window(reading.echoes, settings)
-    return f"reading {reading.number}: {broken}" if broken else None
-
-
-def _broken_place(reading: ReadingMessage, order: StartScan, microsteps: int) -> str | None:
-    heading, ping = divmod(reading.number, order.pings)
-    sweep, index = divmod(heading, order.headings)
-    if (reading.sweep, reading.ping) != (sweep, ping):
-        return f"sweep {reading.sweep}, ping {reading.ping}; its number means sweep {sweep}, ping {ping}"
-    angle = order.start + order.step * (order.headings - 1 - index if sweep % 2 else index)
-    if not order.in_place and abs(reading.angle - angle) > _TURN / (microsteps or _COARSEST):
-        return f"angle {reading.angle / 1e6:g} degrees; its number means {angle / 1e6:g} degrees"
-    return None
-
-
-def _broken_order(echoes: tuple[int, ...]) -> str | None:
-    for earlier, later in pairwise(echoes):
-        if later < earlier:
-            return f"an echo at {earlier / 1e6:g} ms is before one at {later / 1e6:g} ms; the earliest must be first"
-    return None
-
-
-def _broken_window(echoes: tuple[int, ...], settings: Settings) -> str | None:
-    if len(echoes) > settings.echoes:
-        return f"{len(echoes)} echoes; Settings allows {settings.echoes}"
-    if echoes and echoes[0] < settings.blanking_us * 1000 - _ROUNDING:
-        return f"an echo at {echoes[0] / 1e6:g} ms, before the end of blanking at {settings.blanking_us / 1000:g} ms"
-    if echoes and echoes[-1] > settings.listen_us * 1000 + _ROUNDING:
-        return f"an echo at {echoes[-1] / 1e6:g} ms, after the end of listening at {settings.listen_us / 1000:g} ms"
-    return None

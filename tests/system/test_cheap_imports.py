@@ -10,7 +10,7 @@ import pytest
     ("modules", "heavy"),
     [
         (
-            "sonarhw_sim, sonarhw_sim.air, sonarhw_compare, sonarhw_compare.fit, sonarhw_compare.study",
+            "sonarhw_sim, sonarhw_sim.air, sonarhw_compare, sonarhw_compare.fit",
             "numpy numba",
         ),
         ("sonarhw", "numpy serial lazy_loader sonarhw_sim sonarhw_compare typer"),

@@ -20,6 +20,7 @@ from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import BoolArray, FloatArray, Reading
 from sonarhw_compare.edits import Z95, CalibratedValue, calibrated_profile
 from sonarhw_compare.fit.objective import MODERATE, Objective, Problem, make_problem
+from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.quantities import (
     APERTURE,
     AXIS_X,
@@ -31,7 +32,6 @@ from sonarhw_compare.fit.quantities import (
     SLOPE,
     THRESHOLD,
     BoardQuantity,
-    Parameter,
     X,
     Y,
     reflectance_of,

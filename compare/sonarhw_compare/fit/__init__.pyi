@@ -1,5 +1,6 @@
 from .fitting import fit_scans
-from .quantities import QUANTITIES, Parameter, Quantity, free_parameters
+from .parameters import Parameter, free_parameters
+from .quantities import QUANTITIES, Quantity
 from .result import (
     AtBound,
     Estimate,

@@ -19,20 +19,8 @@ from sonarhw.errors import Cancelled, InputError, counted, harmless
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.edits import below_header, set_marked
 from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem
-from sonarhw_compare.fit.quantities import (
-    HEADING,
-    AirQuantity,
-    BoardQuantity,
-    Parameter,
-    PlaceQuantity,
-    Quantity,
-    X,
-    Y,
-    check_words,
-    free_parameters,
-    values_by_part,
-    with_priors,
-)
+from sonarhw_compare.fit.parameters import Parameter, check_words, free_parameters, values_by_part, with_priors
+from sonarhw_compare.fit.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X, Y
 from sonarhw_compare.fit.result import (
     AtBound,
     Estimate,
@@ -53,9 +41,10 @@ from sonarhw_compare.fit.result import (
 )
 from sonarhw_compare.fit.search import Marginals, Peak, highest, marginals_of, peak_at, refined, underestimated
 from sonarhw_compare.fit.starting import ScoredValues, is_same, starting_poses
+from sonarhw_compare.headings import turned_near
 from sonarhw_compare.match import Summary, compare_readings, explains_few
 from sonarhw_compare.regions import mean_run
-from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board, turned_near
+from sonarhw_compare.scans import BoardInput, GivenScan, PlaceInput, RoomInput, common_board
 
 # What a fit of given scans begins with: their room, board and places, and the parameters.
 

@@ -20,7 +20,8 @@ from sonarhw_sim.room.grid import whole_numbers
 from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import BoolArray, FloatArray
-from sonarhw_compare.fit.quantities import REFLECTANCE, corner_moves, left_normals
+from sonarhw_compare.fit.free_walls import corner_moves, left_normals
+from sonarhw_compare.fit.quantities import REFLECTANCE
 
 # Paths of sound as functions of position, walls and mount, so that a small change needs no new search.
 #

@@ -37,6 +37,7 @@ from sonarhw_compare.fit.likelihood import (
     with_reverses,
     with_summed_patches,
 )
+from sonarhw_compare.fit.parameters import Parameter, applied, start_of
 from sonarhw_compare.fit.quantities import (
     AHEAD,
     APERTURE,
@@ -52,14 +53,11 @@ from sonarhw_compare.fit.quantities import (
     WALL,
     AirQuantity,
     BoardQuantity,
-    Parameter,
     PlaceQuantity,
     Quantity,
     X,
     Y,
-    applied,
     reflectance_of,
-    start_of,
 )
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 

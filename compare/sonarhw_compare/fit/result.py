@@ -10,9 +10,10 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_compare.fit.quantities import ROOM_TOLERANCE, WALL, BoardQuantity, Parameter, Quantity
+from sonarhw_compare.fit.parameters import Parameter
+from sonarhw_compare.fit.quantities import ROOM_TOLERANCE, WALL, BoardQuantity, Quantity
+from sonarhw_compare.headings import estimate_degrees
 from sonarhw_compare.match import Summary, few_explained_line
-from sonarhw_compare.scans import estimate_degrees
 
 # The warnings of a fit as values. `str` of a warning is the line that the command prints.
 

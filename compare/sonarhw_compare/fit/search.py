@@ -17,7 +17,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw.readings import BoolArray, FloatArray
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.objective import COARSE, LEVELS, MODERATE, PROBABILITIES, Objective, Problem, TolerancePrior
-from sonarhw_compare.fit.quantities import Parameter, tolerated_parameters
+from sonarhw_compare.fit.parameters import Parameter, tolerated_parameters
 from sonarhw_compare.fit.result import FitOptions
 
 # Maximization of the likelihood from a starting point, and the curvature at the maximum.

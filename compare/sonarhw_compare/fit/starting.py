@@ -20,7 +20,8 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading, angle_difference
 from sonarhw_compare.fit.likelihood import ScanArrays, with_reverses, with_summed_patches
 from sonarhw_compare.fit.objective import COARSE, Problem
-from sonarhw_compare.fit.quantities import HEADING, Parameter, PlaceQuantity, Quantity, X, Y
+from sonarhw_compare.fit.parameters import Parameter
+from sonarhw_compare.fit.quantities import HEADING, PlaceQuantity, Quantity, X, Y
 from sonarhw_compare.fit.search import refined
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_compare.regions import angles_and_ranges

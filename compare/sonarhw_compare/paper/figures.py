@@ -39,7 +39,8 @@ from sonarhw_compare.paper.scenes import (
     sheet,
     span,
 )
-from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL, picture_bytes, points_at
+from sonarhw_compare.picture_file import picture_bytes
+from sonarhw_compare.pictures import MEASURED, PREDICTED, WALL, points_at
 
 # Figure 5: the impulse response h_R convolved with the pulse, and the loss at each angle.
 #

@@ -25,7 +25,7 @@ from sonarhw.errors import WorkersLost
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood import PathMemory, ReadingNoise
 from sonarhw_compare.fit.objective import Problem, make_problem
-from sonarhw_compare.fit.quantities import Parameter
+from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms import draft as right_angles

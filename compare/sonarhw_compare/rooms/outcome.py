@@ -16,11 +16,11 @@ from tomlkit.items import AoT, Table
 from sonarhw.errors import counted, harmless
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.locate import Pose
 from sonarhw_compare.rooms.draft import MATERIAL, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FOLLOWED, REFLECTANCE
 from sonarhw_compare.rooms.search import RANGE, FoundRoom, LengthSlopes, PlacedRoom
-from sonarhw_compare.scans import in_degrees
 
 # The room file of a found room: walls, posts and places, with uncertainties and what is not known as comments.
 

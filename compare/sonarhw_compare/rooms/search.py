@@ -20,7 +20,7 @@ from sonarhw_sim.room.room import Place, Room
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_compare.fit.likelihood import ReadingNoise
-from sonarhw_compare.fit.quantities import free_parameters
+from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
 from sonarhw_compare.map import Arc

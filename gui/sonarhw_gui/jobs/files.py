@@ -24,8 +24,9 @@ from sonarhw_sim.room.room import Room, load_room, parse_room
 from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, LogError, SonarError, json_text
-from sonarhw.export import export_format, export_suffixes, write_scan
+from sonarhw.export import export_format, export_suffixes
 from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 from sonarhw_gui.jobs.jobs import Failure, Worker
 from sonarhw_gui.model.edits import room_and_place

@@ -10,9 +10,9 @@ from weakref import ref
 
 import numpy as np
 from sonarhw_compare.explain import explain_heading, explain_reading
+from sonarhw_compare.headings import heading_text
 from sonarhw_compare.match import Matched
 from sonarhw_compare.pictures import points_at
-from sonarhw_compare.scans import heading_text
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_compare.two_scans import HeadingSeries, heading_series
 from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints

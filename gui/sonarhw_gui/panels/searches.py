@@ -27,9 +27,9 @@ from PySide6.QtWidgets import (
 )
 from sonarhw_compare.edits import remove_surface
 from sonarhw_compare.fit.quantities import QUANTITIES, Offer
+from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.match import Kind
 from sonarhw_compare.pictures import points_at
-from sonarhw_compare.scans import in_degrees
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.room.room import Room
 

@@ -113,7 +113,7 @@ class Compiled:
 
 
 class Preparation:
-    """Receives reports from the threads that compile. Implements `sonarhw_sim.compiled.Watcher`."""
+    """Receives reports from the threads that compile. Implements `sonarhw_sim.compilation.Watcher`."""
 
     def __init__(self) -> None:
         self.progress: Compiled | None = None  # None while nothing is compiled

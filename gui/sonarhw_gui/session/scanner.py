@@ -26,7 +26,8 @@ from sonarhw.host.scanner import ConnectedScanner, DeviceInfo, ScanPlan, probe_p
 from sonarhw.host.session import Connection
 from sonarhw.link import LinkStatistics, Port, serial_ports
 from sonarhw.log import LogMetadata, LogWriter
-from sonarhw.readings import FloatArray, Reading, ScanAir, ScanOrder, Trace
+from sonarhw.readings import FloatArray, Reading, ScanOrder, Trace
+from sonarhw.sound_speed import ScanAir
 from sonarhw.text_device import LineGuess, guess_lines
 from sonarhw.wire.messages import Outcome
 from sonarhw_gui.jobs.jobs import Failure, Worker

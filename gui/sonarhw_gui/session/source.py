@@ -14,7 +14,7 @@ from sonarhw_compare.one_call import is_fake
 from sonarhw.device.replayed_log import Playback
 from sonarhw.log import Log
 from sonarhw.readings import Origin, Reading
-from sonarhw.wire.messages import origin_of
+from sonarhw.wire.readings_of_frames import origin_of
 from sonarhw_gui.model.scene import Scene, room_name
 from sonarhw_gui.session.notices import Notice
 from sonarhw_gui.session.scanner import LiveFeed, ScannerChoice, ScanSettings

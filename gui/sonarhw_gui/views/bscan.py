@@ -13,8 +13,8 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QMargins, QPointF, QRectF, Qt, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
+from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures import RangeCells
-from sonarhw_compare.scans import heading_text
 from sonarhw_sim.air import Air
 from sonarhw_sim.predict.predicted_scan import arm
 

@@ -7,7 +7,7 @@ from PySide6.QtCore import QEvent, Qt, Signal, Slot
 from PySide6.QtGui import QBrush, QColor, QFocusEvent, QFontMetrics
 from PySide6.QtWidgets import QAbstractItemView, QHBoxLayout, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, remedy, remedy_text, runner_up
-from sonarhw_compare.scans import heading_text
+from sonarhw_compare.headings import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw_gui.model.look import LengthUnit, text_font

@@ -12,7 +12,7 @@ from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainter, QPainterPath, QPen, QPixmap, QPolygonF, QTransform
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
-from sonarhw_compare.scans import heading_text
+from sonarhw_compare.headings import heading_text
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.model.look import (

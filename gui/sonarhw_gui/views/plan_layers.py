@@ -9,8 +9,8 @@ from PySide6.QtCore import QPointF, QRectF, QSizeF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen, QPolygonF
 from PySide6.QtWidgets import QGraphicsPathItem
 from sonarhw_compare.edits import Point, corners
+from sonarhw_compare.headings import heading_text
 from sonarhw_compare.pictures import points_at
-from sonarhw_compare.scans import heading_text
 from sonarhw_compare.sound import Pulse, counted_position, moment_at
 from sonarhw_sim.room.room import Room
 

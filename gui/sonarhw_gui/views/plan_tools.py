@@ -8,7 +8,7 @@ from typing import Protocol
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
 from sonarhw_compare.edits import POST, WALL, Point, add_post, add_wall, corners, free_name
-from sonarhw_compare.scans import heading_text
+from sonarhw_compare.headings import heading_text
 from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import InputError

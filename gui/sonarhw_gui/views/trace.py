@@ -12,7 +12,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QObject, QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QActionGroup, QFont, QFontMetricsF
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
-from sonarhw_compare.scans import heading_text
+from sonarhw_compare.headings import heading_text
 from sonarhw_sim.air import Air
 
 from sonarhw.readings import FloatArray

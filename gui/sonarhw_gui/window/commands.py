@@ -9,7 +9,8 @@ from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QRect, QSize, Qt
 from PySide6.QtGui import QAction, QActionGroup, QImage, QKeyEvent, QKeySequence, QPageLayout, QPainter
 from PySide6.QtPrintSupport import QPrinter, QPrintPreviewDialog
 from PySide6.QtWidgets import QInputDialog, QLineEdit, QMainWindow, QMenu, QMenuBar, QWidget
-from sonarhw_compare.scans import MOST_CHARACTERS, heading_text, note_text
+from sonarhw_compare.headings import heading_text
+from sonarhw_compare.scans import MOST_CHARACTERS, note_text
 
 from sonarhw.export import export_suffixes
 from sonarhw.readings import Reading

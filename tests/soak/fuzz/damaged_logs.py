@@ -15,8 +15,8 @@ from unittest.mock import patch
 import numpy as np
 from mcap.opcode import Opcode
 
-from sonarhw.export import write_scan
 from sonarhw.log import LogWriter, writer
+from sonarhw.log.writer import write_scan
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import (
     FROM_DEVICE,

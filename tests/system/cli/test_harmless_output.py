@@ -14,8 +14,8 @@ from sonarhw_cli.app import run
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw import link as ports
-from sonarhw.export import write_scan
 from sonarhw.host import scanner
+from sonarhw.log.writer import write_scan
 from tests.fixtures.example_logs import METADATA, example_reading
 
 EVIL = "\x1b]0;owned\x07\x9b2J\nsonarhw: done \u202e$\\frac$ <b>x</b>"

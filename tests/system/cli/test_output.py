@@ -15,7 +15,8 @@ from sonarhw_cli.options import LOG
 from sonarhw_cli.outputs import atomic_file, checked_out, text_output
 
 from sonarhw.errors import InputError
-from sonarhw.export import export_suffixes, write_scan
+from sonarhw.export import export_suffixes
+from sonarhw.log.writer import write_scan
 from tests.checkout import CHECKOUT
 from tests.fixtures.example_logs import METADATA, example_reading, write_example
 

@@ -18,8 +18,8 @@ from sonarhw_compare.fit import (
     fit_scans,
     free_parameters,
 )
+from sonarhw_compare.fit.free_walls import with_shifted_walls
 from sonarhw_compare.fit.objective import Problem
-from sonarhw_compare.fit.quantities import with_shifted_walls
 from sonarhw_sim.air import Receiver, Unit
 from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan

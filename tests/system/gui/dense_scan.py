@@ -7,8 +7,8 @@ import numpy as np
 from sonarhw_gui.model.scene import Scene
 from sonarhw_sim.predict.prediction import predict_scan
 
-from sonarhw.export import write_scan
 from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 
 SHORT = slice(100, 160)  # readings whose range is a third too short

@@ -10,7 +10,7 @@ import pytest
 import sonarhw
 from sonarhw import Board, Log, PredictedScan, Reading, Room
 from sonarhw.errors import InputError
-from sonarhw.export import write_scan
+from sonarhw.log.writer import write_scan
 from tests.checkout import CHECKOUT
 
 ARENA = CHECKOUT / "rooms" / "arena.toml"

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from sonarhw.export import write_npz
+from sonarhw.npz import write_npz
 from sonarhw.readings import Reading, Trace
 
 

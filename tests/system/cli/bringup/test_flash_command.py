@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.bringup import IMAGES
+from sonarhw.controllers import IMAGES
 from tests.checkout import CHECKOUT
 from tests.system.cli.bringup.bootloader import bootloader_board
 from tests.system.cli.instrument.test_scan_command import sonarhw

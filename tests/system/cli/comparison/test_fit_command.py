@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.fit.fitting import fitted_board
-from sonarhw_compare.fit.quantities import OFFSET, THRESHOLD, Parameter
+from sonarhw_compare.fit.parameters import Parameter
+from sonarhw_compare.fit.quantities import OFFSET, THRESHOLD
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

@@ -25,7 +25,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.served import serve
-from sonarhw.export import FoxgloveServer
+from sonarhw.foxglove import FoxgloveServer
 from sonarhw.log import read_log
 from sonarhw.readings import Reading, Trace
 from tests.fixtures.plain_echoes import PlainEchoes

@@ -38,8 +38,8 @@ from sonarhw.wire.messages import (
     Started,
     StartScan,
     Statistics,
-    origin_of,
 )
+from sonarhw.wire.readings_of_frames import origin_of
 from tests.contract.talk import Talk, readings
 from tests.system.firmware.combinations.images import MEGA, budgets, vector
 from tests.system.firmware.conftest import FIRMWARE, PACE, Echoes, Mishap, scanner_on

@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, QRectF, Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
-from sonarhw_compare.scans import heading_text
+from sonarhw_compare.headings import heading_text
 from sonarhw_gui.model.look import ViewLayer
 from sonarhw_gui.model.scene import Scene, decibels_text, wall_lines
 from sonarhw_gui.model.shown import bounces_text, chosen_path

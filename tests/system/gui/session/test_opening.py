@@ -12,8 +12,8 @@ from sonarhw_gui.jobs.files import OpenRoomRequest
 from sonarhw_gui.session.status import Source
 from sonarhw_gui.window.window import MainWindow
 
-from sonarhw.export import write_scan
 from sonarhw.log import LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import ORDER, OpenWith

@@ -12,8 +12,8 @@ from sonarhw_gui.jobs.files import ListRequest, RecordingList
 from sonarhw_gui.window.dialogs import RecordingsDialog
 from sonarhw_gui.window.window import MainWindow
 
-from sonarhw.export import write_scan
 from sonarhw.log import read_log
+from sonarhw.log.writer import write_scan
 from tests.system.gui.conftest import ORDER, OpenWith
 from tests.system.gui.driving import activate, until
 

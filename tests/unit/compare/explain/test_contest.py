@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.explain import change_for, contest, explain_reading, steps, wall_change
-from sonarhw_compare.fit.quantities import left_normals, with_shifted_walls
+from sonarhw_compare.fit.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths

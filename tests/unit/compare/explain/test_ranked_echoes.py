@@ -16,7 +16,7 @@ from sonarhw_compare.explain import (
     remedy_text,
     runner_up,
 )
-from sonarhw_compare.fit.quantities import left_normals, with_shifted_walls
+from sonarhw_compare.fit.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.predicted_scan import PredictedScan

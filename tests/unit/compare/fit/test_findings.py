@@ -4,7 +4,7 @@ import math
 
 import pytest
 from sonarhw_compare.fit.fitting import fitted_room, with_listed_findings
-from sonarhw_compare.fit.quantities import Parameter, free_parameters
+from sonarhw_compare.fit.parameters import Parameter, free_parameters
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place, load_room, parse_room
 

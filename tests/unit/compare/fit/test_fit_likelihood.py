@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
+from sonarhw_compare.fit.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.fit.likelihood import (
     BENT,
     EVEN,
@@ -25,7 +26,6 @@ from sonarhw_compare.fit.likelihood import (
     with_summed_patches,
 )
 from sonarhw_compare.fit.objective import Objective, make_problem
-from sonarhw_compare.fit.quantities import left_normals, with_shifted_walls
 from sonarhw_sim.air import EdgeStrength, Receiver
 from sonarhw_sim.board.beam import beam_table
 from sonarhw_sim.board.profile import Board, Mount, load_board

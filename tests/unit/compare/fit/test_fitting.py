@@ -10,7 +10,8 @@ import pytest
 from sonarhw_compare.fit import FitOptions, FitResult, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.fitting import _estimate, _redundancies, _starts, _turns
 from sonarhw_compare.fit.objective import Problem
-from sonarhw_compare.fit.quantities import HEADING, WORDS, Parameter, X
+from sonarhw_compare.fit.parameters import Parameter
+from sonarhw_compare.fit.quantities import HEADING, WORDS, X
 from sonarhw_compare.fit.starting import ScoredValues
 from sonarhw_sim.air import Receiver
 from sonarhw_sim.room.room import Place

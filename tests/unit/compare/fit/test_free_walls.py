@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarhw_compare.fit.quantities import corner_moves, left_normals, with_shifted_walls
+from sonarhw_compare.fit.free_walls import corner_moves, left_normals, with_shifted_walls
 from sonarhw_sim.room.room import Room, load_room, parse_room
 
 CORNERS = {"bottom": (0.0, 0.0), "right": (3.0, 0.0), "top": (3.0, 2.0), "left": (0.0, 2.0)}  # first of each wall

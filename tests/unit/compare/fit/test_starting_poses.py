@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
 from sonarhw_compare.fit.objective import Problem, make_problem
-from sonarhw_compare.fit.quantities import HEADING, WORDS, Parameter, X, Y
+from sonarhw_compare.fit.parameters import Parameter
+from sonarhw_compare.fit.quantities import HEADING, WORDS, X, Y
 from sonarhw_compare.fit.starting import Scores, _span, _within, is_same, starting_poses
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan

@@ -9,7 +9,8 @@ from scipy.stats import multivariate_normal, norm
 from sonarhw_compare.fit import free_parameters
 from sonarhw_compare.fit.fitting import shown_mismatches
 from sonarhw_compare.fit.objective import LEVELS, PROBABILITIES, tolerance_prior
-from sonarhw_compare.fit.quantities import REFLECTANCE, SCALE, THRESHOLD, WALL, Parameter, X, tolerated_parameters
+from sonarhw_compare.fit.parameters import Parameter, tolerated_parameters
+from sonarhw_compare.fit.quantities import REFLECTANCE, SCALE, THRESHOLD, WALL, X
 from sonarhw_compare.fit.search import averaged
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room

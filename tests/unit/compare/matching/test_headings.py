@@ -12,8 +12,9 @@ from sonarhw_cli.options import deviation_text, estimate_text
 from sonarhw_compare.explain import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, SeveralSolutions, free_parameters
 from sonarhw_compare.fit.fitting import warnings_of
+from sonarhw_compare.headings import estimate_degrees, heading_text, in_degrees
 from sonarhw_compare.report import report_html, report_of
-from sonarhw_compare.scans import GivenScan, estimate_degrees, heading_text, in_degrees
+from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import load_room

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.explain import explain_reading, reading_details
 from sonarhw_compare.fit.objective import make_problem
-from sonarhw_compare.fit.quantities import free_parameters
+from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.map import headings_and_ranges, map_scans
 from sonarhw_compare.match import Kind, compare_readings

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit.objective import make_problem
-from sonarhw_compare.fit.quantities import free_parameters
+from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_compare.map import headings_and_ranges

@@ -8,7 +8,8 @@ from sonarhw_sim.board.profile import Board, load_board, parse_board
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
 from sonarhw_sim.room.room import Place, Room, parse_room
 
-from sonarhw.readings import Ping, Reading, Trace, speed_of_sound
+from sonarhw.readings import Ping, Reading, Trace
+from sonarhw.sound_speed import speed_of_sound
 
 DISTANCES = (0.25, 0.5, 1.0, 2.0, 3.0)  # m; the first is so near that blanking hides the begin of the echo
 LISTEN = 0.025  # s

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from sonarhw.errors import LogError, SonarError
-from sonarhw.export import write_scan
 from sonarhw.host.scripts import configuring
 from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block, encode_frame
 from sonarhw.wire.messages import Configure, Finished, Hello, Message, ReadingMessage, Started, StartScan

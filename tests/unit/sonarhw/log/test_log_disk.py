@@ -12,9 +12,9 @@ import pytest
 import sonarhw.files
 import sonarhw.log.writer
 from sonarhw.errors import LogError, OutputError
-from sonarhw.export import write_scan
 from sonarhw.files import DiskSpaceMonitor, log_size
 from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.log.writer import write_scan
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
 from tests.hang_guard import HANG
 from tests.unit.sonarhw.log.test_log import reading_frame

@@ -14,8 +14,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import sonarhw.log.reader
 from sonarhw.errors import NotALog
-from sonarhw.export import write_scan
 from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk

@@ -12,9 +12,9 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 
-from sonarhw.export import write_scan
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.log.mcap_records import OpenFile, Record, read_records
+from sonarhw.log.writer import write_scan
 from tests.fixtures.example_logs import METADATA, example_reading, write_example
 from tests.oracles.mcap_doctor import complaints
 from tests.unit.sonarhw.log.test_log_index import CONVERSATIONS, record

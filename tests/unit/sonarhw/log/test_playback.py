@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonarhw.device.replayed_log import Playback
-from sonarhw.export import write_scan
 from sonarhw.log import Log, read_log
+from sonarhw.log.writer import write_scan
 from tests.fixtures.example_logs import METADATA, example_reading
 
 COUNT = 12  # readings, three sweeps of four, at 0, 0.1, ... 1.1 s

@@ -6,10 +6,10 @@ import pytest
 
 from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.errors import InputError
-from sonarhw.export import write_scan
 from sonarhw.host.driver import Driver
 from sonarhw.host.scripts import scanning
 from sonarhw.log import Log, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (

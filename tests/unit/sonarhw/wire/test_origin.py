@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
-from sonarhw.export import write_scan
 from sonarhw.log import LogMetadata, read_log
+from sonarhw.log.writer import write_scan
 from sonarhw.readings import Origin
-from sonarhw.wire.messages import origin_of
+from sonarhw.wire.readings_of_frames import origin_of
 from tests.fixtures.example_logs import STARTED, example_reading
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
 from sonarhw_compare.fit.objective import MODERATE, Problem, make_problem
-from sonarhw_compare.fit.quantities import Parameter
+from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.rays.paths import Paths

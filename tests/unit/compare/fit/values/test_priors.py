@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sonarhw_compare.fit.quantities import Parameter, check_words, free_parameters, with_priors
+from sonarhw_compare.fit.parameters import Parameter, check_words, free_parameters, with_priors
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 

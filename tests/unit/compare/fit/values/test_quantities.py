@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_compare.fit.parameters import free_parameters, present_value
 from sonarhw_compare.fit.quantities import (
     QUANTITIES,
     WORDS,
     BoardQuantity,
     PlaceQuantity,
-    free_parameters,
     nearest_temperature,
-    present_value,
     quantity_named,
     reflectance_of,
     words_of,

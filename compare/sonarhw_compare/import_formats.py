@@ -1,0 +1,93 @@
+"""The file formats that `sonarhw import` reads besides CSV, each with its file suffixes.
+
+To add a format, write a function `read_x(file, meaning)` in a new module and add an entry to FORMATS. The command and
+its help follow.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from sonarhw.readings import Reading
+    from sonarhw_compare.foreign_csv import Meaning
+
+
+@dataclass(frozen=True)
+class ImportFormat:
+    """One file format."""
+
+    suffixes: tuple[str, ...]  # of the file name, in lower case
+    title: str
+    has_traces: bool  # of received signals, in place of ranges
+    has_step: bool  # without angles of its own, at least in part
+    read: "Callable[[Path, Meaning], list[Reading]]"
+
+
+def _read_carmen(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports import read_carmen_log  # loads NumPy, which the help does not need
+
+    return read_carmen_log(file, meaning)
+
+
+def _read_ping360(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports import read_ping360_log
+
+    return read_ping360_log(file, meaning)
+
+
+def _read_ros(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports import read_ros_bag
+
+    return read_ros_bag(file, meaning)
+
+
+def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
+    from sonarhw_compare.imports import read_raw_traces
+
+    return read_raw_traces(file, meaning)
+
+
+FORMATS = (
+    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, False, _read_carmen),
+    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, False, _read_ping360),
+    ImportFormat((".bag",), "ROS bags, also the folder of a bag of ROS 2", False, True, _read_ros),
+    ImportFormat((".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, True, _read_raw),
+)
+_ROS, _RAW = FORMATS[-2:]
+
+
+def import_format(file: Path, rate: float | None) -> ImportFormat | None:
+    """Return the format of a file by its suffix; None: CSV. Raises InputError for a log.
+
+    With a sampling `rate`, text is a table of samples. A folder with the metadata of a bag is a bag of ROS 2; any other
+    raises InputError.
+    """
+    if (file / "metadata.yaml").exists():
+        return _ROS
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder without metadata.yaml; give a file, or the folder of a bag of ROS 2")
+    if file.suffix.lower() == ".mcap":
+        raise InputError(
+            f"{file}: is a log already, which all commands read; of a bag of ROS 2, give the folder with metadata.yaml"
+        )
+    known = next((known for known in FORMATS if file.suffix.lower() in known.suffixes), None)
+    return _RAW if known is None and rate is not None else known
+
+
+def is_bag(known: ImportFormat | None) -> bool:
+    """Return whether a format has topics."""
+    return known is _ROS
+
+
+def is_raw(known: ImportFormat | None) -> bool:
+    """Return whether a format is an array of samples, without angles."""
+    return known is _RAW
+
+
+def formats_text() -> str:
+    """Return the formats and their suffixes as a list in one sentence."""
+    return "; ".join(f"{known.title} ({', '.join(known.suffixes)})" for known in FORMATS)
