@@ -1,68 +1,49 @@
-"""The files of the window: opened and saved in threads, watched, followed and listed."""
+"""The files of the window: opening, following, saving and listing them, as functions for background jobs."""
 
 import math
 import os
 import re
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Protocol
 from xml.etree import ElementTree
 
-from PySide6.QtCore import QObject, Signal
 from sonarhw_compare.film_file import FILMS, write_film
 from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
 from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.files import file_name
-from sonarhw_sim.room.room import Room, load_room, parse_room
-from sonarhw_sim.room.room_writing import save_room
+from sonarhw_sim.room.room import load_room, parse_room
 
-from sonarhw.errors import InputError, LogError, SonarError, json_text
+from sonarhw.errors import InputError, LogError, json_text
 from sonarhw.export import export_format, export_suffixes
 from sonarhw.log import Log, LogMetadata, read_log
 from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.jobs import Failure, Worker
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
 from sonarhw_gui.session.notices import with_newest
 from sonarhw_gui.session.scanner import free_name
 from sonarhw_gui.views.base import Pixels
 
-# The readings of a CSV scan as they would be imported, for the preview of the import dialog.
-
 
 @dataclass(frozen=True)
 class CsvRead:
     """The readings of a CSV file."""
 
-    request: "ReadCsvRequest"
+    path: Path
     readings: tuple[Reading, ...]
     likely_no_echo: tuple[float, int] | None  # a range that likely means no echo, and its number of readings
 
 
-@dataclass(frozen=True)
-class ReadCsvRequest:
-    """Read a whole CSV file with these columns, units and conventions."""
-
-    path: Path
-    columns: CsvColumns
-    meaning: Meaning
-
-    def answer(self) -> CsvRead:
-        """Read the file. Raises InputError."""
-        readings = tuple(read_foreign_scan(self.path, self.columns, self.meaning))
-        known = self.meaning.no_echo is not None
-        return CsvRead(self, readings, None if known else likely_no_echo(self.path, self.columns))
-
-
-# Requests to open a log, a room or a CSV scan, and their answers.
+def read_csv(path: Path, columns: CsvColumns, meaning: Meaning) -> CsvRead:
+    """Read a whole CSV file with these columns, units and conventions. Raises InputError."""
+    readings = tuple(read_foreign_scan(path, columns, meaning))
+    return CsvRead(path, readings, None if meaning.no_echo is not None else likely_no_echo(path, columns))
 
 
 LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
@@ -78,17 +59,10 @@ class LogOpened:
     notice: str = ""  # where an imported file was stored
 
 
-@dataclass(frozen=True)
-class OpenLogRequest:
-    """Open a log."""
-
-    path: Path
-    last_scene: Scene | None = None  # the scene of the last session; None: use the scene in the log
-
-    def answer(self) -> LogOpened:
-        """Read the log. Raises InputError."""
-        log = read_log(self.path)
-        return LogOpened(self.path, log, self.last_scene or scene_of_log(log.metadata))
+def open_log(path: Path, last_scene: Scene | None = None) -> LogOpened:
+    """Read a log; `last_scene`: the scene of the last session instead of that in the log. Raises InputError."""
+    log = read_log(path)
+    return LogOpened(path, log, last_scene or scene_of_log(log.metadata))
 
 
 @dataclass(frozen=True)
@@ -100,39 +74,22 @@ class LogGrown:
     took: float  # s
 
 
-@dataclass(frozen=True)
-class FollowLogRequest:
-    """Read a log that is being written once more."""
-
-    path: Path
-
-    def answer(self) -> LogGrown:
-        """Read the log. Raises InputError."""
-        began = time.perf_counter()
-        log = read_log(self.path)
-        return LogGrown(self.path, log, time.perf_counter() - began)
+def read_grown_log(path: Path) -> LogGrown:
+    """Read a log that is being written once more. Raises InputError."""
+    began = time.perf_counter()
+    log = read_log(path)
+    return LogGrown(path, log, time.perf_counter() - began)
 
 
-@dataclass(frozen=True)
-class OpenCsvRequest:
-    """Import a CSV scan as a log, and open the log."""
-
-    source: ReadCsvRequest
-    folder: Path  # where the imported log is stored
-
-    def answer(self) -> LogOpened:
-        """Import the file, and read the log. Raises InputError, LogError, OutputError."""
-        readings = self.source.answer().readings
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            why = f"cannot be created: {error.strerror}; imported scans are stored there"
-            raise LogError(f"{self.folder}: {why}") from error
-        path = free_name(self.folder, self.source.path.stem, LOG)
-        write_scan(path, LogMetadata("import", time.time()), readings)
-        log = read_log(path)
-        notice = f"{self.source.path.name} was imported as {path.name}, in {self.folder}"
-        return LogOpened(path, log, scene_of_log(log.metadata), notice)
+def import_scan(csv: CsvRead, folder: Path) -> LogOpened:
+    """Write the readings of a CSV file as a log in `folder`, and read it. Raises InputError, LogError, OutputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be created: {error.strerror}; imported scans are stored there") from error
+    path = free_name(folder, csv.path.stem, LOG)
+    write_scan(path, LogMetadata("import", time.time()), csv.readings)
+    return replace(open_log(path), notice=f"{csv.path.name} was imported as {path.name}, in {folder}")
 
 
 @dataclass(frozen=True)
@@ -154,22 +111,11 @@ class RoomOpened:
         return self.scene
 
 
-@dataclass(frozen=True)
-class OpenRoomRequest:
-    """Open a room file, or a shipped room by its name."""
-
-    path: Path | str
-    board: Board
-
-    def answer(self) -> RoomOpened:
-        """Read the room. Raises InputError."""
-        room = load_room(self.path)
-        path = self.path if isinstance(self.path, Path) else None
-        return RoomOpened(path, scene_with(self.board, room, first_place(room), file_name(self.path)))
-
-
-Opened = LogOpened | RoomOpened | LogGrown
-OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest | FollowLogRequest
+def open_room(room_name: Path | str, board: Board) -> RoomOpened:
+    """Read a room file, or a shipped room by its name, for a board. Raises InputError."""
+    room = load_room(room_name)
+    path = room_name if isinstance(room_name, Path) else None
+    return RoomOpened(path, scene_with(board, room, first_place(room), file_name(room_name)))
 
 
 def can_open(path: Path) -> bool:
@@ -177,34 +123,18 @@ def can_open(path: Path) -> bool:
     return path.suffix.lower() in (LOG, ROOM, CSV)
 
 
-def is_csv(path: Path) -> bool:
-    """Return whether a file is a scan that must be imported."""
-    return path.suffix.lower() == CSV
-
-
-def request_for(path: Path, board: Board) -> OpenRequest:
-    """Return the request that opens a file. Raises InputError for an unknown extension."""
-    match path.suffix.lower():
-        case ".mcap":
-            return OpenLogRequest(path)
-        case ".toml":
-            return OpenRoomRequest(path, board)
-    raise InputError(f"{path.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")
-
-
-# The files of the window: opens files in a thread, saves rooms, and lists recent files.
-
-
 class Documents:
-    """Opens one file at a time. A new request replaces a waiting request of the same kind."""
+    """The files that were opened or saved last, and the folder where the next one is saved."""
 
-    def __init__(self, folder: Path) -> None:
-        """`folder`: of recordings, where imported scans are stored as logs."""
+    def __init__(self, recordings: Path) -> None:
+        """`recordings`: the folder of recordings, where nothing else is saved."""
         self.recent: tuple[str, ...] = ()
-        self.messages: list[str] = []
         self.saved_in: Path | None = None
-        self._folder = folder
-        self._worker = Worker("open files")
+        self._recordings = recordings
+
+    def add(self, path: Path) -> None:
+        """Note that a file was opened or saved."""
+        self.recent = with_newest(self.recent, str(path.absolute()))
 
     def folder(self, shown: str = "") -> Path:
         """Return the folder for a save dialog: the last one used, else that of the file shown or opened last.
@@ -214,63 +144,8 @@ class Documents:
         if self.saved_in is not None:
             return self.saved_in
         folders = (Path(name).parent for name in (shown, *self.recent) if name)
-        fit = (folder for folder in folders if folder != self._folder and os.access(folder, os.W_OK))
+        fit = (folder for folder in folders if folder != self._recordings and os.access(folder, os.W_OK))
         return next(fit, Path.home())
-
-    @property
-    def busy(self) -> bool:
-        """Whether a file is being opened."""
-        return self._worker.busy
-
-    def open(self, path: Path, board: Board) -> None:
-        """Start to open a file; a room is opened with this board."""
-        try:
-            self._worker.submit(request_for(path, board))
-        except InputError as error:
-            self.messages.append(str(error))
-
-    def import_csv(self, source: ReadCsvRequest) -> None:
-        """Start to import a CSV scan as a log in the folder of recordings, and to open the log."""
-        self._worker.submit(OpenCsvRequest(source, self._folder))
-
-    def submit(self, request: OpenRequest) -> None:
-        """Start to open a file by a request."""
-        self._worker.submit(request)
-
-    def take(self) -> list[Opened]:
-        """Return what was opened since the last call."""
-        opened: list[Opened] = []
-        for answer in self._worker.take():
-            if isinstance(answer, Failure):
-                self.messages.append(answer.message)
-            else:
-                opened.append(answer)
-                if isinstance(answer, LogGrown) or answer.path is None:
-                    continue
-                self.recent = with_newest(self.recent, str(answer.path.absolute()))
-                if isinstance(answer, LogOpened) and answer.notice:
-                    self.messages.append(answer.notice)
-        return opened
-
-    def save_room(self, room: Room | None, path: Path) -> bool:
-        """Write a room and return whether that succeeded. An existing file is overwritten."""
-        try:
-            if room is None:
-                raise InputError("there is no room to save; open a room file")
-            save_room(room, path, overwrite=True)
-        except SonarError as error:
-            self.messages.append(str(error))
-            return False
-        self.recent = with_newest(self.recent, str(path.absolute()))
-        self.saved_in = path.absolute().parent
-        return True
-
-    def close(self) -> None:
-        """End the thread."""
-        self._worker.close()
-
-
-# Notices that the room or board file shown in the window has changed on disk.
 
 
 LOOK_EVERY = 1.0  # s between two looks at a file
@@ -291,9 +166,10 @@ class WatchedFile(StrEnum):
 
 
 @dataclass(frozen=True)
-class ReloadBoard:
-    """An accepted offer to read a changed board profile again."""
+class ReloadFile:
+    """An accepted offer to read a changed file again."""
 
+    what: WatchedFile
     path: Path
 
 
@@ -333,9 +209,6 @@ def stamp_of(path: Path) -> Stamp | None:
     except OSError:
         return None
     return Stamp(status.st_mtime_ns, status.st_size)
-
-
-# The torn log that is shown: it is read again while another program writes it, or else reported as torn.
 
 
 TORN_AFTER = 3.0  # s without growth, after which a log that was just written is reported as torn
@@ -391,9 +264,6 @@ class FollowedLog:
         self._look_at = now + max(LOOK_EVERY, _REST * took)
 
 
-# Lists the logs in the folder of recordings, newest first; a thread reads a few at a time.
-
-
 _SLICE = 0.2  # s of reading between updates of the list
 
 
@@ -425,25 +295,22 @@ class RecordingList:
         return len(self.rows) == self.files
 
 
-@dataclass(frozen=True)
-class ListRequest:
-    """Read more recordings of a folder. A file that has not changed is not read again."""
+def list_recordings(known: RecordingList) -> RecordingList:
+    """Read more recordings of a folder for `_SLICE` s. A file that has not changed is not read again.
 
-    known: RecordingList
-
-    def answer(self) -> RecordingList:
-        """Read for `_SLICE` s. Raises InputError if the folder cannot be read."""
-        files = _files(self.known.folder)
-        known = {row.path: row for row in self.known.rows}
-        rows, until = [], time.monotonic() + _SLICE
-        for path, changed in files:
-            before = known.get(path)
-            if before is not None and before.changed == changed:
-                rows.append(before)
-            elif time.monotonic() < until:
-                rows.append(_recording(path, changed))
-        rows.sort(key=lambda row: -row.began)
-        return replace(self.known, rows=tuple(rows), files=len(files))
+    Raises InputError if the folder cannot be read.
+    """
+    files = _files(known.folder)
+    rows_before = {row.path: row for row in known.rows}
+    rows, until = [], time.monotonic() + _SLICE
+    for path, changed in files:
+        before = rows_before.get(path)
+        if before is not None and before.changed == changed:
+            rows.append(before)
+        elif time.monotonic() < until:
+            rows.append(_recording(path, changed))
+    rows.sort(key=lambda row: -row.began)
+    return replace(known, rows=tuple(rows), files=len(files))
 
 
 def _files(folder: Path) -> list[tuple[Path, float]]:
@@ -476,38 +343,6 @@ def _room(log: Log) -> str:
         return log.metadata.room_file
 
 
-class Recordings:
-    """Reads the folder in a thread while the list is shown."""
-
-    def __init__(self, folder: Path) -> None:
-        self.listed = RecordingList(folder)
-        self.failures: list[str] = []
-        self._worker = Worker("list recordings")
-        self._worker.submit(ListRequest(self.listed))
-
-    def take(self) -> bool:
-        """Fetch what was read since the last call; return whether there is anything new."""
-        taken = self._worker.take()
-        for answer in taken:
-            if isinstance(answer, Failure):
-                self.failures.append(answer.message)
-                continue
-            self.listed = answer
-            if not answer.complete:
-                self._worker.submit(ListRequest(answer))
-        return bool(taken)
-
-    def close(self) -> None:
-        """End the thread."""
-        self._worker.close()
-
-
-# SVG with line widths that every program draws correctly.
-#
-# Qt's generator scales shapes by a transform and keeps line widths by `vector-effect`, which only browsers support.
-# This module applies the transform to the coordinates instead.
-
-
 _SVG, _LINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 _PAIR = re.compile(r"(-?\d[\d.e+-]*|-?\.\d+),(-?\d[\d.e+-]*|-?\.\d+)")
 _EFFECT = "vector-effect"
@@ -518,7 +353,10 @@ Matrix = tuple[float, ...]  # a, b, c, d, e, f of SVG
 
 
 def with_own_coordinates(svg: str) -> str:
-    """Return the same drawing with transformed coordinates, and text in a font that every system has."""
+    """Return the same drawing with transformed coordinates, and text in a font that every system has.
+
+    Qt's generator scales shapes by a transform and keeps line widths by `vector-effect`, which only browsers support.
+    """
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _LINK)
     root = ElementTree.fromstring(svg)
@@ -555,9 +393,6 @@ def _place(shape: ElementTree.Element, matrix: Matrix) -> None:
 def _moved(x: float, y: float, matrix: Matrix) -> str:
     a, b, c, d, e, f = matrix
     return f"{a * x + c * y + e:.7g},{b * x + d * y + f:.7g}"
-
-
-# Requests to save pictures, data and reports; each file is written completely or not at all.
 
 
 JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
@@ -654,28 +489,20 @@ class FilmOfSound:
         write_film(self.ping, FilmTiming(), file, ending)
 
 
-@dataclass(frozen=True)
-class SaveRequest:
-    """Save content to a file."""
+def save_file(content: Content, path: Path, overwrite: bool) -> Path:
+    """Write a file completely or not at all; return its path. Raises InputError, OutputError."""
+    from sonarhw.files import atomic_file
 
-    content: Content
-    path: Path
-    overwrite: bool
-
-    def answer(self) -> Path:
-        """Write the file. Raises InputError, OutputError; then no file is written."""
-        from sonarhw.files import atomic_file
-
-        endings, path = self.content.endings, self.path
-        if path.suffix.lower() not in endings:
-            raise InputError(f"{path.name}: expected a name ending in {' or '.join(endings)}")
-        if path.is_symlink() and path.resolve().suffix.lower() not in endings:
-            raise InputError(f"{path}: is a link to {path.resolve()}; choose another name")
-        if path.exists() and not self.overwrite:
-            raise InputError(f"{path}: exists already; choose another name")
-        with atomic_file(path, "name", overwrite=self.overwrite) as file:
-            self.content.write(file, path.suffix.lower())
-        return path
+    endings, ending = content.endings, path.suffix.lower()
+    if ending not in endings:
+        raise InputError(f"{path.name}: expected a name ending in {' or '.join(endings)}")
+    if path.is_symlink() and path.resolve().suffix.lower() not in endings:
+        raise InputError(f"{path}: is a link to {path.resolve()}; choose another name")
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: exists already; choose another name")
+    with atomic_file(path, "name", overwrite=overwrite) as file:
+        content.write(file, ending)
+    return path
 
 
 def _log_of(recorded: Log | Path) -> Log:
@@ -693,53 +520,3 @@ def _summary(log: Log, scene: Scene) -> str:
     room, _ = room_and_place(scene)
     compared = compare_readings(log.readings, room, scene.pose, scene.board, scene.options)
     return json_text(asdict(replace(compared, origin=log.origin).summary())) + "\n"
-
-
-# Writes files one after another in a thread, and reports each success or failure.
-
-
-class FileSaver(QObject):
-    """Writes all requested files, one after another."""
-
-    saved = Signal(str)  # message
-    failed = Signal(str)
-
-    def __init__(self, parent: QObject) -> None:
-        super().__init__(parent)
-        self._waiting: deque[SaveRequest] = deque()
-        self._worker: Worker | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Whether files are waiting or being written."""
-        return bool(self._waiting) or (self._worker is not None and self._worker.busy)
-
-    def write(self, content: Content, path: Path, overwrite: bool = False) -> None:
-        """Queue a file; `overwrite`: the user has agreed to overwrite it."""
-        if self._worker is None:
-            self._worker = Worker("save files")
-        self._waiting.append(SaveRequest(content, path, overwrite))
-        self._write_next()
-
-    def tick(self) -> None:
-        """Emit `saved` or `failed` for each finished file."""
-        if self._worker is None:
-            return
-        for answer in self._worker.take():
-            if isinstance(answer, Failure):
-                self.failed.emit(answer.message)
-            else:
-                self.saved.emit(f"saved: {answer}")
-        self._write_next()
-
-    def close(self) -> None:
-        """Write the waiting files, and end the thread."""
-        if self._worker is not None:
-            self._worker.close()
-            for request in self._waiting:
-                with suppress(SonarError):  # the window is closed: no place to report it
-                    request.answer()
-
-    def _write_next(self) -> None:
-        if self._waiting and self._worker is not None and not self._worker.busy:
-            self._worker.submit(self._waiting.popleft())

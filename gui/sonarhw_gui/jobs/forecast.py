@@ -1,11 +1,14 @@
-"""The prediction that the window shows: paths, outline and comparison, computed in threads."""
+"""The prediction that the window shows: paths, outline and comparison, computed in background jobs.
+
+Paths are computed twice: first a quick draft, then all paths. During a drag there are only drafts.
+"""
 
 import math
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,16 +20,25 @@ from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_he
 from sonarhw_sim.rays.paths import Paths
 
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene
 
 if TYPE_CHECKING:
     from sonarhw_compare.pictures import RangeShading
 
-# Adapts bounces, rays and receiver of draft predictions, so that drafts keep up with a dragged sensor.
-
-
+IntArray = NDArray[np.int64]
+OUTLINE_HEADINGS = 360
+STRETCH = 360  # readings that are compared together
+_SHORT_SCAN = 30  # readings; a shorter stretch is compared again together with those that follow
+_AT_ONCE = 4  # stretches of one request; about 0.1 s
+KINDS = {kind: code for code, kind in enumerate(Kind)}
+NO_PATH = -1
+LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
+# s without a movement, after which a drag is considered to pause: at least the first, at most the second
+SHORT_REST, REST = 0.05, 0.1
+# each has a thread of its own: drafts and comparisons never wait for the search for all paths, nor for probabilities
+_DRAFT, _FIND, _WEIGH, _COMPARE = "draft paths", "find paths", "probabilities", "compare readings"
 _TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft
 
 
@@ -61,7 +73,7 @@ _FIRST = 3
 
 
 class EffortChoice:
-    """Raises the effort while drafts are fast, and lowers it after a slow one."""
+    """Raises the effort while drafts are fast, and lowers it after a slow one, so that drafts keep up with a drag."""
 
     def __init__(self) -> None:
         self._level = _FIRST
@@ -79,15 +91,9 @@ class EffortChoice:
             self._level = min(len(_EFFORTS) - 1, self._level + 1)
 
 
-# The request for the paths of a scene, and its answer.
-
-
-OUTLINE_HEADINGS = 360
-
-
 @dataclass(frozen=True)
 class PathsFound:
-    """The paths of a scene and the predicted outline."""
+    """The paths of a scene and the predicted outline: the result of `find_paths`."""
 
     generation: int
     scene: Scene
@@ -102,77 +108,35 @@ class PathsFound:
         return self.outline.paths
 
 
-@dataclass(frozen=True)
-class PathsRequest:
-    """Find the paths from the scene's place back to it."""
-
-    generation: int
-    scene: Scene  # with a room
-    options: PredictionOptions
-    headings: int = OUTLINE_HEADINGS
-
-    def answer(self) -> PathsFound:
-        """Find the paths; in a room with many echoes this takes seconds."""
-        began = time.perf_counter()
-        scene = self.scene
-        room, _ = room_and_place(scene)
-        outline = predict_scan(room, scene.pose, scene.board, self._headings(), self.options)
-        draft = self.options != scene.options or self.headings < OUTLINE_HEADINGS
-        return PathsFound(self.generation, scene, self.options, outline, draft, time.perf_counter() - began)
-
-    def _headings(self) -> FloatArray:
-        board = self.scene.board
-        if board.ring is not None:
-            return board.ring.headings(self.scene.pose)
-        one_search = paths_serve_all_headings(board, self.options.unit)
-        count = OUTLINE_HEADINGS if one_search else self.headings
-        return np.linspace(0, 2 * np.pi, count, endpoint=False)
+def find_paths(
+    generation: int, scene: Scene, options: PredictionOptions, headings: int = OUTLINE_HEADINGS
+) -> PathsFound:
+    """Find the paths from the place of a scene with a room back to it; with many echoes this takes seconds."""
+    began = time.perf_counter()
+    room, _ = room_and_place(scene)
+    outline = predict_scan(room, scene.pose, scene.board, _outline_headings(scene, options, headings), options)
+    draft = options != scene.options or headings < OUTLINE_HEADINGS
+    return PathsFound(generation, scene, options, outline, draft, time.perf_counter() - began)
 
 
-# The probability of ranges at each heading of the predicted outline, as an image for the range view.
+def _outline_headings(scene: Scene, options: PredictionOptions, count: int) -> FloatArray:
+    if scene.board.ring is not None:
+        return scene.board.ring.headings(scene.pose)
+    one_search = paths_serve_all_headings(scene.board, options.unit)
+    return np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS if one_search else count, endpoint=False)
 
 
-@dataclass(frozen=True)
-class OutlineChances:
-    """The probabilities of ranges at the headings of the outline."""
+def outline_chances(found: PathsFound) -> "RangeShading":
+    """Return the probabilities of ranges at every heading of the outline; it searches the fainter paths too."""
+    # slow to load, and few boards state a spread
+    from sonarhw_compare.pictures import shading_of
+    from sonarhw_sim.predict.probability import possible_readings, scan_with_fainter_paths
 
-    generation: int  # of the scene
-    shading: "RangeShading"
-
-
-@dataclass(frozen=True)
-class ChancesRequest:
-    """Find the probabilities for the outline of these paths."""
-
-    found: PathsFound
-
-    def answer(self) -> OutlineChances:
-        """Search the fainter paths, and weigh the possible readings at every heading of the outline."""
-        # slow to load, and few boards state a spread
-        from sonarhw_compare.pictures import shading_of
-        from sonarhw_sim.predict.probability import possible_readings, scan_with_fainter_paths
-
-        found, scene = self.found, self.found.scene
-        room, _ = room_and_place(scene)
-        headings = found.outline.headings
-        scan = scan_with_fainter_paths(room, scene.pose, scene.board, headings, found.options)
-        possible = [possible_readings(scan, index) for index in range(len(headings))]
-        return OutlineChances(found.generation, shading_of(possible, headings))
-
-
-# Compares every reading of a scan with the prediction, in stretches, in a thread.
-#
-# The stretch of the selected reading is compared first, then its neighbours, then the rest. The readings of a running
-# scan are compared in short stretches, so that each is compared a few times only, and again together when there are
-# STRETCH of them.
-
-
-IntArray = NDArray[np.int64]
-STRETCH = 360  # readings that are compared together
-_SHORT_SCAN = 30  # readings; a shorter stretch is compared again together with those that follow
-_AT_ONCE = 4  # stretches of one request; about 0.1 s
-KINDS = {kind: code for code, kind in enumerate(Kind)}
-NO_PATH = -1
+    scene, headings = found.scene, found.outline.headings
+    room, _ = room_and_place(scene)
+    scan = scan_with_fainter_paths(room, scene.pose, scene.board, headings, found.options)
+    possible = [possible_readings(scan, index) for index in range(len(headings))]
+    return shading_of(possible, headings)
 
 
 @dataclass(frozen=True)
@@ -260,49 +224,40 @@ class ComparedScan:
         return ComparedScan(tuple(stretch for stretch in kept if stretch.scene_generation == generation))
 
 
-@dataclass(frozen=True)
-class CompareRequest:
-    """Compare stretches of readings with the prediction from these paths."""
-
-    scan: int  # number of the scan
-    found: PathsFound
-    stretches: tuple[tuple[int, tuple[Reading, ...]], ...]  # number of the first reading, and the readings
-
-    def answer(self) -> "StretchesCompared":
-        """Compare the readings."""
-        return StretchesCompared(self.scan, tuple(self._compared(*stretch) for stretch in self.stretches))
-
-    def _compared(self, first: int, readings: tuple[Reading, ...]) -> Stretch:
-        found, scene = self.found, self.found.scene
-        room, _ = room_and_place(scene)
-        headings = headings_of(readings, scene.pose, scene.board)
-        prediction = predict_scan(room, scene.pose, scene.board, headings, found.options, found.paths)
-        if prediction.only_at is None and len(prediction.paths) == len(found.paths):
-            # all stretches share one table of paths; their copies would fill the memory
-            prediction = replace(prediction, paths=found.paths)
-        stretch = Stretch(first, match_readings(readings, prediction), found.draft, found.generation)
-        _ = stretch.predicted, stretch.kinds, stretch.paths  # computed here, not in the thread that draws
-        return stretch
+def compare_stretches(found: PathsFound, stretches: Sequence[tuple[int, tuple[Reading, ...]]]) -> tuple[Stretch, ...]:
+    """Compare stretches, each with the number of its first reading, with the prediction from these paths."""
+    return tuple(_compared(found, first, readings) for first, readings in stretches)
 
 
-@dataclass(frozen=True)
-class StretchesCompared:
-    """The answer to a `CompareRequest`."""
-
-    scan: int
-    stretches: tuple[Stretch, ...]
+def _compared(found: PathsFound, first: int, readings: tuple[Reading, ...]) -> Stretch:
+    scene = found.scene
+    room, _ = room_and_place(scene)
+    headings = headings_of(readings, scene.pose, scene.board)
+    prediction = predict_scan(room, scene.pose, scene.board, headings, found.options, found.paths)
+    if prediction.only_at is None and len(prediction.paths) == len(found.paths):
+        # all stretches share one table of paths; their copies would fill the memory
+        prediction = replace(prediction, paths=found.paths)
+    stretch = Stretch(first, match_readings(readings, prediction), found.draft, found.generation)
+    _ = stretch.predicted, stretch.kinds, stretch.paths  # computed here, not in the thread that draws
+    return stretch
 
 
 class Comparer:
-    """Keeps the comparison of one growing scan up to date with the newest paths."""
+    """Keeps the comparison of one growing scan up to date with the newest paths, in stretches.
 
-    def __init__(self) -> None:
+    The stretch of the selected reading is compared first, then its neighbours, then the rest. The readings of a running
+    scan are compared in short stretches, so that each is compared a few times only, and again together when there are
+    STRETCH of them.
+    """
+
+    def __init__(self, jobs: Jobs, changed: Callable[[], None]) -> None:
+        """`changed` is called when readings were compared."""
         self.compared: ComparedScan | None = None
         self.around: int | None = None  # reading whose stretch is compared first; None: the newest
         self._readings: Sequence[Reading] = ()
         self._found: PathsFound | None = None
         self._scan = 0
-        self._worker = Worker("compare readings")
+        self._jobs, self._changed = jobs, changed
 
     def begin_scan(self) -> None:
         """Drop the readings; later readings belong to another scan."""
@@ -326,27 +281,15 @@ class Comparer:
             return 0
         return len(self._readings) - sum(stretch.end - stretch.first for stretch in self._current)
 
-    def take(self) -> tuple[bool, list[Failure]]:
-        """Fetch the answers; return whether anything was compared, and failures."""
-        failures: list[Failure] = []
-        changed = False
-        for answer in self._worker.take():
-            if isinstance(answer, Failure):
-                failures.append(answer)
-            elif answer.scan == self._scan:
-                known = self.compared or ComparedScan(())
-                self.compared, changed = known.with_newer(answer.stretches), True
-        if not failures:  # a request that fails would fail again
-            self._submit()
-        return changed, failures
-
-    def close(self) -> None:
-        """End the thread."""
-        self._worker.close()
+    def _take(self, scan: int, stretches: tuple[Stretch, ...]) -> None:
+        if scan == self._scan:
+            self.compared = (self.compared or ComparedScan(())).with_newer(stretches)
+            self._changed()
+        self._submit()  # not after a failure: the same request would fail again
 
     def _submit(self) -> None:
         found = self._found
-        if found is None or self._worker.busy:
+        if found is None or self._jobs.busy(_COMPARE):
             return
         alike = paths_serve_all_headings(found.scene.board, found.options.unit)
         around = len(self._readings) - 1 if self.around is None else self.around
@@ -354,7 +297,7 @@ class Comparer:
         chosen = nearest[: _AT_ONCE if alike else 1]  # otherwise each heading needs its own search
         if chosen:
             stretches = tuple((begin, tuple(self._readings[begin:end])) for begin, end in chosen)
-            self._worker.submit(CompareRequest(self._scan, found, stretches))
+            self._jobs.run(_COMPARE, compare_stretches, found, stretches, then=partial(self._take, self._scan))
 
     @property
     def _current(self) -> list[Stretch]:
@@ -384,26 +327,15 @@ def _apart(stretch: tuple[int, int], reading: int) -> int:
     return max(begin - reading, reading - end + 1, 0)
 
 
-# The prediction that the window shows: paths, outline and comparison, computed in threads.
-#
-# Paths are computed twice: first a quick draft, then all paths. During a drag there are only drafts. Answers for a
-# scene or scan that is no longer shown are dropped.
-
-
-LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
-# s without a movement, after which a drag is considered to pause: at least the first, at most the second
-SHORT_REST, REST = 0.05, 0.1
-
-
 class Forecast:
     """Keeps outline and comparison up to date with the scene and the readings."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, jobs: Jobs, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
-        self.chances: OutlineChances | None = None  # of the outline, after the search for all paths
+        self.chances: RangeShading | None = None  # of the outline, after the search for all paths
         self.outdated = False  # whether the comparison is of a previous scene for longer than LATE
-        self.failures: list[str] = []
-        self._clock = clock
+        self._jobs, self._clock = jobs, clock
+        self._changed = False  # since the last call of `take`
         self._effort = EffortChoice()
         self._scene: Scene | None = None
         self._found: PathsFound | None = None
@@ -412,11 +344,7 @@ class Forecast:
         self._moved_at = -math.inf  # of the last change of the scene
         self._oldest = 0  # older generations belong to another room
         self._search_at: float | None = None  # time of the next search for all paths
-        # four threads: drafts and comparisons never wait for the search for all paths, nor for probabilities
-        self._drafter = Worker("draft paths")
-        self._finder = Worker("find paths")
-        self._weigher = Worker("probabilities")
-        self._comparer = Comparer()
+        self._comparer = Comparer(jobs, self._note_compared)
 
     @property
     def compared(self) -> ComparedScan | None:
@@ -436,7 +364,7 @@ class Forecast:
     @property
     def searching(self) -> bool:
         """Whether the search for all paths is not finished; until then there is a draft, or nothing."""
-        return self._search_at is not None or self._drafter.busy or self._finder.busy
+        return self._search_at is not None or self._jobs.busy(_DRAFT) or self._jobs.busy(_FIND)
 
     def set_scene(self, scene: Scene) -> None:
         """Predict for `scene` from now on, and drop the results for the previous scene."""
@@ -460,7 +388,7 @@ class Forecast:
         if scene.room is None:
             return
         effort = self._effort.effort
-        self._drafter.submit(PathsRequest(self._generation, scene, effort.limit(scene.options), effort.headings))
+        self._find(_DRAFT, scene, effort.limit(scene.options), effort.headings)
         self._search_at = now + rest
         self._search_when_due()
 
@@ -477,23 +405,11 @@ class Forecast:
         self._comparer.around = reading
 
     def take(self) -> bool:
-        """Fetch the answers since the last call; return whether anything has changed."""
+        """Search all paths if that is due, and return whether anything has changed since the last call."""
         self._search_when_due()
-        changed = False
-        for answer in (answer for worker in self._workers for answer in worker.take()):
-            changed = self._accept(answer) or changed
-        changed = self._take_compared() or changed
-        return self._update_outdated() or changed
-
-    def close(self) -> None:
-        """End the threads."""
-        for worker in self._workers:
-            worker.close()
-        self._comparer.close()
-
-    @property
-    def _workers(self) -> tuple[Worker, ...]:
-        return self._drafter, self._finder, self._weigher
+        changed = self._update_outdated() or self._changed
+        self._changed = False
+        return changed
 
     def _update_outdated(self) -> bool:
         """Update `outdated`; return whether it changed. Only a comparison of the newest scene clears it."""
@@ -508,41 +424,32 @@ class Forecast:
     def _search_when_due(self) -> None:
         if self._scene is not None and self._search_at is not None and self._clock() >= self._search_at:
             self._search_at = None
-            self._finder.submit(PathsRequest(self._generation, self._scene, self._scene.options))
+            self._find(_FIND, self._scene, self._scene.options, OUTLINE_HEADINGS)
 
-    def _take_compared(self) -> bool:
-        changed, failures = self._comparer.take()
-        self.failures += [failure.message for failure in failures]
-        if self.compared is not None and changed:
-            self._forget_changes(self.compared.scene_generation)
-        return changed or bool(failures)
+    def _find(self, key: str, scene: Scene, options: PredictionOptions, headings: int) -> None:
+        self._jobs.run(key, find_paths, self._generation, scene, options, headings, then=self._accept)
 
-    def _accept(self, answer: PathsFound | OutlineChances | Failure) -> bool:
-        match answer:
-            case Failure():
-                self.failures.append(answer.message)
-                return True
-            case PathsFound():
-                if answer.draft:
-                    self._effort.record(answer.took)
-                return self._accept_paths(answer)
-            case OutlineChances() if self._found is not None and answer.generation == self._found.generation:
-                self.chances = answer
-                return True
-        return False
-
-    def _accept_paths(self, found: PathsFound) -> bool:
+    def _accept(self, found: PathsFound) -> None:
         """Use these paths if they are of a newer scene, or complete instead of a draft of the same scene."""
-        known = self._found
-        if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
-            return False
-        self._found, self.outline, self.chances = found, found.outline, None
+        if found.draft:
+            self._effort.record(found.took)
+        if found.generation < self._oldest or (self._found is not None and _rank(found) <= _rank(self._found)):
+            return
+        self._found, self.outline, self.chances, self._changed = found, found.outline, None, True
         if not found.draft and found.outline.board.states_spread:
-            self._weigher.submit(ChancesRequest(found))
+            self._jobs.run(_WEIGH, outline_chances, found, then=partial(self._take_chances, found))
         if self.compared is None:
             self._forget_changes(found.generation)
         self._comparer.use(found)
-        return True
+
+    def _take_chances(self, found: PathsFound, chances: "RangeShading") -> None:
+        if found is self._found:
+            self.chances, self._changed = chances, True
+
+    def _note_compared(self) -> None:
+        self._changed = True
+        if self.compared is not None:
+            self._forget_changes(self.compared.scene_generation)
 
     def _forget_changes(self, done: int) -> None:
         self._changed_at = {scene: at for scene, at in self._changed_at.items() if scene > done}

@@ -1,214 +1,221 @@
-"""Threads that answer requests for the window, their progress, and one long run at a time."""
+"""The background work of the window: `Jobs.run` calls a function in a thread and passes its result to the GUI thread.
+
+The jobs of one lane share a thread and run one after another. A new job replaces a waiting one with the same key.
+"""
 
 import threading
-from collections import deque
-from typing import Any, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
 
-from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtCore import QObject, Qt, Signal, Slot
 
-from sonarhw.errors import SonarError
+from sonarhw.errors import Cancelled, SonarError
 
-# A thread that answers requests, without Qt; requests and answers are frozen values.
-#
-# Only the newest waiting request of each type is kept.
-
-
-_MOST_ANSWERS = 64
+_MOST_WAITING = 64  # jobs of a lane; another one is refused
 
 
-class Request(Protocol):
-    """Work for a thread; a frozen value."""
-
-    def answer(self) -> Any:
-        """Return the answer, also a frozen value; runs in the worker's thread and uses only the request."""
-
-
-class Failure:
-    """The answer to a request that raised an error."""
-
-    def __init__(self, request: Request, error: Exception) -> None:
-        self.request = request
-        self.error = error
-
-    @property
-    def message(self) -> str:
-        """The message for the user. Raises any error other than SonarError, because it is a defect."""
-        if not isinstance(self.error, SonarError):
-            raise self.error
-        return str(self.error)
-
-
-class Worker:
-    """One thread that answers one request after another."""
-
-    def __init__(self, name: str) -> None:
-        self._wake = threading.Condition()
-        self._waiting: dict[type, Request] = {}
-        self._working = False
-        self._closing = False
-        self._answers: deque[Any] = deque(maxlen=_MOST_ANSWERS)
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
-
-    @property
-    def busy(self) -> bool:
-        """Whether requests or answers are pending."""
-        with self._wake:
-            return self._working or bool(self._waiting) or bool(self._answers)
-
-    def submit(self, request: Request) -> None:
-        """Queue `request`; it replaces a waiting request of the same type."""
-        with self._wake:
-            self._waiting.pop(type(request), None)
-            self._waiting[type(request)] = request
-            self._wake.notify()
-
-    def take(self) -> list[Any]:
-        """Return the answers since the last call, a `Failure` for each request that raised an error."""
-        with self._wake:
-            answers = list(self._answers)
-            self._answers.clear()
-        return answers
-
-    def close(self) -> None:
-        """Drop waiting requests and end the thread, after its current request."""
-        with self._wake:
-            self._closing = True
-            self._waiting.clear()
-            self._wake.notify()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while self._answer_next():
-            pass
-
-    def _answer_next(self) -> bool:
-        """Answer a request; return False at the end. While it waits, it keeps neither requests nor answers."""
-        request = self._next()
-        if request is None:
-            return False
-        try:
-            answer = request.answer()
-        except Exception as error:  # noqa: BLE001 - reported to the caller of `take`
-            answer = Failure(request, error)
-        with self._wake:
-            self._working = False
-            self._answers.append(answer)
-        return True
-
-    def _next(self) -> Request | None:
-        with self._wake:
-            while not self._waiting and not self._closing:
-                self._wake.wait()
-            if self._closing:
-                return None
-            self._working = True
-            return self._waiting.pop(next(iter(self._waiting)))
-
-
-# Progress and cancellation of a long run in a thread, without Qt.
-
-
-class RunProgress:
-    """Progress of a run, and its cancellation; shared by the thread of the run and its caller."""
+class JobProgress:
+    """The progress of a job, its newest partial result, and its cancellation; shared by the two threads."""
 
     def __init__(self) -> None:
         self.share, self.step = 0.0, "beginning"
-        self._stop = threading.Event()
+        self.part: Any = None  # the newest partial result
+        self.cancelled = False
 
     def report(self, share: float, step: str = "") -> None:
         """Store the share that is done and the current step."""
         self.share, self.step = share, step
 
-    def cancel(self) -> None:
-        """Ask the run to end."""
-        self._stop.set()
+    def check(self, share: float) -> None:
+        """Store the share that is done. Raises Cancelled."""
+        self.report(share)
+        if self.cancelled:
+            raise Cancelled("the job was cancelled")
+
+    def show(self, part: object) -> None:
+        """Store a partial result."""
+        self.part = part
+
+
+@dataclass(eq=False)
+class _Job:
+    """A function with its arguments, what happens with its result, and the result."""
+
+    key: str
+    lane: str
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    then: Callable[[Any], None] | None
+    failed: Callable[[str], None] | None
+    watch: Callable[[JobProgress], None] | None
+    at_close: bool
+    progress: JobProgress = field(default_factory=JobProgress)
+    result: Any = None
+    error: Exception | None = None
+
+    def work(self) -> None:
+        """Call the function, and keep its result or its error."""
+        try:
+            self.result = self.function(*self.args) if self.watch is None else self.function(*self.args, self.progress)
+        except Exception as error:  # noqa: BLE001 - reported in the GUI thread
+            self.error = error
+
+
+class _Lane:
+    """One thread, and the jobs that wait for it, by their keys."""
+
+    def __init__(self, name: str, done: Callable[[_Job], None]) -> None:
+        """`done` is called in the thread after each job."""
+        self._changed = threading.Condition()
+        self._waiting: dict[str, _Job] = {}
+        self._closing = False
+        self._done = done
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
 
     @property
-    def cancelled(self) -> bool:
-        """Whether the run should end."""
-        return self._stop.is_set()
+    def is_full(self) -> bool:
+        """Whether no further job may wait."""
+        return len(self._waiting) >= _MOST_WAITING
+
+    def put(self, job: _Job) -> None:
+        """Let a job wait."""
+        with self._changed:
+            self._waiting[job.key] = job
+            self._changed.notify()
+
+    def drop(self, key: str) -> _Job | None:
+        """Remove and return the waiting job with this key, if any."""
+        with self._changed:
+            return self._waiting.pop(key, None)
+
+    def begin_to_close(self) -> None:
+        """Drop the waiting jobs, except those to be done at the end too."""
+        with self._changed:
+            self._closing = True
+            self._waiting = {key: job for key, job in self._waiting.items() if job.at_close}
+            self._changed.notify()
+
+    def join(self) -> None:
+        """Wait for the end of the thread, after its current job."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        while self._run_next():
+            pass
+
+    def _run_next(self) -> bool:
+        """Run a job; return False at the end. While it waits, the thread keeps neither jobs nor results."""
+        job = self._next()
+        if job is None:
+            return False
+        job.work()
+        self._done(job)
+        return True
+
+    def _next(self) -> _Job | None:
+        with self._changed:
+            while not self._waiting and not self._closing:
+                self._changed.wait()
+            if not self._waiting:
+                return None
+            return self._waiting.pop(next(iter(self._waiting)))
 
 
-class RunRequest(Request, Protocol):
-    """Work of a run. Its answer has the request as `request`."""
+class Jobs(QObject):
+    """Runs functions in threads. All methods are called in the GUI thread."""
 
-    @property
-    def progress(self) -> RunProgress:
-        """Progress of the run, and its cancellation."""
+    failed = Signal(str)  # the error of a job that has no receiver of its own
+    _done = Signal(object)  # _Job
 
-
-# A long run in a thread, at most one at a time: the base of the fit, the causes and the room search.
-
-
-class RunControl(QObject):
-    """Starts, observes and cancels one run at a time. `state` is a frozen value of the subclass."""
-
-    changed = Signal(object)  # the new state
-    failed = Signal(str)
-
-    def __init__(self, thread: str, state: Any, parent: QObject) -> None:
-        """`thread` is the name of the thread, `state` the state without a run and without a result."""
+    def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.state = self._empty = state
-        self._thread = thread
-        self._progress: Any = None
-        self._worker: Worker | None = None
+        self._lanes: dict[str, _Lane] = {}
+        self._pending: dict[_Job, None] = {}  # waiting, running, or with a result that was not taken yet; oldest first
+        self.closed = False  # any thread may look at it
+        self._done.connect(self._finish, Qt.ConnectionType.QueuedConnection)
 
-    @Slot()
-    def cancel(self) -> None:
-        """Cancel a run; without one, discard the result."""
-        if self._progress is not None:
-            self._progress.cancel()
-            self._progress = None
-        self._set_state(self._idle())
+    def run(
+        self,
+        key: str,
+        function: Callable[..., Any],
+        *args: Any,
+        then: Callable[[Any], None] | None = None,
+        failed: Callable[[str], None] | None = None,
+        progress: Callable[[JobProgress], None] | None = None,
+        lane: str = "",
+        at_close: bool = False,
+    ) -> None:
+        """Call `function(*args)` in the thread of the lane, by default that named as the key, and `then(result)` here.
+
+        A waiting job with the same key is dropped. A running one still passes its result on, before the new one.
+
+        `failed`: gets the message of a SonarError, by default the signal of this name. Any other error is a defect: it
+        is raised here, after `failed("")`. `progress`: gets the `JobProgress` of the job with each tick; the function gets
+        it as its last argument. `at_close`: the job is done even if the window is closed while it waits.
+        """
+        if self.closed:
+            return
+        job = _Job(key, lane or key, function, args, then, failed, progress, at_close)
+        self._drop(key)
+        place = self._lanes.get(job.lane)
+        if place is None:
+            place = self._lanes[job.lane] = _Lane(job.lane, self._done.emit)
+        if place.is_full:
+            (failed or self.failed.emit)(f"{job.lane}: {_MOST_WAITING} jobs are waiting; try again later")
+            return
+        self._pending[job] = None
+        place.put(job)
+
+    def busy(self, lane: str) -> bool:
+        """Return whether a job of a lane is waiting or running, or its result was not taken yet."""
+        return any(job.lane == lane for job in self._pending)
+
+    def cancel(self, key: str) -> None:
+        """Drop the jobs with this key and their results; a function that looks at its progress ends soon."""
+        self._drop(key)
+        for job in self._pending:
+            if job.key == key:
+                job.progress.cancelled = True
 
     def tick(self) -> None:
-        """Emit progress and result."""
-        for answer in self._worker.take() if self._worker is not None else ():
-            if answer.request.progress is self._progress:  # not cancelled in the meantime
-                self._end(answer)
-        if self._progress is not None:
-            self._set_state(self._running(self._progress))
+        """Pass on the progress of all jobs."""
+        for job in list(self._pending):
+            if job.watch is not None and not job.progress.cancelled:
+                job.watch(job.progress)
 
     def close(self) -> None:
-        """End the thread."""
-        self.cancel()
-        if self._worker is not None:
-            self._worker.close()
+        """Cancel all jobs, do those that are to be done in any case, and end the threads."""
+        self.closed = True
+        for job in self._pending:
+            job.progress.cancelled = not job.at_close
+        self._pending.clear()
+        for lane in self._lanes.values():
+            lane.begin_to_close()
+        for lane in self._lanes.values():
+            lane.join()
+        self._lanes.clear()
 
-    def _run(self, request: RunRequest, state: Any) -> None:
-        """Start a run, with this state; a running one is cancelled."""
-        self.cancel()
-        if self._worker is None:
-            self._worker = Worker(self._thread)
-        self._progress = request.progress
-        self._worker.submit(request)
-        self._set_state(state)
+    def _drop(self, key: str) -> None:
+        for lane in self._lanes.values():
+            if (job := lane.drop(key)) is not None:
+                del self._pending[job]
 
-    def _end(self, answer: Any) -> None:
-        self._progress = None
-        if isinstance(answer, Failure):
-            self._set_state(self._idle())
-            self.failed.emit(answer.message)
+    @Slot(object)
+    def _finish(self, job: _Job) -> None:
+        """Pass on the result or the error of a job."""
+        if self.closed:
+            return
+        del self._pending[job]
+        if job.progress.cancelled:
+            return
+        if job.error is None:
+            if job.then is not None:
+                job.then(job.result)
+        elif isinstance(job.error, SonarError):
+            (job.failed or self.failed.emit)(str(job.error))
         else:
-            self._set_state(self._finished(answer))
-
-    def _set_state(self, state: Any) -> None:
-        if state != self.state:
-            self.state = state
-            self.changed.emit(state)
-
-    # for subclasses
-
-    def _idle(self) -> Any:
-        """Return the state after a run that was cancelled or has failed."""
-        return self._empty
-
-    def _running(self, progress: Any) -> Any:
-        """Return the state during a run."""
-        raise NotImplementedError
-
-    def _finished(self, answer: Any) -> Any:
-        """Return the state after a complete run."""
-        raise NotImplementedError
+            if job.failed is not None:
+                job.failed("")
+            raise job.error

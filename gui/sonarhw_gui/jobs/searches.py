@@ -1,8 +1,8 @@
-"""The searches of the window: fit, causes of misfits, and the room that scans show."""
+"""The long searches of the window: the pose of the scanner, causes of misfits, the room. Each is one job at a time."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import tomlkit
@@ -13,9 +13,9 @@ from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.room.room import Place, Room
 
-from sonarhw.errors import Cancelled, InputError
+from sonarhw.errors import InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.jobs import RunControl, RunProgress
+from sonarhw_gui.jobs.jobs import JobProgress, Jobs
 from sonarhw_gui.model.edits import Edit, room_and_place, with_sensor_at
 from sonarhw_gui.model.look import LengthUnit, residual_unit
 from sonarhw_gui.model.scene import NOWHERE, Scene, room_name
@@ -37,9 +37,77 @@ if TYPE_CHECKING:
     from sonarhw_compare.rooms.outcome import NextPlace
     from sonarhw_compare.rooms.search import FoundRoom
 
-# Apply the values of a fit to a scene: place, range offset, air and materials.
-#
-# The texts of the room and the board change too, so that the result can be saved and recorded.
+
+@dataclass(frozen=True)
+class SearchState:
+    """State of a search: none, running, or finished."""
+
+    running: bool = False
+    share: float = 0.0
+    step: str = ""
+    answer: Any = None
+
+
+class Search(QObject):
+    """Starts, observes and cancels a search. `state` is a frozen value; subclasses may use another one."""
+
+    changed = Signal(object)  # the new state
+    failed = Signal(str)
+
+    def __init__(
+        self, key: str, function: Callable[..., Any], shown: Callable[[], Shown], jobs: Jobs, parent: QObject
+    ) -> None:
+        """`function` gets what the window shows, the settings of `start`, and a `JobProgress`."""
+        super().__init__(parent)
+        self.state: Any = SearchState()
+        self._key, self._function, self._shown, self._jobs = key, function, shown, jobs
+
+    @Slot()
+    @Slot(object)
+    def start(self, *settings: object) -> None:
+        """Search in what the window shows; a running search is cancelled."""
+        self._run(self._function, self._shown(), *settings)
+        self._set_state(SearchState(running=True))
+
+    @Slot()
+    def cancel(self) -> None:
+        """Cancel a search; without one, discard the result."""
+        self._jobs.cancel(self._key)
+        self._set_state(self._idle())
+
+    def _run(self, function: Callable[..., Any], *args: object) -> None:
+        self._jobs.cancel(self._key)
+        self._jobs.run(self._key, function, *args, then=self._finish, failed=self._fail, progress=self._observe)
+
+    def _observe(self, progress: JobProgress) -> None:
+        self._set_state(self._running(progress))
+
+    def _finish(self, answer: Any) -> None:
+        self._set_state(self._finished(answer))
+
+    def _fail(self, message: str) -> None:
+        self._set_state(self._idle())
+        if message:
+            self.failed.emit(message)
+
+    def _set_state(self, state: Any) -> None:
+        if state != self.state:
+            self.state = state
+            self.changed.emit(state)
+
+    # for subclasses
+
+    def _idle(self) -> Any:
+        """Return the state after a search that was cancelled or has failed."""
+        return SearchState()
+
+    def _running(self, progress: JobProgress) -> Any:
+        """Return the state during a search."""
+        return SearchState(running=True, share=progress.share, step=progress.step)
+
+    def _finished(self, answer: Any) -> Any:
+        """Return the state after a complete search."""
+        return SearchState(answer=answer)
 
 
 FITTED = "finding the pose"  # label of Undo
@@ -81,9 +149,6 @@ def _board(board: Board, fitted_with: Board, values: "Mapping[Parameter, float]"
     return replace(board, text=tomlkit.dumps(profile))
 
 
-# A request to fit the pose of the scanner to its readings, and its answer.
-
-
 NEAR = 0.25  # m; maximum error of a place that was set by hand
 _SAMPLES = 8000  # samples of the posterior; about 300 of them are independent
 
@@ -108,66 +173,53 @@ class FitSolution:
 class FitFound:
     """The result of a fit."""
 
-    request: "FitRequest"
+    scene: Scene  # of the fit
+    readings: int
+    settings: FitSettings
     result: "FitResult"
     within_5cm: float | None  # share of the echoes, before the fit
     solutions: tuple[FitSolution, ...]  # the best first
 
 
-@dataclass(frozen=True)
-class FitRequest:
-    """Fit the pose of the scanner."""
+def find_pose(shown: Shown, settings: FitSettings, progress: JobProgress) -> FitFound:
+    """Fit to the newest readings shown, which takes about ten seconds. Raises InputError, Cancelled."""
+    from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans  # takes half a second
 
-    scene: Scene
-    readings: tuple[Reading, ...]
-    settings: FitSettings
-    progress: RunProgress = field(compare=False)
+    scene, readings = shown.scene, shown.readings[-_MOST_READINGS:]
+    room, place = room_and_place(scene)
+    result = fit_scans(
+        [PlacedScan(readings, place, "this scan")],
+        room,
+        scene.board,
+        _free_parameters(scene, room, settings),
+        options=FitOptions(scene.options, samples=_SAMPLES),
+        progress=progress.report,
+        cancelled=lambda: progress.cancelled,
+    )
 
-    @property
-    def scan(self) -> "PlacedScan":
-        """The scan at its place in the room. Raises InputError without a room."""
-        from sonarhw_compare.fit import PlacedScan  # takes half a second; only the first fit needs it
+    def solution(values: "Mapping[Parameter, float]") -> FitSolution:
+        return FitSolution(values, _within_5cm(readings, fitted(scene, values, scene.board)[0]))
 
-        return PlacedScan(self.readings, room_and_place(self.scene)[1], "this scan")
+    solutions = tuple(map(solution, _values(result)))
+    return FitFound(scene, len(readings), settings, result, _within_5cm(readings, scene), solutions)
 
-    def answer(self) -> FitFound:
-        """Run the fit, which takes about ten seconds. Raises InputError, Cancelled."""
-        from sonarhw_compare.fit import FitOptions, fit_scans
 
-        scene, progress = self.scene, self.progress
-        room, _ = room_and_place(scene)
-        result = fit_scans(
-            [self.scan],
-            room,
-            scene.board,
-            self._free(room),
-            options=FitOptions(scene.options, samples=_SAMPLES),
-            progress=progress.report,
-            cancelled=lambda: progress.cancelled,
-        )
-        solutions = tuple(self._solution(values) for values in _values(result))
-        return FitFound(self, result, self._within_5cm(scene), solutions)
+def _free_parameters(scene: Scene, room: Room, settings: FitSettings) -> "tuple[Parameter, ...]":
+    from sonarhw_compare.fit import free_parameters
 
-    def _free(self, room: Room) -> "tuple[Parameter, ...]":
-        from sonarhw_compare.fit import free_parameters
+    parameters = free_parameters(settings.free, ["this scan"], room, scene.board)
+    if settings.everywhere:
+        return parameters
+    here = dict(zip("xy", scene.pose.position, strict=True))
+    return tuple(
+        replace(parameter, lower=here[name] - NEAR, upper=here[name] + NEAR) if name in here else parameter
+        for name, parameter in ((parameter.quantity.name, parameter) for parameter in parameters)
+    )
 
-        parameters = free_parameters(self.settings.free, ["this scan"], room, self.scene.board)
-        if self.settings.everywhere:
-            return parameters
-        at = dict(zip("xy", self.scene.pose.position, strict=True))
-        return tuple(
-            replace(one, lower=at[name] - NEAR, upper=at[name] + NEAR) if name in at else one
-            for name, one in ((one.quantity.name, one) for one in parameters)
-        )
 
-    def _solution(self, values: "Mapping[Parameter, float]") -> FitSolution:
-        scene, _ = fitted(self.scene, values, self.scene.board)
-        return FitSolution(values, self._within_5cm(scene))
-
-    def _within_5cm(self, scene: Scene) -> float | None:
-        room, _ = room_and_place(scene)
-        compared = compare_readings(self.readings, room, scene.pose, scene.board, scene.options)
-        return compared.summary().within_5cm
+def _within_5cm(readings: tuple[Reading, ...], scene: Scene) -> float | None:
+    room, _ = room_and_place(scene)
+    return compare_readings(readings, room, scene.pose, scene.board, scene.options).summary().within_5cm
 
 
 def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
@@ -176,45 +228,7 @@ def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
     return [best, *({one: mode.values[one.name] for one in result.parameters} for mode in result.modes[1:])]
 
 
-# Starts, observes and cancels the fit, which runs in a thread; at most one at a time.
-
-
 _MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
-
-
-@dataclass(frozen=True)
-class FitState:
-    """State of the fit: none, running, or finished."""
-
-    running: bool = False
-    share: float = 0.0
-    step: str = ""
-    found: FitFound | None = None
-
-
-class FitControl(RunControl):
-    """At most one fit at a time."""
-
-    def __init__(self, shown: Callable[[], Shown], parent: QObject) -> None:
-        """`shown`: returns what the window shows."""
-        super().__init__("fit", FitState(), parent)
-        self._shown = shown
-
-    @Slot(object)
-    def start(self, settings: FitSettings) -> None:
-        """Fit to the readings shown; a running fit is cancelled."""
-        shown = self._shown()
-        request = FitRequest(shown.scene, shown.readings[-_MOST_READINGS:], settings, RunProgress())
-        self._run(request, self._running(request.progress))
-
-    def _running(self, progress: RunProgress) -> FitState:
-        return FitState(running=True, share=progress.share, step=progress.step)
-
-    def _finished(self, answer: FitFound) -> FitState:
-        return FitState(found=answer)
-
-
-# The result of a fit as text: values with standard deviations, the share of matching echoes, warnings.
 
 
 def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
@@ -245,7 +259,7 @@ def solution_line(found: FitFound, solution: int, unit: LengthUnit) -> str:
 
 def warnings(found: FitFound) -> list[str]:
     """Return what the scan cannot determine, and whether the fit matches worse than before."""
-    texts = [_warning_text(warning, found.request.settings) for warning in found.result.warnings]
+    texts = [_warning_text(warning, found.settings) for warning in found.result.warnings]
     before, after = found.within_5cm, found.solutions[0].within_5cm
     if before is not None and after is not None and after < before:
         texts.append("fewer echoes match than before: the room differs from its file in something else")
@@ -325,79 +339,36 @@ def _percent(share: float | None) -> str:
     return "no echo" if share is None else f"{share:.0%}"
 
 
-# Starts, observes and cancels the search for causes, which runs in a thread; at most one at a time.
-
-
 _MOST_READINGS_OF_CAUSES = 360  # the newest ones; the time of a search is proportional to their number
 
 
 @dataclass(frozen=True, eq=False)
 class CausesAnswer:
-    """The result of a search."""
+    """The result of a search for causes."""
 
-    request: "CauseRequest"
+    scene: Scene
+    first: int  # number of the first reading that was searched among those shown
     found: "FoundCauses"
 
 
-@dataclass(frozen=True)
-class CauseRequest:
-    """Search for the causes of misfits."""
+def search_causes(shown: Shown, progress: JobProgress) -> CausesAnswer:
+    """Search for changes of the room that explain misfits of the newest readings shown, for about ten seconds.
 
-    scene: Scene
-    readings: tuple[Reading, ...]
-    first: int  # number of the first of them among the readings shown
-    progress: RunProgress = field(compare=False)
+    Raises InputError.
+    """
+    from sonarhw_compare.rooms.causes import find_causes  # takes half a second
 
-    def answer(self) -> CausesAnswer:
-        """Run the search, which takes about ten seconds. Raises InputError."""
-        from sonarhw_compare.rooms.causes import find_causes  # takes half a second
-
-        room, place = room_and_place(self.scene)
-        progress = self.progress
-        found = find_causes(
-            self.readings,
-            room,
-            place,
-            self.scene.board,
-            tick=lambda share: progress.report(share, "searching"),
-            cancelled=lambda: progress.cancelled,
-        )
-        return CausesAnswer(self, found)
-
-
-@dataclass(frozen=True)
-class CausesState:
-    """State of the search: none, running, or finished."""
-
-    running: bool = False
-    share: float = 0.0
-    answer: CausesAnswer | None = None
-
-
-class CauseControl(RunControl):
-    """At most one search at a time."""
-
-    def __init__(self, shown: Callable[[], Shown], parent: QObject) -> None:
-        """`shown`: returns what the window shows."""
-        super().__init__("causes", CausesState(), parent)
-        self._shown = shown
-
-    @Slot()
-    def start(self) -> None:
-        """Search for changes of the room that explain misfits of the readings shown; a running search is cancelled."""
-        shown = self._shown()
-        newest = shown.readings[-_MOST_READINGS_OF_CAUSES:]
-        request = CauseRequest(shown.scene, newest, len(shown.readings) - len(newest), RunProgress())
-        self._run(request, self._running(request.progress))
-
-    def _running(self, progress: RunProgress) -> CausesState:
-        return CausesState(running=True, share=progress.share)
-
-    def _finished(self, answer: CausesAnswer) -> CausesState:
-        return CausesState(answer=answer)
-
-
-# The search for the room, and for the next place to scan, as requests to a thread.
+    newest, scene = shown.readings[-_MOST_READINGS_OF_CAUSES:], shown.scene
+    room, place = room_and_place(scene)
+    found = find_causes(
+        newest,
+        room,
+        place,
+        scene.board,
+        tick=lambda share: progress.report(share, "searching"),
+        cancelled=lambda: progress.cancelled,
+    )
+    return CausesAnswer(scene, len(shown.readings) - len(newest), found)
 
 
 _MOST_NEXT = 3  # places
@@ -457,30 +428,10 @@ class Hypotheses:
         return replace(self, draft=draft, supports=self.supports[:row] + self.supports[row + 1 :])
 
 
-class FindProgress(RunProgress):
-    """Progress of a search, its newest hypotheses, and its cancellation; shared by the thread and its caller."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.newest: Hypotheses | None = None
-        self.places: tuple[NextPlace, ...] = ()  # the best ones to scan next so far, best first
-
-    def tick(self, share: float) -> None:
-        """Store the share that is done. Raises Cancelled."""
-        self.report(share)
-        if self.cancelled:
-            raise Cancelled("the search was cancelled")
-
-    def take_places(self, places: "tuple[NextPlace, ...]") -> None:
-        """Store the best places so far."""
-        self.places = places
-
-
 @dataclass(frozen=True, eq=False)
 class RoomAnswer:
     """The room that a search has found."""
 
-    request: "FindRequest"
     hypotheses: Hypotheses
     found: "FoundRoom"
     room: Room  # with the places of the scans
@@ -489,95 +440,75 @@ class RoomAnswer:
     left_out: tuple[str, ...]  # scans that could not be located
 
 
-@dataclass(frozen=True)
-class FindRequest:
-    """Find the room that scans show."""
+def search_room(
+    scans: tuple[LoadedScan, ...],
+    air: Air,
+    accuracy: Accuracy,
+    start: "RoomDraft | None",
+    refused: "tuple[DraftWall | DraftPost, ...]",
+    progress: JobProgress,
+) -> RoomAnswer:
+    """Find the room that scans show, which takes seconds to minutes; the place of the first one is known.
 
-    scans: tuple[LoadedScan, ...]  # the place of the first one is known
-    air: Air
-    accuracy: Accuracy
-    start: "RoomDraft | None"  # walls and posts that stay
-    refused: "tuple[DraftWall | DraftPost, ...]"  # not found again
-    progress: FindProgress = field(compare=False)
+    Walls and posts of `start` stay, those `refused` are not found again. Raises InputError, Cancelled.
+    """
+    from sonarhw_compare.rooms.evidence import FINE, ROUGH, Course
+    from sonarhw_compare.rooms.outcome import found_room
+    from sonarhw_compare.rooms.search import find_room_and_poses
 
-    def answer(self) -> RoomAnswer:
-        """Run the search, which takes seconds to minutes. Raises InputError, Cancelled."""
-        from sonarhw_compare.rooms.evidence import FINE, Course
-        from sonarhw_compare.rooms.outcome import found_room
-        from sonarhw_compare.rooms.search import find_room_and_poses
-
-        board = _one_board(self.scans)
-        if self.start is not None and not self.start.is_sound:
-            raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
-        course = Course(self.start, self.refused, self._accept)
-        placed = find_room_and_poses(
-            [self._placed(scan) for scan in self.scans], board, self.air, self._spreads(), self.progress.tick, course
-        )
-        found = placed.found
-        return RoomAnswer(
-            self,
-            self._supported(found.draft, FINE),
-            found,
-            found_room(placed, board),
-            {(move.what, move.which, move.part): deviation for move, deviation in found.deviations.items()},
-            placed.poses,
-            placed.left_out,
-        )
-
-    def _accept(self, draft: "RoomDraft") -> None:
-        """Show an accepted draft."""
-        from sonarhw_compare.rooms.evidence import ROUGH
-
-        self.progress.newest = self._supported(draft, ROUGH)
-
-    def _supported(self, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
-        from sonarhw_compare.locate import PoseSpread
-        from sonarhw_compare.rooms.candidates import support_of
-        from sonarhw_compare.rooms.evidence import evidence_of
-
-        by_name = {scan.name: scan for scan in self.scans}
-        scans = tuple(by_name[place.name] for place in draft.places)
-        placed = [replace(self._placed(scan), place=at) for scan, at in zip(scans, draft.places, strict=True)]
-        board = scans[0].board
-        evidence = evidence_of(placed, [PoseSpread()] * len(placed), board, self.air)
-        return Hypotheses(draft, scans, board, support_of(evidence, draft, noise))
-
-    def _placed(self, scan: LoadedScan) -> "PlacedScan":
-        from sonarhw_compare.fit.result import PlacedScan
-
-        return PlacedScan(scan.readings, replace(scan.place, name=scan.name), scan.name)
-
-    def _spreads(self) -> "list[PoseSpread]":
-        from sonarhw_compare.locate import UNKNOWN, PoseSpread
-
-        spread = PoseSpread(self.accuracy.xy, self.accuracy.heading)
-        first = spread if spread.is_whole else PoseSpread()
-        return [first, *(spread if scan.known else UNKNOWN for scan in self.scans[1:])]
+    board = _one_board(scans)
+    if start is not None and not start.is_sound:
+        raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
+    course = Course(start, refused, lambda draft: progress.show(_supported(scans, air, draft, ROUGH)))
+    placed = find_room_and_poses(
+        [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), progress.check, course
+    )
+    found = placed.found
+    return RoomAnswer(
+        _supported(scans, air, found.draft, FINE),
+        found,
+        found_room(placed, board),
+        {(move.what, move.which, move.part): deviation for move, deviation in found.deviations.items()},
+        placed.poses,
+        placed.left_out,
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class NextAnswer:
-    """The best places for another scan, best first."""
+def _supported(scans: tuple[LoadedScan, ...], air: Air, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:
+    from sonarhw_compare.locate import PoseSpread
+    from sonarhw_compare.rooms.candidates import support_of
+    from sonarhw_compare.rooms.evidence import evidence_of
 
-    request: "NextRequest"
-    places: "tuple[NextPlace, ...]"
+    by_name = {scan.name: scan for scan in scans}
+    used = tuple(by_name[place.name] for place in draft.places)
+    placed = [replace(_placed(scan), place=place) for scan, place in zip(used, draft.places, strict=True)]
+    board = used[0].board
+    evidence = evidence_of(placed, [PoseSpread()] * len(placed), board, air)
+    return Hypotheses(draft, used, board, support_of(evidence, draft, noise))
 
 
-@dataclass(frozen=True)
-class NextRequest:
-    """Find from where another scan makes a found room most certain."""
+def _placed(scan: LoadedScan) -> "PlacedScan":
+    from sonarhw_compare.fit.result import PlacedScan
 
-    answered: RoomAnswer
-    progress: FindProgress = field(compare=False)
+    return PlacedScan(scan.readings, replace(scan.place, name=scan.name), scan.name)
 
-    def answer(self) -> NextAnswer:
-        """Try places in the room. Raises InputError, Cancelled."""
-        from sonarhw_compare.rooms.outcome import next_places
 
-        found, room, board = self.answered.found, self.answered.room, self.answered.hypotheses.board
-        progress = self.progress
-        places = next_places(found, room, board, _MOST_NEXT, progress.tick, progress.take_places)
-        return NextAnswer(self, places)
+def _spreads(scans: tuple[LoadedScan, ...], accuracy: Accuracy) -> "list[PoseSpread]":
+    from sonarhw_compare.locate import UNKNOWN, PoseSpread
+
+    spread = PoseSpread(accuracy.xy, accuracy.heading)
+    first = spread if spread.is_whole else PoseSpread()
+    return [first, *(spread if scan.known else UNKNOWN for scan in scans[1:])]
+
+
+def plan_next_scan(answer: RoomAnswer, progress: JobProgress) -> "tuple[NextPlace, ...]":
+    """Return the places from which another scan makes a found room most certain, best first.
+
+    Raises InputError, Cancelled.
+    """
+    from sonarhw_compare.rooms.outcome import next_places
+
+    return next_places(answer.found, answer.room, answer.hypotheses.board, _MOST_NEXT, progress.check, progress.show)
 
 
 def _one_board(scans: tuple[LoadedScan, ...]) -> Board:
@@ -589,9 +520,6 @@ def _one_board(scans: tuple[LoadedScan, ...]) -> Board:
                 "scans of one of them in the panel Scans"
             )
     return scans[0].board
-
-
-# The scans of the window that a search for the room uses: the one shown, and the visible ones of the panel Scans.
 
 
 MOST_READINGS = 360  # of a scan, the newest ones; the time of a search is proportional to their number
@@ -633,9 +561,6 @@ def _with_own_names(scans: Iterable[LoadedScan]) -> Iterable[LoadedScan]:
         yield replace(scan, name=name)
 
 
-# Starts, observes, cancels and continues the search for the room, which runs in a thread; at most one at a time.
-
-
 @dataclass(frozen=True, eq=False)
 class FindState:
     """State of the search."""
@@ -671,31 +596,29 @@ class FindState:
         return room
 
 
-class FindControl(RunControl):
-    """At most one search at a time."""
+class RoomSearch(Search):
+    """Starts, continues and cancels the search for the room, and plans the next scan."""
 
     state: FindState
     settled = Signal()  # the scans or the scene of a search that has failed were changed
 
-    def __init__(self, shown: Callable[[], Shown], name: Callable[[], str], parent: QObject) -> None:
+    def __init__(self, shown: Callable[[], Shown], name: Callable[[], str], jobs: Jobs, parent: QObject) -> None:
         """`shown` returns what the window shows, `name` the name of the scan in it."""
-        super().__init__("find the room", FindState(), parent)
-        self._shown, self._name = shown, name
-        self._newest: Hypotheses | None = None  # that `state` has
-        self._request: FindRequest | None = None  # the newest search
+        super().__init__("find the room", search_room, shown, jobs, parent)
+        self.state, self._name = FindState(), name
+        self._newest: Any = None  # partial result of the running search; `state` has it without what was rejected
+        self._searching: tuple[Any, ...] = ()  # scans, air and accuracy of the newest search
         self._failed_with: tuple[Scene, tuple[OverlaidScan, ...]] | None = None
-        self.failed.connect(self._note_failure)
 
     def tick(self) -> None:
-        """Emit progress and result, and whether the cause of a failure may be gone."""
-        super().tick()
+        """Emit whether the cause of a failure may be gone."""
         failed, now = self._failed_with, self._searched
-        if failed is not None and any(one is not other for one, other in zip(failed, now, strict=True)):
+        if failed is not None and any(before is not after for before, after in zip(failed, now, strict=True)):
             self._failed_with = None
             self.settled.emit()
 
-    @Slot()
-    def _note_failure(self) -> None:
+    def _fail(self, message: str) -> None:
+        super()._fail(message)
         self._failed_with = self._searched
 
     @property
@@ -706,7 +629,7 @@ class FindControl(RunControl):
     def start(self, accuracy: Accuracy) -> None:
         """Start a search without walls in the loaded scans; a running one is cancelled."""
         if scans := self._scans:
-            self._search(FindRequest(scans, self._air, accuracy, None, (), FindProgress()), FindState())
+            self._search((scans, self._air, accuracy), None, FindState())
 
     @Slot(object)
     def go_on(self, accuracy: Accuracy) -> None:
@@ -724,8 +647,7 @@ class FindControl(RunControl):
             refused += tuple(shape for shape, support in named if support.name not in room.names)
         else:
             start = state.hypotheses.draft
-        request = FindRequest(scans, self._air, accuracy, start, refused, FindProgress())
-        self._search(request, replace(state, refused=refused))
+        self._search((scans, self._air, accuracy), start, replace(state, refused=refused))
 
     @Slot(int)
     def reject(self, row: int) -> None:
@@ -735,16 +657,16 @@ class FindControl(RunControl):
             return
         rest, refused = state.hypotheses.without(row), (*state.refused, state.hypotheses.shapes[row])
         self._set_state(replace(state, hypotheses=rest, refused=refused, places=()))
-        if state.running and self._request is not None:
-            again = replace(self._request, start=rest.draft, refused=refused, progress=FindProgress())
-            self._search(again, self.state)
+        if state.running:
+            self._search(self._searching, rest.draft, self.state)
 
     @Slot()
     def plan_next(self) -> None:
         """Find where to scan next."""
         if self.state.answer is not None and not self.state.running:
-            request = NextRequest(self.state.answer, FindProgress())
-            self._begin(request, replace(self.state, running="planning", places=()))
+            self._newest = None
+            self._run(plan_next_scan, self.state.answer)
+            self._set_state(replace(self.state, running="planning", places=(), share=0.0))
 
     @Slot()
     def note_accepted(self) -> None:
@@ -760,32 +682,31 @@ class FindControl(RunControl):
         room = self._shown().scene.room
         return Air() if room is None else room.air
 
-    def _search(self, request: FindRequest, state: FindState) -> None:
-        self._request = request
-        self._begin(request, replace(state, running="searching", places=(), searched_in=room_of(self._shown().scene)))
-
-    def _begin(self, request: FindRequest | NextRequest, state: FindState) -> None:
-        self._newest = None
-        self._run(request, replace(state, share=0.0))
+    def _search(self, searching: tuple[Any, ...], start: "RoomDraft | None", state: FindState) -> None:
+        self._searching, self._newest = searching, None
+        self._run(self._function, *searching, start, state.refused)
+        here = room_of(self._shown().scene)
+        self._set_state(replace(state, running="searching", places=(), searched_in=here, share=0.0))
 
     def _idle(self) -> FindState:
         """Return the state with the walls found so far."""
         return replace(self.state, running="") if self.state.running else self.state
 
-    def _running(self, progress: FindProgress) -> FindState:
+    def _running(self, progress: JobProgress) -> FindState:
         state = self.state
-        if progress.newest is not self._newest:
-            self._newest = progress.newest
-            state = replace(state, hypotheses=progress.newest, answer=None, accepted=False)
-        if (progress.share, progress.places) != (state.share, state.places):
-            state = replace(state, share=progress.share, places=progress.places)
-        return state
+        if progress.part is not self._newest:
+            self._newest = progress.part
+            if state.running == "planning":
+                state = replace(state, places=progress.part)
+            else:
+                state = replace(state, hypotheses=progress.part, answer=None, accepted=False)
+        return state if progress.share == state.share else replace(state, share=progress.share)
 
-    def _finished(self, answer: RoomAnswer | NextAnswer) -> FindState:
-        if isinstance(answer, NextAnswer):
-            return replace(self.state, running="", places=answer.places)
-        found = replace(self.state, hypotheses=answer.hypotheses, answer=answer, accepted=False)
-        return replace(found, running="", share=1.0)
+    def _finished(self, answer: "RoomAnswer | tuple[NextPlace, ...]") -> FindState:
+        if not isinstance(answer, RoomAnswer):
+            return replace(self.state, running="", places=answer)
+        state = replace(self.state, hypotheses=answer.hypotheses, answer=answer, accepted=False)
+        return replace(state, running="", share=1.0)
 
 
 def room_of(scene: Scene) -> tuple[str, str]:

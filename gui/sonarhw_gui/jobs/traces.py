@@ -1,4 +1,7 @@
-"""Traces and B-scans for the views: curves over time, every echo with its path, and rows by heading."""
+"""The trace of the selected reading with every echo and its path, and the B-scan as pixels, both for background jobs.
+
+The rows of a B-scan are computed in slices of time, so that newer jobs do not wait.
+"""
 
 import math
 import time
@@ -41,11 +44,6 @@ from sonarhw_gui.model.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
-
-# The trace of the selected reading: curves over time, the gain, and every echo with its path.
-#
-# It reads a stored trace from its log and computes the predicted one, so it runs in a thread.
-
 
 _RF_POINTS = 8  # samples per period of the carrier, without a measured trace
 _ENOUGH_SAMPLES = 2.5  # samples per period; with fewer the carrier is undersampled
@@ -193,61 +191,19 @@ def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable
     return NamedEcho(time, echo.range, level, via, detectable, first, board.sum_arrivals)
 
 
-@dataclass(frozen=True)
-class TraceFound:
-    """The traces of a reading."""
+def trace_at(scene: Scene, outline: PredictedScan, heading: float) -> tuple[PredictedScan, ChosenTrace]:
+    """Predict one heading (rad in the room) of a scene with a room from its outline; return that and its trace.
 
-    generation: int
-    trace: ChosenTrace
-
-
-@dataclass(frozen=True)
-class TraceRequest:
-    """Read the trace of a reading and predict it."""
-
-    generation: int
-    scene: Scene
-    reading: Reading
-    prediction: PredictedScan | None
-    index: int  # among the prediction's headings
-
-    def answer(self) -> TraceFound:
-        """Read and predict the trace; this takes some milliseconds."""
-        return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))
-
-
-@dataclass(frozen=True)
-class HeadingAnswered:
-    """The prediction at one heading, and its trace."""
-
-    generation: int
-    prediction: PredictedScan  # at one heading
-    trace: ChosenTrace
-
-
-@dataclass(frozen=True)
-class HeadingAsked:
-    """Predict one heading, without a reading."""
-
-    generation: int
-    scene: Scene  # with a room
-    outline: PredictedScan  # of this scene
-    heading: float  # rad in the room; the nearest sensor answers if the board is a ring
-
-    def answer(self) -> HeadingAnswered:
-        """Predict; this takes some milliseconds, with a mount or a blocking face seconds."""
-        scene, heading = self.scene, np.array([self.heading])
-        room, _ = room_and_place(scene)
-        if scene.board.ring is not None:
-            sensors = scene.board.ring.headings(scene.pose)
-            heading = sensors[[np.argmin(np.abs(angle_difference(sensors, self.heading)))]]
-        prediction = predict_scan(room, scene.pose, scene.board, heading, scene.options, self.outline.paths)
-        return HeadingAnswered(self.generation, prediction, chosen_trace(scene, None, prediction, 0))
-
-
-# The rows of a B-scan, computed in slices of time so that newer requests do not wait.
-#
-# Each call continues where the last one ended. Each row is computed once for its reading and once for its prediction.
+    The nearest sensor answers if the board is a ring. This takes some milliseconds, with a mount or a blocking face
+    seconds.
+    """
+    room, _ = room_and_place(scene)
+    headings = np.array([heading])
+    if scene.board.ring is not None:
+        sensors = scene.board.ring.headings(scene.pose)
+        headings = sensors[[np.argmin(np.abs(angle_difference(sensors, heading)))]]
+    prediction = predict_scan(room, scene.pose, scene.board, headings, scene.options, outline.paths)
+    return prediction, chosen_trace(scene, None, prediction, 0)
 
 
 _SAMPLE = 0.004  # m between samples of a predicted envelope, in warm air
@@ -366,13 +322,9 @@ def _predicted_rows(rows: BScanRows, outline: PredictedScan, headings: Mapping[i
     return replace(rows, predicted=computed)
 
 
-# The B-scan as pixels, rectangular or polar.
-#
-# The colour of each level is looked up before the pixels are placed, so half a million pixels take some milliseconds.
-
-
 BScanPixels = NDArray[np.uint8]  # (height, width, 4), lowest row first; transparent where there is no value
 COLOURS = 256
+SLICE = 0.05  # s
 _SIDE = 1200  # pixels of a polar picture
 _TURN = round(math.tau / SAME_HEADING)  # columns of a rectangular picture
 _DIFFERENCE_DB = 30.0
@@ -425,7 +377,6 @@ class PanePicture:
 class BScans:
     """The part of the B-scan that is computed so far."""
 
-    generation: int
     settings: BScanSettings
     rows: BScanRows
     measured: BScan
@@ -483,7 +434,10 @@ class Arm:
 
 
 def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> BScanPixels:
-    """Return the picture of one pane: a full turn of headings by range, or polar with heading 0 to the right."""
+    """Return the picture of one pane: a full turn of headings by range, or polar with heading 0 to the right.
+
+    The colour of each level is looked up before the pixels are placed, so half a million pixels take milliseconds.
+    """
     coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
     rows = bscan.rows_at(SAME_HEADING * np.arange(_TURN, dtype=np.float64))
     # an additional transparent row for gaps: index -1 selects it
@@ -522,38 +476,29 @@ def polar_area(cells: RangeCells, middle: tuple[float, float], arm: Arm) -> tupl
     return middle[0] - reach, middle[1] - reach, 2 * reach, 2 * reach
 
 
-# A request to compute the B-scan for a short time and to draw the result so far; the answer is `BScans`.
+def bscan_slice(
+    scene: Scene,
+    readings: tuple[Reading, ...],
+    outline: PredictedScan | None,
+    settings: BScanSettings,
+    palette: Palette,
+    before: BScanRows | None,
+) -> BScans:
+    """Compute rows for `SLICE` s after those computed before for this scan, and draw all rows so far."""
+    rows = more_rows(scene, readings, outline, before, SLICE)
+    measured, predicted = rows.images()
+    pictures = {pane: _drawn(scene.board, pane, settings, palette, measured, predicted) for pane in settings.panes}
+    return BScans(settings, rows, measured, predicted, pictures)
 
 
-SLICE = 0.05  # s
-
-
-@dataclass(frozen=True)
-class BScanRequest:
-    """Compute and draw the B-scan of these readings."""
-
-    generation: int
-    scene: Scene
-    readings: tuple[Reading, ...]
-    outline: PredictedScan | None
-    settings: BScanSettings
-    palette: Palette
-    before: BScanRows | None  # earlier rows of the same scan
-
-    def answer(self) -> BScans:
-        """Compute rows for `SLICE` s and draw all rows so far."""
-        rows = more_rows(self.scene, self.readings, self.outline, self.before, SLICE)
-        measured, predicted = rows.images()
-        pictures = {pane: self._drawn(pane, measured, predicted) for pane in self.settings.panes}
-        return BScans(self.generation, self.settings, rows, measured, predicted, pictures)
-
-    def _drawn(self, pane: Pane, measured: BScan, predicted: BScan) -> PanePicture:
-        floor = floor_of(self.scene.board)
-        scale = colour_scale(pane, self.settings.decibels, floor, self.palette)
-        floor_db = floor if self.settings.decibels else None
-        polar = Arm(*arm(self.scene.board)) if self.settings.polar else None
-        if pane is Pane.DIFFERENCE:
-            apart = difference(measured, predicted, floor_db)
-            return PanePicture(draw_bscan(apart, scale, None, polar), scale)
-        image = measured if pane is Pane.MEASURED else predicted
-        return PanePicture(draw_bscan(image, scale, floor_db, polar), scale)
+def _drawn(
+    board: Board, pane: Pane, settings: BScanSettings, palette: Palette, measured: BScan, predicted: BScan
+) -> PanePicture:
+    floor = floor_of(board)
+    scale = colour_scale(pane, settings.decibels, floor, palette)
+    floor_db = floor if settings.decibels else None
+    polar = Arm(*arm(board)) if settings.polar else None
+    if pane is Pane.DIFFERENCE:
+        return PanePicture(draw_bscan(difference(measured, predicted, floor_db), scale, None, polar), scale)
+    image = measured if pane is Pane.MEASURED else predicted
+    return PanePicture(draw_bscan(image, scale, floor_db, polar), scale)

@@ -5,7 +5,7 @@ A view compares the parts with those that it drew last. It redraws a part only i
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 from weakref import ref
 
 import numpy as np
@@ -19,11 +19,14 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray, Origin, Reading
-from sonarhw_gui.jobs.forecast import ComparedScan, OutlineChances
+from sonarhw_gui.jobs.forecast import ComparedScan
 from sonarhw_gui.jobs.traces import BScans, ChosenTrace
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, bounce_losses, decibels_text
+
+if TYPE_CHECKING:
+    from sonarhw_compare.pictures import RangeShading
 
 # The selected reading: one that the user picked, or the newest.
 
@@ -211,7 +214,7 @@ class Shown:
     hidden: frozenset[Class | ViewLayer] = frozenset()  # classes and layers that no view draws
     look: Look = field(default_factory=Look)
     outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
-    chances: OutlineChances | None = None  # probabilities of ranges, if the board states spreads
+    chances: "RangeShading | None" = None  # probabilities of ranges, if the board states spreads
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # rows that `rows` reuses
 
     @property

@@ -39,12 +39,11 @@ from sonarhw_gui.jobs.searches import (
     ACCURACIES,
     NEAR,
     Accuracy,
-    CausesState,
     FindState,
     FitSettings,
-    FitState,
     Hypotheses,
     LoadedScan,
+    SearchState,
     fitted,
     loaded_scans,
     rows,
@@ -77,7 +76,7 @@ class FitPanel(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._shown: Shown | None = None
-        self._state = FitState()
+        self._state = SearchState()
         self.free = {one.word: _box(one.offer) for one in QUANTITIES if one.offer is not None}
         self.where = short_list()
         self.begin = QPushButton("Find pose")
@@ -112,9 +111,9 @@ class FitPanel(QWidget):
         self._enable()
 
     @Slot(object)
-    def show_fit(self, state: FitState) -> None:
+    def show_fit(self, state: SearchState) -> None:
         """Show the progress or the result of the fit."""
-        fresh = state.found is not self._state.found or state.running != self._state.running
+        fresh = state.answer is not self._state.answer or state.running != self._state.running
         self._state = state
         self.progress.setValue(round(100 * state.share))
         self.progress.setFormat(f"{state.step}  %p %")
@@ -175,7 +174,7 @@ class FitPanel(QWidget):
         self.where.setEnabled(self.free["position"].isChecked())
 
     def _draw(self) -> None:
-        found = self._state.found
+        found = self._state.answer
         self._work.setVisible(self._state.running)
         self._result.setVisible(found is not None)
         self._refused.hide()
@@ -191,7 +190,7 @@ class FitPanel(QWidget):
 
     @Slot()
     def _draw_solution(self) -> None:
-        found, shown = self._state.found, self._shown
+        found, shown = self._state.answer, self._shown
         if found is None or shown is None:
             return
         solution = self.solutions.currentIndex()
@@ -201,17 +200,17 @@ class FitPanel(QWidget):
         )
         self.table.setText(f"<table>{lines}</table>")
         warned = [f"⚠ {warning}" for warning in warnings(found)]
-        count = f"{len(found.request.readings)} readings; ± is one standard deviation"
+        count = f"{found.readings} readings; ± is one standard deviation"
         self.notes.setText("\n\n".join((share_line(found, solution), count, *warned)))
 
     @Slot()
     def _accept(self) -> None:
-        found, shown = self._state.found, self._shown
+        found, shown = self._state.answer, self._shown
         if found is None or shown is None:
             return
         values = found.solutions[self.solutions.currentIndex()].values
         try:
-            scene, label = fitted(shown.scene, values, found.request.scene.board)
+            scene, label = fitted(shown.scene, values, found.scene.board)
         except InputError as error:
             self._refused.setText(f"⚠ {error}")
             self._refused.show()
@@ -251,7 +250,7 @@ class CausesPanel(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._shown: Shown | None = None
-        self._state = CausesState()
+        self._state = SearchState()
         self._tried: list[tuple[Room, frozenset[int]]] = []  # rooms of this search, with the causes tried in each
         self.begin, self.cancel = QPushButton("Find causes"), QPushButton("Cancel")
         self.progress = QProgressBar()
@@ -280,7 +279,7 @@ class CausesPanel(QWidget):
         self._enable()
 
     @Slot(object)
-    def show_causes(self, state: CausesState) -> None:
+    def show_causes(self, state: SearchState) -> None:
         """Show the progress or the result of the search."""
         fresh = state.answer is not self._state.answer or state.running != self._state.running
         self._state = state
@@ -310,10 +309,10 @@ class CausesPanel(QWidget):
         self.list.clear()
         self.proposed.emit(None)
         self.note.setText("" if running else _CAUSES_HINT)
-        if answer is not None and answer.request.scene.room is not None:
+        if answer is not None and answer.scene.room is not None:
             from sonarhw_compare.rooms.causes import cause_text, left_text  # loaded by the search
 
-            self._tried = [(answer.request.scene.room, frozenset())]
+            self._tried = [(answer.scene.room, frozenset())]
             unit = self._shown.look.unit.text if self._shown else "{:.3f} m".format
             for number, cause in enumerate(answer.found.causes, 1):
                 text = f"{number}. {cause_text(cause, unit)}"
@@ -334,7 +333,7 @@ class CausesPanel(QWidget):
             return
         from sonarhw_compare.rooms.causes import OtherReflectance
 
-        numbers = tuple(answer.request.first + row for row in cause.readings)
+        numbers = tuple(answer.first + row for row in cause.readings)
         surface = cause.change.surface if isinstance(cause.change, OtherReflectance) else None
         try:
             changed = cause.change.applied(shown.scene.room)
@@ -342,7 +341,7 @@ class CausesPanel(QWidget):
             changed = shown.scene.room  # the room was edited since the search
         kinds = {row.index: row.kind for row in answer.found.before.rows}
         misfits = (row for row in cause.readings if kinds[row] not in (Kind.MATCH, Kind.BOTH_SILENT))
-        self.picked.emit(answer.request.first + next(misfits, cause.readings[0]))
+        self.picked.emit(answer.first + next(misfits, cause.readings[0]))
         self.proposed.emit(proposal_of(shown.scene.room, changed, numbers, surface))
         self._enable()
 

@@ -30,7 +30,7 @@ from sonarhw.readings import FloatArray, Reading, ScanOrder, Trace
 from sonarhw.sound_speed import ScanAir
 from sonarhw.text_device import LineGuess, guess_lines
 from sonarhw.wire.messages import Outcome
-from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.notices import Notice, Until, with_newest
 
@@ -137,12 +137,6 @@ def packed(trace: Trace) -> Trace:
     return trace
 
 
-# The serial ports of this computer and the devices that answer there, listed and probed in a thread.
-#
-# Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
-# reset its device. On request, a port is listened at for the text of a device that prints readings.
-
-
 @dataclass(frozen=True)
 class PortRow:
     """One port."""
@@ -155,66 +149,60 @@ class PortRow:
     proposed_url: str = ""  # of a device that prints readings
 
 
-@dataclass(frozen=True)
-class _ListPorts:
-    find: Callable[[], list[Port]]
-
-    def answer(self) -> tuple[PortRow, ...]:
-        return tuple(
-            PortRow(port.device, port.known or port.description, port.known is not None) for port in self.find()
-        )
+_PORTS = "probe ports"  # the thread that opens ports
 
 
-@dataclass(frozen=True)
-class _ProbePort:
-    row: PortRow
-    probe: Callable[[str], tuple[bool, str]]
-
-    def answer(self) -> PortRow:
-        answers, answer = self.probe(self.row.device)
-        return replace(self.row, answer=answer, answers=answers)
+def _port_rows(find: Callable[[], list[Port]]) -> tuple[PortRow, ...]:
+    return tuple(PortRow(port.device, port.known or port.description, port.known is not None) for port in find())
 
 
-@dataclass(frozen=True)
-class _ListenAt:
-    row: PortRow
-    guess: Callable[[str, Callable[[], bool]], LineGuess]
-    stopped: Callable[[], bool]
+def _probed(row: PortRow, probe: Callable[[str], tuple[bool, str]]) -> PortRow:
+    answers, answer = probe(row.device)
+    return replace(row, answer=answer, answers=answers)
 
-    def answer(self) -> PortRow:
-        try:
-            found = self.guess(self.row.device, self.stopped)
-        except LinkError as error:
-            return replace(self.row, answer=str(error).removeprefix(f"{self.row.device}: "))
-        return replace(self.row, answer=found.text, proposed_url=found.url or "")
+
+def _listened(
+    row: PortRow, guess: Callable[[str, Callable[[], bool]], LineGuess], stopped: Callable[[], bool]
+) -> PortRow:
+    try:
+        line = guess(row.device, stopped)
+    except LinkError as error:
+        return replace(row, answer=str(error).removeprefix(f"{row.device}: "))
+    return replace(row, answer=line.text, proposed_url=line.url or "")
 
 
 class PortList:
-    """The ports, probed one after another."""
+    """The ports, probed one after another.
+
+    Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
+    reset its device. On request, a port is listened at for the text of a device that prints readings.
+    """
 
     def __init__(
         self,
+        jobs: Jobs,
+        changed: Callable[[], None],
+        failed: Callable[[str], None],
         find: Callable[[], list[Port]] = serial_ports,
         probe: Callable[[str], tuple[bool, str]] = probe_port,
         guess: Callable[[str, Callable[[], bool]], LineGuess] = guess_lines,
     ) -> None:
+        """`changed` is called after each answer, `failed` with each error."""
         self.rows: tuple[PortRow, ...] = ()
-        self.failures: list[str] = []
+        self._jobs, self._changed, self._failed = jobs, changed, failed
         self._find, self._probe, self._guess = find, probe, guess
-        self._closing = threading.Event()
         self._in_use = ""
         self._to_probe: list[str] = []
-        self._worker = Worker("probe ports")
 
     @property
     def busy(self) -> bool:
         """Whether ports are being listed or probed."""
-        return bool(self._to_probe) or self._worker.busy
+        return bool(self._to_probe) or self._jobs.busy(_PORTS)
 
     def list_ports(self, in_use: str = "") -> None:
         """List the ports, and probe those with a known device, except the port in use."""
         self._in_use, self._to_probe = in_use, []
-        self._worker.submit(_ListPorts(self._find))
+        self._run("list ports", _port_rows, self._find, then=self._take_rows)
 
     def probe_all(self) -> None:
         """Probe every port that was not checked yet."""
@@ -226,32 +214,28 @@ class PortList:
             self.rows += (PortRow(device, "", known=False),)
         self.rows = tuple(replace(row, answer="listening …") if row.device == device else row for row in self.rows)
         row = next(row for row in self.rows if row.device == device)
-        self._worker.submit(_ListenAt(row, self._guess, self._closing.is_set))
+        self._run("listen at a port", _listened, row, self._guess, lambda: self._jobs.closed, then=self._take_row)
 
-    def take(self) -> bool:
-        """Fetch the answers since the last call; return whether anything has changed."""
-        taken = self._worker.take()
-        for answer in taken:
-            match answer:
-                case Failure():
-                    self.failures.append(answer.message)
-                case PortRow():
-                    self.rows = tuple(answer if row.device == answer.device else row for row in self.rows)
-                case rows:
-                    self.rows = tuple(
-                        replace(row, answer="in use by this window") if row.device == self._in_use else row
-                        for row in rows
-                    )
-                    self._queue([row.device for row in rows if row.known])
-        if taken:
-            self._probe_next()
-        return bool(taken)
+    def _run(self, key: str, function: Callable[..., Any], *args: object, then: Callable[[Any], None]) -> None:
+        self._jobs.run(key, function, *args, then=then, failed=self._fail, lane=_PORTS)
 
-    def close(self) -> None:
-        """End the thread, after the port that is being probed."""
-        self._to_probe.clear()
-        self._closing.set()
-        self._worker.close()
+    def _take_rows(self, rows: tuple[PortRow, ...]) -> None:
+        self.rows = tuple(
+            replace(row, answer="in use by this window") if row.device == self._in_use else row for row in rows
+        )
+        self._queue([row.device for row in rows if row.known])
+        self._changed()
+
+    def _take_row(self, probed: PortRow) -> None:
+        self.rows = tuple(probed if row.device == probed.device else row for row in self.rows)
+        self._probe_next()
+        self._changed()
+
+    def _fail(self, message: str) -> None:
+        if message:
+            self._failed(message)
+        self._probe_next()
+        self._changed()
 
     def _queue(self, devices: list[str]) -> None:
         waiting = {row.device for row in self.rows if row.answer == "not checked"}
@@ -262,9 +246,10 @@ class PortList:
         self._probe_next()
 
     def _probe_next(self) -> None:
-        if self._to_probe and not self._worker.busy:
+        if self._to_probe and not self._jobs.busy(_PORTS):
             device = self._to_probe.pop(0)
-            self._worker.submit(_ProbePort(next(row for row in self.rows if row.device == device), self._probe))
+            row = next(row for row in self.rows if row.device == device)
+            self._run("probe a port", _probed, row, self._probe, then=self._take_row)
 
 
 # Creates the log of a live scan, in the user's folder of recordings, named by date and room.
@@ -832,13 +817,15 @@ class ScannerChoice(QObject):
     ports_changed = Signal(object)  # tuple of PortRow
     failed = Signal(str)
 
-    def __init__(self, scanner: ScannerTarget | None, find_scanner: ScannerFinder | None, parent: QObject) -> None:
+    def __init__(
+        self, scanner: ScannerTarget | None, find_scanner: ScannerFinder | None, jobs: Jobs, parent: QObject
+    ) -> None:
         """`scanner`: chosen at the start."""
         super().__init__(parent)
         self.url = scanner.url if scanner else ""
         self.opener = scanner.opener if scanner else None
         self.urls: tuple[str, ...] = ()  # used before, newest first
-        self._find_scanner = find_scanner
+        self._find_scanner, self._jobs = find_scanner, jobs
         self._make_ports = PortList
         self._ports: PortList | None = None
 
@@ -875,7 +862,7 @@ class ScannerChoice(QObject):
     def list_ports(self) -> None:
         """List the ports of this computer."""
         if self._ports is None:
-            self._ports = self._make_ports()
+            self._ports = self._make_ports(self._jobs, self._emit_rows, self.failed.emit)
         self._ports.list_ports(self.url)
 
     @Slot()
@@ -889,19 +876,7 @@ class ScannerChoice(QObject):
         """Listen at a port for the text of a device that prints readings."""
         if self._ports is not None:
             self._ports.listen(device)
-            self.ports_changed.emit(self._ports.rows)
+            self._emit_rows()
 
-    def tick(self) -> None:
-        """Emit changes of the ports."""
-        if self._ports is None:
-            return
-        if self._ports.take():
-            self.ports_changed.emit(self._ports.rows)
-        for message in self._ports.failures:
-            self.failed.emit(message)
-        self._ports.failures.clear()
-
-    def close(self) -> None:
-        """End the thread that probes the ports."""
-        if self._ports is not None:
-            self._ports.close()
+    def _emit_rows(self) -> None:
+        self.ports_changed.emit(self.rows)

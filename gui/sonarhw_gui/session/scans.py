@@ -9,27 +9,12 @@ from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import OVERLAYS
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.model.shown import SHOWN, OverlaidScan, ScanPair, Shown, overlaid
 
 _MOST = 8  # scans
-
-
-@dataclass(frozen=True)
-class AddScanRequest:
-    """Read a log, to draw it over the scan shown."""
-
-    path: Path
-    scene: Scene  # shown now; its place is used to draw a log that names none
-
-    def answer(self) -> "_Made":
-        """Read the log. Raises InputError."""
-        log = read_log(self.path)
-        if not log.readings:
-            raise InputError(f"{self.path.name}: contains no readings")
-        return _Made(self.path.stem, log.readings, scene_of_log(log.metadata), self.scene)
 
 
 @dataclass(frozen=True)
@@ -42,26 +27,31 @@ class _Made:
     drawn_in: Scene | None = None  # if its own place is unknown
 
 
+def _read_scan(path: Path, scene: Scene) -> _Made:
+    """Read a log; one that names no place is drawn at that of `scene`. Raises InputError."""
+    log = read_log(path)
+    if not log.readings:
+        raise InputError(f"{path.name}: contains no readings")
+    return _Made(path.stem, log.readings, scene_of_log(log.metadata), scene)
+
+
 class ScanList(QObject):
     """Up to eight scans."""
 
     changed = Signal(object, object)  # tuple of OverlaidScan, ScanPair or None
     failed = Signal(str)
 
-    def __init__(self, shown: Callable[[], Shown], log_file: Callable[[], str], parent: QObject) -> None:
+    def __init__(self, shown: Callable[[], Shown], log_file: Callable[[], str], jobs: Jobs, parent: QObject) -> None:
         """`shown`, `log_file`: return what the window shows, and the file of its readings or ""."""
         super().__init__(parent)
-        self._shown, self._log_file = shown, log_file
+        self._shown, self._log_file, self._jobs = shown, log_file, jobs
         self.scans: tuple[OverlaidScan, ...] = ()
         self.pair: ScanPair | None = None
-        self._worker: Worker | None = None
 
     @Slot(str)
     def open(self, path: str) -> None:
         """Add the scan in a log."""
-        if self._worker is None:
-            self._worker = Worker("add scans")
-        self._worker.submit(AddScanRequest(Path(path), self._shown().scene))
+        self._jobs.run("add scans", _read_scan, Path(path), self._shown().scene, then=self._add_one)
 
     @Slot()
     def keep(self) -> None:
@@ -108,22 +98,12 @@ class ScanList(QObject):
         """Choose the two scans whose differences are shown."""
         self._set(ScanPair(first, second))
 
-    def tick(self) -> None:
-        """Take the logs that have been read."""
-        for answer in self._worker.take() if self._worker else ():
-            if isinstance(answer, Failure):
-                self.failed.emit(answer.message)
-            else:
-                self._add([answer])
-
-    def close(self) -> None:
-        """End the thread."""
-        if self._worker is not None:
-            self._worker.close()
-
     @property
     def _name(self) -> str:
         return Path(self._log_file()).stem or f"scan {len(self.scans) + 1}"
+
+    def _add_one(self, made: _Made) -> None:
+        self._add([made])
 
     def _add(self, scans: Iterable[_Made]) -> None:
         for made in scans:

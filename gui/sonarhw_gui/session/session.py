@@ -8,7 +8,9 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 from weakref import ref
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
@@ -18,40 +20,35 @@ from sonarhw_sim.compilation import Quiet, watch_compilation
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import paths_serve_all_headings
 from sonarhw_sim.room.room import Room
+from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 from sonarhw.readings import Reading
 from sonarhw_gui.jobs.files import (
+    CSV,
+    LOG,
+    ROOM,
+    Content,
+    CsvRead,
     Documents,
-    FileSaver,
     FileWatch,
     FollowedLog,
-    FollowLogRequest,
     LogGrown,
     LogOpened,
-    Opened,
-    OpenRequest,
-    OpenRoomRequest,
-    ReadCsvRequest,
-    ReloadBoard,
+    ReloadFile,
     RoomOpened,
     WatchedFile,
-    is_csv,
+    import_scan,
+    open_log,
+    open_room,
+    read_grown_log,
+    save_file,
 )
 from sonarhw_gui.jobs.forecast import Forecast
-from sonarhw_gui.jobs.jobs import Failure, Worker
-from sonarhw_gui.jobs.searches import CauseControl, FindControl, FitControl
-from sonarhw_gui.jobs.traces import (
-    BScanRequest,
-    BScans,
-    BScanSettings,
-    ChosenTrace,
-    HeadingAnswered,
-    HeadingAsked,
-    TraceFound,
-    TraceRequest,
-)
+from sonarhw_gui.jobs.jobs import Jobs
+from sonarhw_gui.jobs.searches import RoomSearch, Search, find_pose, search_causes
+from sonarhw_gui.jobs.traces import BScans, BScanSettings, ChosenTrace, bscan_slice, chosen_trace, trace_at
 from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import Edited, History, NoteTexts, Scene, place_warning, room_name
@@ -75,37 +72,35 @@ from sonarhw_gui.session.sound import SoundControl
 from sonarhw_gui.session.source import ReadingSource
 from sonarhw_gui.session.status import Status
 
-# The selected trace, the answer to an asked heading, and the B-scan, computed in threads.
-#
-# A new request replaces a waiting one. Answers for another scan are dropped.
-
-
+# each has a thread of its own, so that a trace never waits for a B-scan
+_TRACE, _BSCAN = "traces", "B-scans"
 _PAUSE = 0.05  # s between two traces; a person cannot see fifty readings per second
 
 
 class TraceForecast:
-    """Keeps trace and B-scan up to date with the shown content."""
+    """Keeps trace and B-scan up to date with the shown content. Results for another scan are dropped."""
 
-    def __init__(self) -> None:
+    def __init__(self, jobs: Jobs, report: Callable[[str], None]) -> None:
+        """`report` gets the errors of traces."""
         self.trace: ChosenTrace | None = None
         self.answer: PredictedScan | None = None  # at the asked heading
         self.bscan: BScans | None = None
-        self.failures: list[str] = []
+        self._newest_bscan: BScans | None = (
+            None  # replaces the one above with the next `take`: views refer weakly to it
+        )
+        self._jobs, self._report = jobs, report
+        self._changed = False  # since the last call of `take`
         self._generation = 0
         self._shown: Shown | None = None
         self._settings: BScanSettings | None = None
         self._requested_trace: tuple[object, ...] = ()
         self._requested_at = -_PAUSE
         self._requested_bscan: tuple[object, ...] = ()
-        self._drawing = False  # one B-scan at a time: the next continues it
-        # two threads, so that a trace never waits for a B-scan
-        self._tracer = Worker("traces")
-        self._drawer = Worker("B-scans")
 
     def begin_scan(self) -> None:
         """Drop traces and B-scan; another scan follows."""
         self._generation += 1
-        self.trace, self.answer, self.bscan, self._shown = None, None, None, None
+        self.trace, self.answer, self.bscan, self._newest_bscan, self._shown = None, None, None, None, None
         self._requested_trace, self._requested_bscan = (), ()
 
     def request_bscan(self, settings: BScanSettings | None) -> None:
@@ -120,31 +115,12 @@ class TraceForecast:
         self._request_bscan()
 
     def take(self) -> bool:
-        """Fetch the answers since the last call; return whether anything has changed."""
-        changed = False
+        """Request a trace that was due too soon, and return whether anything has changed since the last call."""
         if self._shown is not None:
-            self._request_trace(self._shown)  # if it came too soon after the previous request
-        for answer in (*self._tracer.take(), *self._drawer.take()):
-            match answer:
-                case Failure(request=BScanRequest()):
-                    self._drawing = False
-                    self.failures.append(answer.message)
-                case Failure():
-                    self.failures.append(answer.message)
-                    self.trace, changed = None, True
-                case TraceFound(generation=self._generation) if not self._asking:
-                    self.trace, changed = answer.trace, True
-                case HeadingAnswered(generation=self._generation) if self._asking:
-                    self.answer, self.trace, changed = answer.prediction, answer.trace, True
-                case BScans():
-                    self._drawing = False
-                    changed = self._accept_bscan(answer) or changed
+            self._request_trace(self._shown)
+        self.bscan = self._newest_bscan
+        changed, self._changed = self._changed, False
         return changed
-
-    def close(self) -> None:
-        """End the threads."""
-        self._tracer.close()
-        self._drawer.close()
 
     @property
     def _asking(self) -> bool:
@@ -164,7 +140,7 @@ class TraceForecast:
         now = time.monotonic()
         if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
             self._requested_trace, self._requested_at = subject, now
-            self._tracer.submit(TraceRequest(self._generation, shown.scene, reading, prediction, index))
+            self._run_trace(chosen_trace, shown.scene, reading, prediction, index, then=self._take_trace)
 
     def _request_answer(self, shown: Shown, heading: float) -> None:
         outline, now = shown.outline, time.monotonic()
@@ -173,28 +149,41 @@ class TraceForecast:
         subject = (shown.scene, outline, heading)
         if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
             self._requested_trace, self._requested_at = subject, now
-            self._tracer.submit(HeadingAsked(self._generation, shown.scene, outline, heading))
+            self._run_trace(trace_at, *subject, then=self._take_answer)
+
+    def _run_trace(self, function: Callable[..., Any], *args: object, then: Callable[[int, Any], None]) -> None:
+        self._jobs.run(_TRACE, function, *args, then=partial(then, self._generation), failed=self._fail_trace)
+
+    def _take_trace(self, generation: int, trace: ChosenTrace) -> None:
+        if generation == self._generation and not self._asking:
+            self.trace, self._changed = trace, True
+
+    def _take_answer(self, generation: int, answer: tuple[PredictedScan, ChosenTrace]) -> None:
+        if generation == self._generation and self._asking:
+            (self.answer, self.trace), self._changed = answer, True
+
+    def _fail_trace(self, message: str) -> None:
+        self.trace, self._changed = None, True
+        self._report(message)
 
     def _request_bscan(self) -> None:
         shown, settings = self._shown, self._settings
-        if shown is None or settings is None or self._drawing:
-            return
+        if shown is None or settings is None or self._jobs.busy(_BSCAN):
+            return  # one at a time: the next continues it
         subject = (shown.scene, shown.readings, shown.outline, settings, shown.look.palette)
         if not _same(subject, self._requested_bscan):
-            self._requested_bscan, self._drawing = subject, True
-            self._drawer.submit(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
+            self._requested_bscan, before = subject, self._newest_bscan.rows if self._newest_bscan else None
+            then = partial(self._take_bscan, self._generation)
+            self._jobs.run(_BSCAN, bscan_slice, *subject, before, then=then, failed=self._report)
 
-    def _accept_bscan(self, bscan: BScans) -> bool:
-        if bscan.generation != self._generation:
-            self._request_bscan()
-            return False
-        if bscan.rows.unreadable and (self.bscan is None or bscan.rows.unreadable != self.bscan.rows.unreadable):
-            self.failures.append(bscan.rows.unreadable)
-        self.bscan = bscan
-        if bscan.rows.done < 1:
-            self._requested_bscan = ()
+    def _take_bscan(self, generation: int, bscan: BScans) -> None:
+        if generation == self._generation:
+            before, self._newest_bscan, self._changed = self._newest_bscan, bscan, True
+            if bscan.rows.unreadable and (before is None or bscan.rows.unreadable != before.rows.unreadable):
+                self._report(bscan.rows.unreadable)
+            if bscan.rows.done < 1:
+                self._requested_bscan = ()
         self._request_bscan()  # the remaining rows, or a newer request
-        return True
 
 
 def _is_of_another_scene(outline: PredictedScan, scene: Scene) -> bool:
@@ -223,14 +212,21 @@ class ShownModel(QObject):
     edited = Signal()  # the scene was edited; `changed` may follow later
 
     def __init__(
-        self, scene: Scene, look: Look, source: ReadingSource, parent: QObject, unsaved: Path | None = None
+        self,
+        scene: Scene,
+        look: Look,
+        source: ReadingSource,
+        jobs: Jobs,
+        report: Callable[[str], None],
+        parent: QObject,
+        unsaved: Path | None = None,
     ) -> None:
-        """`unsaved`: the folder for notes that cannot be stored beside their log."""
+        """`report` gets errors of traces; `unsaved`: the folder for notes that cannot be stored beside their log."""
         super().__init__(parent)
         self.note_store = NoteStore(unsaved)
         self.shown = Shown(scene, look=look, origin=source.origin)
         self.history = History()
-        self.forecast, self.traces = Forecast(), TraceForecast()
+        self.forecast, self.traces = Forecast(jobs), TraceForecast(jobs, report)
         self._source = source
         self._choice = Choice()
         self._update_due = False  # whether something has changed since the last update of the views
@@ -465,7 +461,7 @@ class ShownModel(QObject):
         self._update_due = True
 
     def tick(self, new_readings: bool) -> None:
-        """Fetch finished predictions and traces, and update the views if anything has changed."""
+        """Update the views if anything has changed, also predictions and traces."""
         traced, now = self.traces.take(), time.monotonic()
         self._results_due = self.forecast.take() or traced or self._results_due
         if new_readings:
@@ -474,11 +470,6 @@ class ShownModel(QObject):
         waits = now - self._read_at < _NEXT_READING and not self.forecast.dragging
         if new_readings or self._update_due or (self._results_due and not waits):
             self.refresh()
-
-    def close(self) -> None:
-        """End the threads."""
-        self.forecast.close()
-        self.traces.close()
 
     def refresh(self) -> None:
         """Update the views now."""
@@ -573,6 +564,7 @@ class WindowSession(QObject):
     connected = Signal()  # a connection to a scanner was made
     import_asked = Signal(str)  # path of a CSV scan
     room_opened = Signal()  # a room file was opened or reloaded
+    saved = Signal(str)  # message, after a file was saved
     recent_changed = Signal(object)  # tuple of paths, newest first
 
     def __init__(
@@ -587,23 +579,23 @@ class WindowSession(QObject):
         """`unsaved`: folder for rooms with unsaved changes, and for notes not beside their log; None: not stored."""
         super().__init__()
         self._ticking = False
+        self.jobs = Jobs(self)
         self.status = Status(can_scan=scanner is not None, scan_settings=scan_settings)
-        self.scanners = ScannerChoice(scanner, find_scanner, self)
+        self.scanners = ScannerChoice(scanner, find_scanner, self.jobs, self)
         self._timer = TickTimer(self)
         self._source = ReadingSource(self.scanners, scan_settings, self, self._timer.wake)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
         self._scanner_place, self.scanner_board = ScannerPlace(scene), ScannerBoard()
-        self.showing = ShownModel(scene, look or Look(), self._source, self, unsaved)
+        self.showing = ShownModel(scene, look or Look(), self._source, self.jobs, self._report_trace, self, unsaved)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
         self.documents = Documents(scan_settings.folder)
         self.files, self._followed = FileWatch(), FollowedLog()
-        self.fitting = FitControl(lambda: self.shown, self)
-        self.causes = CauseControl(lambda: self.shown, self)
-        self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self)
-        self.finding = FindControl(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self)
-        self.saver = FileSaver(self)
+        self.fitting = Search("fit", find_pose, lambda: self.shown, self.jobs, self)
+        self.causes = Search("causes", search_causes, lambda: self.shown, self.jobs, self)
+        self.scans = ScanList(lambda: self.shown, lambda: self.log_file, self.jobs, self)
+        self.finding = RoomSearch(lambda: self.shown, lambda: Path(self.log_file).stem or "this scan", self.jobs, self)
         self.sound = SoundControl(self)
         self.preparation = Preparation()
         watch_compilation(self.preparation)
@@ -613,6 +605,7 @@ class WindowSession(QObject):
         self._connect()
 
     def _connect(self) -> None:
+        self.jobs.failed.connect(self.failed)
         self.replay.changed.connect(self._follow_replay)
         self.replay.broken.connect(self.failed)
         self.showing.edited.connect(self._follow_edit)
@@ -736,15 +729,31 @@ class WindowSession(QObject):
 
         For a CSV scan, the user is asked how to read it.
         """
-        if is_csv(Path(path)):
+        file, ending = Path(path), Path(path).suffix.lower()
+        if ending == CSV:
             self.import_asked.emit(path)
+        elif ending == LOG:
+            self.open_log(file)
+        elif ending == ROOM:
+            self.open_room(file)
         else:
-            self.documents.open(Path(path), self.shown.scene.board)
+            self.failed.emit(f"{file.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")
+
+    def open_log(self, path: Path, last_scene: Scene | None = None) -> None:
+        """Open a log; `last_scene`: the scene of the last session instead of that in the log."""
+        self._open("open a log", open_log, path, last_scene, take=self._take_log)
+
+    def open_room(self, room: Path | str) -> None:
+        """Open a room file, or a shipped room by its name."""
+        self._open("open a room", open_room, room, self.shown.scene.board, take=self._take_room)
 
     @Slot(object)
-    def import_csv(self, source: ReadCsvRequest) -> None:
-        """Import a CSV scan as a log, and open the log."""
-        self.documents.import_csv(source)
+    def import_csv(self, csv: CsvRead) -> None:
+        """Import a CSV scan as a log in the folder of recordings, and open the log."""
+        self._open("import a scan", import_scan, csv, self.live.scan_settings.folder, take=self._take_log)
+
+    def _open(self, key: str, function: Callable[..., Any], *args: object, take: Callable[[Any], None]) -> None:
+        self.jobs.run(key, function, *args, then=partial(self._take_opened, take), lane="open files")
 
     @Slot(str)
     def open_board(self, path: str) -> None:
@@ -756,12 +765,7 @@ class WindowSession(QObject):
             self.failed.emit(str(error))
 
     @Slot(object)
-    def reopen(self, request: OpenRequest) -> None:
-        """Open a file by a request."""
-        self.documents.submit(request)
-
-    @Slot(object)
-    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadBoard | ScanRoom | MoveFake | OpenRequest) -> None:
+    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadFile | ScanRoom | MoveFake) -> None:
         """Carry out the answer to a notice."""
         try:
             match answer:
@@ -769,26 +773,47 @@ class WindowSession(QObject):
                     self.set_scene(self.unsaved.restored(answer, self.shown.scene), answer.path)
                 case DiscardRoom():
                     self.unsaved.discard(answer)
-                case ReloadBoard():
-                    self.open_board(str(answer.path))
+                case ReloadFile(WatchedFile.BOARD, path):
+                    self.open_board(str(path))
+                case ReloadFile(WatchedFile.ROOM, path):
+                    self.open_room(path)
                 case ScanRoom():
                     self._scan_room(answer)
                 case MoveFake():
                     self.move_fake()
-                case _:
-                    self.reopen(answer)
         except SonarError as error:
             self.failed.emit(str(error))
 
     @Slot(str)
     def save_room(self, path: str) -> None:
         """Save the room with the sensor's place. An existing file is overwritten: the dialog has asked the user."""
-        room = self.shown.scene.written_room
-        if self.documents.save_room(room, Path(path)) and room is not None:
-            self.showing.take_saved(room, Path(path).name)
-            self.unsaved.saved(self.shown.scene)
-            self.showing.refresh()
-            self.files.watch(WatchedFile.ROOM, Path(path))
+        room, file = self.shown.scene.written_room, Path(path)
+        try:
+            if room is None:
+                raise InputError("there is no room to save; open a room file")
+            save_room(room, file, overwrite=True)
+        except SonarError as error:
+            self.failed.emit(str(error))
+            return
+        self.documents.add(file)
+        self.documents.saved_in = file.absolute().parent
+        self.showing.take_saved(room, file.name)
+        self.unsaved.saved(self.shown.scene)
+        self.showing.refresh()
+        self.files.watch(WatchedFile.ROOM, file)
+
+    def save(self, content: Content, path: Path, overwrite: bool = False) -> None:
+        """Save a file, also if the window is closed meanwhile; `overwrite`: the user has agreed to overwrite it."""
+        self.jobs.run(
+            f"save {path}",
+            save_file,
+            content,
+            path,
+            overwrite,
+            then=lambda saved: self.saved.emit(f"saved: {saved}"),
+            lane="save files",
+            at_close=True,
+        )
 
     @Slot()
     def play_sound(self) -> None:
@@ -832,10 +857,8 @@ class WindowSession(QObject):
         self._begun = True  # a window that is closed before its first paint begins nothing
         self._timer.stop()
         self.unsaved.write()
-        for part in (self.live, self.documents, self.scanners, self.fitting, self.causes, self.scans, self.finding):
-            part.close()
-        self.saver.close()
-        self.showing.close()
+        self.live.close()
+        self.jobs.close()
         watch_compilation(Quiet())
 
     # updates
@@ -845,11 +868,9 @@ class WindowSession(QObject):
         """Fetch the results of all threads since the last tick, and emit the changes."""
         now = time.monotonic()
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
-        for part in (self.scanners, self.fitting, self.causes, self.scans, self.finding, self.saver):
-            part.tick()
+        self.jobs.tick()
+        self.finding.tick()
         self._look_at_files(now)
-        for opened in self.documents.take():
-            self._take_opened(opened)
         self._ticking = True
         self.replay.advance(elapsed)
         self._ticking = False
@@ -862,14 +883,10 @@ class WindowSession(QObject):
         self._timer.follow_drag(self.showing.forecast.dragging)
 
     def _report_messages(self) -> None:
-        report_trace = self.replay.drop_traces if self.replay.loaded else self.warned.emit
         for messages, report in (
             (self.preparation.messages, self.warned.emit),
             (self.unsaved.messages, self.warned.emit),
             (self.showing.note_store.messages, self.warned.emit),
-            (self.showing.forecast.failures, self.failed.emit),
-            (self.documents.messages, self.failed.emit),
-            (self.showing.traces.failures, report_trace),
         ):
             for message in messages:
                 report(message)
@@ -878,17 +895,18 @@ class WindowSession(QObject):
             self.noticed.emit(notice)
         self.unsaved.notices.clear()
 
-    def _take_opened(self, opened: Opened) -> None:
+    def _report_trace(self, message: str) -> None:
+        if message:
+            (self.replay.drop_traces if self.replay.loaded else self.warned.emit)(message)
+
+    def _take_opened(self, take: Callable[[Any], None], opened: LogOpened | RoomOpened) -> None:
+        if opened.path is not None:
+            self.documents.add(opened.path)
         self.recent_changed.emit(self.documents.recent)
-        if self.live.running:
-            return  # requested before the scan began; it would change the room of the scan
-        match opened:
-            case LogOpened():
-                self._take_log(opened)
-            case RoomOpened():
-                self._take_room(opened)
-            case LogGrown():
-                self._take_grown(opened)
+        if not self.live.running:  # else requested before the scan began; it would change the room of the scan
+            take(opened)
+        if isinstance(opened, LogOpened) and opened.notice:
+            self.failed.emit(opened.notice)
 
     def _take_log(self, opened: LogOpened) -> None:
         self.files.watch(WatchedFile.ROOM, None)
@@ -910,6 +928,8 @@ class WindowSession(QObject):
         self.room_opened.emit()
 
     def _take_grown(self, grown: LogGrown) -> None:
+        if self.live.running:
+            return
         self._followed.rest(grown.took, time.monotonic())
         replayed = self._source.replayed
         if replayed is None or replayed.path != grown.path:
@@ -927,11 +947,9 @@ class WindowSession(QObject):
         """Follow a log that grows, and offer to reload a changed room or board."""
         self._warn_of_torn(now)
         if grown := self._followed.grown_file(now):
-            self.documents.submit(FollowLogRequest(grown))
+            self.jobs.run("follow a log", read_grown_log, grown, then=self._take_grown, lane="open files")
         for what, path in self.files.changed(now):
-            board = self.shown.scene.board
-            again = OpenRoomRequest(path, board) if what is WatchedFile.ROOM else ReloadBoard(path)
-            self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", again))
+            self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", ReloadFile(what, path)))
 
     def _warn_if_recorded_elsewhere(self, scene: Scene) -> None:
         if doubt := self._source.doubt_in(scene):

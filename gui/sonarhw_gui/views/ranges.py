@@ -1,6 +1,7 @@
 """The view "Ranges": measured and predicted range over heading, with the residuals below."""
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyqtgraph as pg
@@ -11,7 +12,6 @@ from PySide6.QtWidgets import QWidget
 from sonarhw_compare.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.jobs.forecast import OutlineChances
 from sonarhw_gui.model.look import Class, Look, ViewLayer, residual_unit, text_font
 from sonarhw_gui.model.scene import outline_ranges
 from sonarhw_gui.model.shown import Cursor, Shown
@@ -39,6 +39,9 @@ from sonarhw_gui.views.marks import (
     reading_tip,
 )
 
+if TYPE_CHECKING:
+    from sonarhw_compare.pictures import RangeShading
+
 # Shading of the range view: ranges that the board may report, the more opaque, the more probable.
 
 
@@ -54,15 +57,14 @@ class ChanceShading(pg.ImageItem):  # type: ignore[misc]  # pyqtgraph has no typ
         self.setZValue(_BEHIND)
         self.setVisible(False)
 
-    def draw(self, chances: OutlineChances | None, colour: str) -> None:
+    def draw(self, chances: "RangeShading | None", colour: str) -> None:
         """Draw `chances` in `colour`; None: nothing."""
         self.setVisible(chances is not None)
         if chances is None:
             return
-        shading = chances.shading
-        count = len(shading.headings)
+        count = len(chances.headings)
         # heading 0 again at 360°, so that both ends of the axis are shaded
-        opacities = np.vstack((shading.opacities, shading.opacities[:1]))
+        opacities = np.vstack((chances.opacities, chances.opacities[:1]))
         opacities = np.where(opacities < _LEAST, 0.0, opacities)
         pixels = np.empty((*opacities.T.shape, 4), dtype=np.uint8)
         shade = QColor(colour)
@@ -70,7 +72,7 @@ class ChanceShading(pg.ImageItem):  # type: ignore[misc]  # pyqtgraph has no typ
         pixels[..., 3] = np.round(255 * opacities.T)
         self.setImage(pixels, autoLevels=False)
         step = 360.0 / count
-        self.setRect(QRectF(-step / 2, 0.0, 360.0 + step, shading.reach))
+        self.setRect(QRectF(-step / 2, 0.0, 360.0 + step, chances.reach))
 
 
 _MOST_RESIDUAL = 0.25  # m; a larger residual is an arrow at the edge
@@ -171,7 +173,7 @@ class RangeView(Canvas):
         if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
             drawn.append(float(np.nanmax(shown.outline.ranges)))
         if shown.chances is not None:
-            drawn.append(shown.chances.shading.reach)
+            drawn.append(shown.chances.reach)
         most = max(drawn, default=1.0)
         if not 0.5 * self._top < most <= self._top:
             self._top = 1.15 * most

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QModelIndex, QObject, QSize, Qt, QTimer, Signal, Slot
+from PySide6.QtCore import QEvent, QModelIndex, QObject, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -28,7 +28,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw_gui.jobs.files import RecordingList, RecordingRow, Recordings
+from sonarhw_gui.jobs.files import RecordingList, RecordingRow, list_recordings
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import MARKS, Look
 from sonarhw_gui.session.scanner import PortRow
 from sonarhw_gui.views.legend import mark_picture
@@ -378,20 +379,19 @@ def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
 
 _RECORDING_COLUMNS = ("date", "room", "place", "readings", "traces", "file", "condition")
 _PATH = Qt.ItemDataRole.UserRole
-_TICK = 50  # ms
+_LISTING = "list recordings"
 
 
 class RecordingsDialog(QDialog):
     """Dialog to open a recording."""
 
     chosen = Signal(str)  # path
-    failed = Signal(str)
 
-    def __init__(self, folder: Path, parent: QWidget) -> None:
+    def __init__(self, folder: Path, jobs: Jobs, parent: QWidget) -> None:
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("Recordings")
-        self._recordings = Recordings(folder)
+        self._jobs = jobs
         self.search = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
         self.table = _recording_table()
         self.summary = PlainLabel(wordWrap=True)
@@ -402,23 +402,20 @@ class RecordingsDialog(QDialog):
         for part in (self.search, self.table, self.summary, self.buttons):
             column.addWidget(part)
         self.resize(860, 420)
-        self._timer = QTimer(self, interval=_TICK)
-        self._timer.timeout.connect(self._take)
-        self._timer.start()
         self.search.textChanged.connect(self._filter)
         self.table.itemSelectionChanged.connect(self._update_button)
         self.table.doubleClicked.connect(self._choose)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.reject)
-        self._draw(self._recordings.listed)
+        self._show(RecordingList(folder))
 
-    @Slot()
-    def _take(self) -> None:
-        if self._recordings.take():
-            self._draw(self._recordings.listed)
-        for message in self._recordings.failures:
-            self.failed.emit(message)
-        self._recordings.failures.clear()
+    def _show(self, listed: RecordingList) -> None:
+        """Draw what was read so far, and read more."""
+        self._draw(listed)
+        self._jobs.run(_LISTING, list_recordings, listed, then=self._take)
+
+    def _take(self, listed: RecordingList) -> None:
+        (self._draw if listed.complete else self._show)(listed)
 
     def _draw(self, listed: RecordingList) -> None:
         chosen = self._chosen()
@@ -463,9 +460,8 @@ class RecordingsDialog(QDialog):
             self.accept()
 
     def done(self, result: int) -> None:
-        """End the thread when the dialog closes in any way."""
-        self._timer.stop()
-        self._recordings.close()
+        """Read no more when the dialog closes in any way."""
+        self._jobs.cancel(_LISTING)
         super().done(result)
 
 

@@ -22,7 +22,6 @@ from sonarhw_gui.jobs.files import (
     Content,
     Data,
     FilmOfSound,
-    OpenRoomRequest,
     Picture,
     ReportPage,
     WatchedFile,
@@ -88,7 +87,7 @@ class FileCommands(QMenu):
 
     @Slot(QAction)
     def _open_shipped(self, action: QAction) -> None:
-        self._session.reopen(OpenRoomRequest(action.text(), self._session.shown.scene.board))
+        self._session.open_room(action.text())
 
     @Slot()
     def _ask_log(self) -> None:
@@ -102,7 +101,9 @@ class FileCommands(QMenu):
     def _ask_how_to_read(self, path: str) -> None:
         """Open the import dialog for a CSV file, in place of any other dialog."""
         close_dialogs(self._window)
-        self.importing = dialog = ImportDialog(Path(path), self._session.shown.look.unit, self._window)
+        self.importing = dialog = ImportDialog(
+            Path(path), self._session.shown.look.unit, self._session.jobs, self._window
+        )
         dialog.accepted_as.connect(self._session.import_csv)
         dialog.show()
 
@@ -123,9 +124,10 @@ class FileCommands(QMenu):
     @Slot()
     def _show_recordings(self) -> None:
         if self.recordings is None:
-            self.recordings = dialog = RecordingsDialog(self._session.live.scan_settings.folder, self._window)
+            self.recordings = dialog = RecordingsDialog(
+                self._session.live.scan_settings.folder, self._session.jobs, self._window
+            )
             dialog.chosen.connect(self._session.open_file)
-            dialog.failed.connect(self._session.failed)
             dialog.destroyed.connect(self._forget_recordings)
         close_dialogs(self._window, but=self.recordings)
         self.recordings.show()
@@ -133,7 +135,7 @@ class FileCommands(QMenu):
 
     @Slot()
     def close_dialogs(self) -> None:
-        """Close the open dialog, and end its thread."""
+        """Close the open dialog."""
         close_dialogs(self._window)
 
     @Slot()
@@ -329,7 +331,7 @@ class SaveCommands(QObject):
         self._session.documents.saved_in = path.parent
         content = self._content(path.suffix.lower())
         if content is not None:
-            self._session.saver.write(content, path, overwrite=True)  # the dialog has asked the user
+            self._session.save(content, path, overwrite=True)  # the dialog has asked the user
 
     def _content(self, ending: str) -> Content | None:
         subject, session = self._subject, self._session

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer, Signal, Slot
+from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QCheckBox,
@@ -25,13 +25,13 @@ from sonarhw_compare.foreign_csv import CsvColumns, CsvHead, Meaning, likely_col
 
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
-from sonarhw_gui.jobs.files import CsvRead, ReadCsvRequest
-from sonarhw_gui.jobs.jobs import Failure, Worker
+from sonarhw_gui.jobs.files import CsvRead, read_csv
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.widgets import NumberField, PlainLabel, plain_tip
 
 _LINES = 8  # in the preview
-_TICK = 50  # ms
+_READING = "read CSV"
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 _TURNS = {"counter-clockwise": 1.0, "clockwise": -1.0}
 _NO_TIME = "(none: 0.1 s apart)"
@@ -40,18 +40,16 @@ _NO_TIME = "(none: 0.1 s apart)"
 class ImportDialog(QDialog):
     """Reads the file again in a thread after each change; an error is shown where the values are typed."""
 
-    accepted_as = Signal(object)  # ReadCsvRequest
+    accepted_as = Signal(object)  # CsvRead
 
-    def __init__(self, path: Path, unit: LengthUnit, parent: QWidget) -> None:
+    def __init__(self, path: Path, unit: LengthUnit, jobs: Jobs, parent: QWidget) -> None:
         """`unit`: of the ranges in the preview."""
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle(f"Import {path.name}")
-        self._path, self._unit = path, unit
+        self._path, self._unit, self._jobs = path, unit, jobs
         self._head = CsvHead((), (), False)
-        self._asked: ReadCsvRequest | None = None  # what the values say; None if one is wrong
-        self._read: CsvRead | None = None  # the answer to it
-        self._worker = Worker("read CSV")
+        self._read: CsvRead | None = None  # the file as the values say; None while it is read, or if one is wrong
         self.heading, self.distance, self.time = QComboBox(), QComboBox(), QComboBox()
         self.turn, self.unit = QComboBox(), QComboBox()
         self.turn.addItems(list(_TURNS))
@@ -112,9 +110,6 @@ class ImportDialog(QDialog):
         self._read_head()
 
     def _connect(self) -> None:
-        self._timer = QTimer(self, interval=_TICK)
-        self._timer.timeout.connect(self._take)
-        self._timer.start()
         self.decimal_comma.toggled.connect(self._read_head)
         self.distance.currentTextChanged.connect(self._guess_unit)
         for list_ in (self.heading, self.distance, self.time, self.turn, self.unit):
@@ -131,7 +126,8 @@ class ImportDialog(QDialog):
         try:
             self._head = read_head(self._path, _LINES, self.decimal_comma.isChecked())
         except InputError as error:
-            self._head, self._asked, self._read = CsvHead((), (), False), None, None
+            self._jobs.cancel(_READING)
+            self._head, self._read = CsvHead((), (), False), None
             self._list_columns()
             self._report(str(error))
             return
@@ -168,23 +164,23 @@ class ImportDialog(QDialog):
     @Slot()
     def _read_again(self) -> None:
         """Read the whole file with the values typed."""
-        self._asked = self._read = None
+        self._jobs.cancel(_READING)  # a value has changed since
+        self._read = None
         self.import_button.setEnabled(False)
         try:
-            self._asked = self._request()
-            self._worker.submit(self._asked)
+            self._jobs.run(_READING, read_csv, self._path, *self._typed(), then=self._show_read, failed=self._report)
             self.note.setText("reading …")
         except InputError as error:
             self._report(str(error))
 
-    def _request(self) -> ReadCsvRequest:
+    def _typed(self) -> tuple[CsvColumns, Meaning]:
         """Return what the values say. Raises InputError if one is missing or wrong."""
         heading, distance, time = (list_.currentData() for list_ in (self.heading, self.distance, self.time))
         if not heading or not distance:
             raise InputError(f"choose the column of the {'range' if heading else 'heading'}")
         columns = CsvColumns(heading, distance, time, self._head.decimal_comma)
         sign, scale = _TURNS[self.turn.currentText()], _UNITS[self.unit.currentText()]
-        return ReadCsvRequest(self._path, columns, Meaning(scale, sign, self.zero.value(), self._typed_no_echo()))
+        return columns, Meaning(scale, sign, self.zero.value(), self._typed_no_echo())
 
     def _typed_no_echo(self) -> float | None:
         text = self.no_echo.text().strip()
@@ -194,16 +190,6 @@ class ImportDialog(QDialog):
             return float(text.replace(",", ".") if self._head.decimal_comma else text)
         except ValueError:
             raise InputError(f"range that means no echo: {text!r}; expected a number, or nothing") from None
-
-    @Slot()
-    def _take(self) -> None:
-        for answer in self._worker.take():
-            if answer.request is not self._asked:
-                continue  # a value has changed since
-            if isinstance(answer, Failure):
-                self._report(answer.message)
-            else:
-                self._show_read(answer)
 
     def _show_read(self, read: CsvRead) -> None:
         self._read = read
@@ -255,13 +241,12 @@ class ImportDialog(QDialog):
     def accept(self) -> None:
         """Import what the preview shows."""
         if self._read is not None:
-            self.accepted_as.emit(self._read.request)
+            self.accepted_as.emit(self._read)
             super().accept()
 
     def done(self, result: int) -> None:
-        """End the thread when the dialog closes in any way."""
-        self._timer.stop()
-        self._worker.close()
+        """Read no more when the dialog closes in any way."""
+        self._jobs.cancel(_READING)
         super().done(result)
 
 

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QApplication
 from sonarhw.errors import MissingExtra, OutputError, SonarError
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
-from sonarhw_gui.jobs.files import OpenLogRequest, WatchedFile
+from sonarhw_gui.jobs.files import WatchedFile
 from sonarhw_gui.model.look import Look, apply_look
 from sonarhw_gui.model.scene import Scene, SceneMemory
 from sonarhw_gui.session.kept import Memory, read_memory, write_memory
@@ -310,7 +310,7 @@ def _open_source(window: MainWindow, start: WindowStart, *, resumed: bool) -> No
     if isinstance(start.source, Log):
         session.show_log(start.source, start.source_name, start.source_file)
     elif start.source_file is not None and resumed:
-        session.reopen(OpenLogRequest(start.source_file, start.scene))  # restores fit results and edits too
+        session.open_log(start.source_file, start.scene)  # restores fit results and edits too
     elif start.source_file is not None:
         session.open_file(str(start.source_file))
     elif start.autostart:

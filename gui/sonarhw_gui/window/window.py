@@ -164,7 +164,7 @@ def connect_banner(banner: Banner, session: WindowSession) -> None:
     """Connect the banner with errors, warnings and offers of the session."""
     session.warned.connect(banner.show_message)
     session.failed.connect(banner.show_error)
-    for part in (session.fitting, session.causes, session.scans, session.saver):
+    for part in (session.fitting, session.causes, session.scans):
         part.failed.connect(banner.show_error)
     session.finding.failed.connect(banner.show_search_error)
     session.finding.settled.connect(banner.end_search_errors)
@@ -477,7 +477,7 @@ class MainWindow(TabbedWindow):
         session.showing.edited.connect(self._show_title)
         session.status_changed.connect(self._show_status)
         session.room_opened.connect(views.plan.fit)
-        session.saver.saved.connect(self.status_bar.show_briefly)
+        session.saved.connect(self.status_bar.show_briefly)
 
     @Slot(QAction)
     def _show_view(self, action: QAction) -> None:

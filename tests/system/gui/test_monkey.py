@@ -113,7 +113,7 @@ def test_files_in_turns_raise_no_error_and_keep_the_memory(
                 for dialog in window.findChildren(ImportDialog):
                     dialog.accept()
                     dialog.close()
-            until(qtbot, lambda: not window.session.documents.busy)
+            until(qtbot, lambda: not window.session.jobs.busy("open files"))
             qtbot.wait(60)  # two ticks
             until(qtbot, lambda: window.session.shown.scene.room is None or predicted(window))
             assert not errors, f"{path.name}: {errors[0][1]!r}"
@@ -141,7 +141,12 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
     session.fitting.cancel()
     session.causes.cancel()
     session.finding.cancel()
-    until(qtbot, lambda: not session.live.running and not session.saver.busy and not session.documents.busy)
+    until(
+        qtbot,
+        lambda: (
+            not session.live.running and not session.jobs.busy("save files") and not session.jobs.busy("open files")
+        ),
+    )
     while session.scans.scans:
         session.scans.remove(0)
     session.showing.set_look(Look())
@@ -149,7 +154,7 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
     window.commands.reset_layout.trigger()
     window.resize(1280, 800)
     session.open_file(str(log))
-    until(qtbot, lambda: session.log_file == str(log) and not session.documents.busy)
+    until(qtbot, lambda: session.log_file == str(log) and not session.jobs.busy("open files"))
     until(qtbot, lambda: predicted(window))
     bscan = window.views.bscan
     for action, wanted in ((bscan.choices.actions()[_ALL_PANES], True), (bscan.polar, False), (bscan.decibels, True)):

@@ -1,7 +1,7 @@
 """The B-scan as arrays, checked against known positions of echoes and gaps."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -23,11 +23,12 @@ from sonarhw_compare.pictures import (
 from sonarhw_gui.jobs.traces import (
     Arm,
     BScanPixels,
-    BScanRequest,
+    BScanRows,
     BScans,
     BScanSettings,
     ColourScale,
     Pane,
+    bscan_slice,
     colour_scale,
     draw_bscan,
     flat_area,
@@ -37,7 +38,7 @@ from sonarhw_gui.model.look import LIGHT
 from sonarhw_gui.model.scene import Scene
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Mount, load_board
-from sonarhw_sim.predict.predicted_scan import arm
+from sonarhw_sim.predict.predicted_scan import PredictedScan, arm
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room
 
@@ -236,69 +237,79 @@ def test_unknown_levels_have_no_colour() -> None:
     assert in_db(np.array([0.0]), -40.0)[0] == -40.0
 
 
-def completed(request: BScanRequest) -> BScans:
-    """Repeat the request until the B-scan is complete, as the window does."""
-    answer = request.answer()
+@dataclass(frozen=True)
+class Content:
+    """The arguments of a slice of the B-scan."""
+
+    scene: Scene
+    readings: tuple[Reading, ...]
+    outline: PredictedScan
+
+    def slice(self, before: BScanRows | None = None) -> BScans:
+        return bscan_slice(self.scene, self.readings, self.outline, FLAT, LIGHT, before)
+
+
+def completed(content: Content) -> BScans:
+    """Compute slices until the B-scan is complete, as the window does."""
+    answer = content.slice()
     while answer.rows.done < 1:
-        answer = replace(request, before=answer.rows).answer()
+        answer = content.slice(answer.rows)
     return answer
 
 
 @pytest.fixture(scope="module")
-def request_of(scene: Scene) -> BScanRequest:
+def content(scene: Scene) -> Content:
     outline = predict_scan(scene.room, scene.pose, scene.board, np.radians(np.arange(0.0, 360.0, 20.0)))
     readings = tuple(reading(k, 20.0 * k, spike(1.0)) for k in range(18))
-    return BScanRequest(1, scene, readings, outline, FLAT, LIGHT, None)
+    return Content(scene, readings, outline)
 
 
-def test_computation_in_slices_gives_the_same_rows_as_single_predictions(request_of: BScanRequest) -> None:
-    answer = completed(request_of)
+def test_computation_in_slices_gives_the_same_rows_as_single_predictions(content: Content) -> None:
+    answer = completed(content)
     cells = answer.rows.cells
-    headings = request_of.outline.headings
-    expected = [request_of.outline.ping(k).signal(2 * cells.reach / SPEED) for k in range(len(headings))]
-    speed = request_of.scene.room.air.speed_of_sound
+    headings = content.outline.headings
+    expected = [content.outline.ping(k).signal(2 * cells.reach / SPEED) for k in range(len(headings))]
+    speed = content.scene.room.air.speed_of_sound
     np.testing.assert_allclose(answer.predicted.headings, headings, atol=1e-9)
     for row, signal in zip(answer.predicted.levels, expected, strict=True):
         np.testing.assert_allclose(row[:-1], trace_row(signal.envelope(), speed, cells)[:-1])
     assert set(answer.pictures) == set(Pane)
 
 
-def test_a_row_is_computed_again_only_for_another_reading(request_of: BScanRequest) -> None:
-    first = completed(request_of).rows
-    again = replace(
-        request_of, readings=(*request_of.readings[1:], reading(99, 0.0, spike(2.0))), before=first
-    ).answer()
+def test_a_row_is_computed_again_only_for_another_reading(content: Content) -> None:
+    first = completed(content).rows
+    again = replace(content, readings=(*content.readings[1:], reading(99, 0.0, spike(2.0)))).slice(first)
     kept = [key for key in first.measured if again.rows.measured[key].levels is first.measured[key].levels]
-    assert len(kept) == len(request_of.readings) - 1
+    assert len(kept) == len(content.readings) - 1
     assert all(again.rows.predicted[key] is first.predicted[key] for key in first.predicted)
     cells = again.rows.cells
     assert loudest_at(again.rows.measured[0].levels, cells) == pytest.approx(2.0, abs=cells.width)
 
 
-def test_another_prediction_replaces_only_the_predicted_rows(request_of: BScanRequest) -> None:
-    first = completed(request_of).rows
-    again = replace(request_of, outline=replace(request_of.outline), before=first).answer().rows
+def test_another_prediction_replaces_only_the_predicted_rows(content: Content) -> None:
+    first = completed(content).rows
+    again = replace(content, outline=replace(content.outline)).slice(first).rows
     assert all(again.measured[key] is first.measured[key] for key in first.measured)
     assert not any(row is first.predicted.get(key) for key, row in again.predicted.items())
 
 
-def test_without_traces_the_measured_picture_shows_only_the_ranges(request_of: BScanRequest) -> None:
-    answer = completed(replace(request_of, readings=(reading(0, 40.0, ranges=(0.5, 1.5)), reading(1, 60.0))))
+def test_without_traces_the_measured_picture_shows_only_the_ranges(content: Content) -> None:
+    answer = completed(replace(content, readings=(reading(0, 40.0, ranges=(0.5, 1.5)), reading(1, 60.0))))
     assert not answer.rows.traced
     cells, row = answer.rows.cells, answer.measured.levels[answer.measured.row_at(math.radians(40.0)) or 0]
     assert cells.middles[np.isfinite(row)] == pytest.approx([0.5, 1.5], abs=cells.width)
     assert np.isnan(answer.measured.levels[1]).all()
 
 
-def test_an_unreadable_trace_is_a_gap_and_is_reported(request_of: BScanRequest) -> None:
+def test_an_unreadable_trace_is_a_gap_and_is_reported(content: Content) -> None:
     class Torn(Trace):
         @property
         def times(self) -> FloatArray:
             raise NotALog("scan.mcap: the trace of reading 3 cannot be read")
 
-    broken = replace(request_of.readings[3], trace=Torn(np.zeros(1), RATE, 0.0))
-    readings = (*request_of.readings[:3], broken, *request_of.readings[4:])
-    answer = completed(replace(request_of, readings=readings))
+    broken = replace(content.readings[3], trace=Torn(np.zeros(1), RATE, 0.0))
+    readings = (*content.readings[:3], broken, *content.readings[4:])
+    answer = completed(replace(content, readings=readings))
     assert "reading 3" in answer.rows.unreadable
     silent = [np.isnan(row).all() for row in answer.measured.levels]
     assert silent == [k == 3 for k in range(18)]

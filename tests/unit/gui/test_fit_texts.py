@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 import pytest
-from sonarhw_compare.fit import AtBound, free_parameters
+from sonarhw_compare.fit import AtBound, PlacedScan, free_parameters
 from sonarhw_compare.fit.fitting import unexplained, warnings_of
 from sonarhw_compare.match import Summary
-from sonarhw_gui.jobs.jobs import RunProgress
-from sonarhw_gui.jobs.searches import FitFound, FitRequest, FitSettings, FitSolution, warnings
+from sonarhw_gui.jobs.searches import FitFound, FitSettings, FitSolution, warnings
 from sonarhw_gui.model.scene import scene_with
 
 from tests.unit.compare.matching.test_headings import PAPER, PLACE, ROOM, heading_fit
@@ -17,14 +16,14 @@ SUMMARY = Summary(10, 10, 9, 0.3, 0.0, None, None, {}, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 def found(everywhere: bool) -> FitFound:
     """Return a fit of two headings, with which 3 of 10 echoes match."""
-    request = FitRequest(scene_with(PAPER, ROOM, PLACE), (), FitSettings(everywhere=everywhere), RunProgress())
     fit = heading_fit(-105.9, 74.1)
     several = warnings_of(fit)
-    few = unexplained([request.scan], [SUMMARY])
+    few = unexplained([PlacedScan((), PLACE, "this scan")], [SUMMARY])
     assert len(several) == len(few) == 1
     (offset,) = free_parameters(("offset",), ("scan",), ROOM, PAPER)
     result = replace(fit, warnings=(*few, *several, AtBound(offset, 0.06)))
-    return FitFound(request, result, 0.3, (FitSolution({}, 0.3), FitSolution({}, 0.3)))
+    solutions = (FitSolution({}, 0.3), FitSolution({}, 0.3))
+    return FitFound(scene_with(PAPER, ROOM, PLACE), 0, FitSettings(everywhere=everywhere), result, 0.3, solutions)
 
 
 @pytest.mark.parametrize("everywhere", [False, True])

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from sonarhw_gui.jobs.files import Picture, SaveRequest
+from sonarhw_gui.jobs.files import Picture, save_file
 
 from sonarhw.errors import InputError, OutputError
 
@@ -13,7 +13,7 @@ def test_a_link_to_a_log_is_not_replaced_by_a_picture(tmp_path: Path) -> None:
     log.write_text("mine")
     link.symlink_to(log)
     with pytest.raises(InputError, match=r"plan\.svg: is a link to .*scan\.mcap"):
-        SaveRequest(Picture(None, "<svg/>"), link, overwrite=True).answer()
+        save_file(Picture(None, "<svg/>"), link, overwrite=True)
     assert log.read_text() == "mine"
 
 
@@ -25,5 +25,5 @@ def test_a_file_that_appears_while_the_picture_is_drawn_is_kept(tmp_path: Path) 
             path.write_text("mine")
 
     with pytest.raises(OutputError, match="exists already"):
-        SaveRequest(Slow(None), path, overwrite=False).answer()
+        save_file(Slow(None), path, overwrite=False)
     assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("plan.svg", "mine")]

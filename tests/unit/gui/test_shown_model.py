@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QObject
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session import session
@@ -33,10 +34,10 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 @pytest.fixture
 def model(tmp_path: Path) -> Iterator[ShownModel]:
     owner = QObject()
-    source = ReadingSource(ScannerChoice(None, None, owner), ScanSettings(tmp_path), owner, lambda: None)
-    model = ShownModel(Scene(None, None, load_board("polaroid-6500")), Look(), source, owner)
-    yield model
-    model.close()
+    jobs = Jobs(owner)
+    source = ReadingSource(ScannerChoice(None, None, jobs, owner), ScanSettings(tmp_path), owner, lambda: None)
+    yield ShownModel(Scene(None, None, load_board("polaroid-6500")), Look(), source, jobs, lambda _: None, owner)
+    jobs.close()
 
 
 def test_results_of_a_fast_scan_are_shown_with_its_next_readings(

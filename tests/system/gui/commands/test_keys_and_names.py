@@ -9,7 +9,7 @@ from PySide6.QtPrintSupport import QPrinter
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
-from sonarhw_gui.jobs.forecast import PathsRequest
+from sonarhw_gui.jobs import forecast
 from sonarhw_gui.window.commands import UndoList
 from sonarhw_gui.window.window import MainWindow, spoken_name
 from sonarhw_sim.room.room import load_room
@@ -122,18 +122,18 @@ def test_the_first_window_is_not_larger_than_its_screen(window: MainWindow) -> N
 def test_a_demo_scan_waits_for_its_prediction(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Hold the answer back: no scan; let it go: the scan begins, over its outline."""
-    held, answer = [True], PathsRequest.answer
+    """Hold the prediction back: no scan; let it go: the scan begins, over its outline."""
+    held, find_paths = [True], forecast.find_paths
 
-    def wait(request: PathsRequest) -> object:
+    def wait(*args: object) -> object:
         while held[0]:
             qtbot_free.wait(0.01)
-        return answer(request)
+        return find_paths(*args)
 
     import threading
 
     qtbot_free = threading.Event()
-    monkeypatch.setattr(PathsRequest, "answer", wait)
+    monkeypatch.setattr(forecast, "find_paths", wait)
     window = open_with(source=fake("max"), autostart=True)
     try:
         until(qtbot, lambda: "the scan begins when its prediction is there" in window.status_bar.activity.text())

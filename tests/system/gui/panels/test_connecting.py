@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -31,7 +32,7 @@ def nowhere(url: str) -> ScannerTarget:
 
 
 def with_ports(window: MainWindow, ask: Callable[[str], tuple[bool, str]]) -> None:
-    window.session.scanners._make_ports = lambda: PortList(lambda: [ARDUINO, OTHER], ask)
+    window.session.scanners._make_ports = partial(PortList, find=lambda: [ARDUINO, OTHER], probe=ask)
 
 
 def rows(window: MainWindow) -> list[list[str]]:

@@ -7,6 +7,7 @@ import select
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +18,12 @@ from sonarhw_compare.locate import Pose, PoseSpread
 from sonarhw_compare.rooms import evidence, outcome
 from sonarhw_compare.rooms import search as unknown_poses
 from sonarhw_compare.rooms.evidence import ComputeProcesses
-from sonarhw_gui.jobs.searches import FindRequest, FindState, RoomAnswer
+from sonarhw_gui.jobs import searches
+from sonarhw_gui.jobs.searches import Accuracy, FindState, LoadedScan, RoomAnswer
 from sonarhw_gui.model.edits import with_board
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.window.window import MainWindow
+from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.errors import InputError
@@ -68,17 +71,19 @@ def known() -> list[RoomAnswer]:
 @pytest.fixture
 def first_search_once(monkeypatch: pytest.MonkeyPatch, known: list[RoomAnswer]) -> None:
     """Answer a first search in scans a and b at once if another test has completed it."""
-    search = FindRequest.answer
+    search = searches.search_room
 
-    def answer(request: FindRequest) -> RoomAnswer:
-        if request.start is not None:
-            return search(request)
-        assert sorted(scan.name for scan in request.scans) == ["a", "b"]
+    def search_room(
+        scans: tuple[LoadedScan, ...], air: Air, accuracy: Accuracy, start: object, *rest: Any
+    ) -> RoomAnswer:
+        if start is not None:
+            return search(scans, air, accuracy, start, *rest)
+        assert sorted(scan.name for scan in scans) == ["a", "b"]
         if not known:
-            known.append(search(request))
-        return replace(known[0], request=request)
+            known.append(search(scans, air, accuracy, start, *rest))
+        return replace(known[0])
 
-    monkeypatch.setattr(FindRequest, "answer", answer)
+    monkeypatch.setattr(searches, "search_room", search_room)
 
 
 @pytest.fixture
@@ -402,7 +407,7 @@ def test_possible_poses_and_scans_left_out_are_stated(
         for at, turn, share in (((1.3, 0.5), 0.0, 0.64), ((0.7, 1.1), 180.0, 0.36))
     )
     found = replace(known[0], poses={"b": several}, left_out=("c",))
-    monkeypatch.setattr(FindRequest, "answer", lambda request: replace(found, request=request))
+    monkeypatch.setattr(window.session.finding, "_function", lambda *_: found)
     find(qtbot, window)
     assert window.finding.poses.isVisible()
     assert window.finding.poses.text() == (

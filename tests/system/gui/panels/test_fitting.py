@@ -9,10 +9,13 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
-from sonarhw_gui.jobs.searches import FitFound, FitRequest, FitSettings, fitted, value_text
+from sonarhw_gui.jobs.jobs import JobProgress
+from sonarhw_gui.jobs.searches import FitFound, FitSettings, fitted, value_text
 from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session import session
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import parse_board
 
@@ -26,14 +29,14 @@ LEFT = Qt.MouseButton.LeftButton
 @pytest.fixture
 def equal_fits_once(monkeypatch: pytest.MonkeyPatch, known: dict[FitSettings, FitFound]) -> None:
     """Answer a fit that another test has completed at once, because it takes seconds; the scene is the same."""
-    fit = FitRequest.answer
+    fit = session.find_pose
 
-    def answer(request: FitRequest) -> FitFound:
-        if request.settings not in known:
-            known[request.settings] = fit(request)
-        return replace(known[request.settings], request=request)
+    def find_pose(shown: Shown, settings: FitSettings, progress: JobProgress) -> FitFound:
+        if settings not in known:
+            known[settings] = fit(shown, settings, progress)
+        return replace(known[settings], scene=shown.scene)
 
-    monkeypatch.setattr(FitRequest, "answer", answer)
+    monkeypatch.setattr(session, "find_pose", find_pose)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,7 @@ def opened(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> M
 
 def find(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.mouseClick(window.fit_panel.begin, LEFT)
-    until(qtbot, lambda: window.session.fitting.state.found is not None)
+    until(qtbot, lambda: window.session.fitting.state.answer is not None)
 
 
 @pytest.mark.usefixtures("equal_fits_once")
@@ -68,7 +71,7 @@ def test_the_pose_is_found_with_its_deviation_accepted_and_undone(
     assert len(re.findall(r"\d mm</td><td>&nbsp;&nbsp;± [\d.]+ mm", panel.table.text())) >= 2
     assert "within 5 cm: " in panel.notes.text()
     assert window.session.shown.scene is before
-    found = window.session.fitting.state.found
+    found = window.session.fitting.state.answer
     assert found.within_5cm < 0.7 < found.solutions[0].within_5cm
     qtbot.mouseClick(panel.accept, LEFT)
     place = window.session.shown.scene.pose

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 
 import pytest
 from PySide6.QtCore import Qt
@@ -30,7 +31,7 @@ def finder() -> Iterator[ScannerFinder]:
 
 
 def open_dialog(qtbot: QtBot, window: MainWindow) -> None:
-    window.session.scanners._make_ports = lambda: PortList(lambda: [])
+    window.session.scanners._make_ports = partial(PortList, find=lambda: [])
     qtbot.keyClick(window, Qt.Key.Key_K, Qt.KeyboardModifier.ControlModifier)
     until(qtbot, lambda: window.session.scanners._ports is not None and not window.session.scanners._ports.busy)
 

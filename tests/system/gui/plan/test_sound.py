@@ -101,7 +101,7 @@ def test_the_sound_is_saved_as_a_film(qtbot: QtBot, window: MainWindow, tmp_path
     window.sound_bar.film.click()
     window.saving.dialog.fileSelected.emit(str(tmp_path / "sound.gif"))
     window.saving.dialog.close()
-    until(qtbot, lambda: (tmp_path / "sound.gif").exists() and not window.session.saver.busy)
+    until(qtbot, lambda: (tmp_path / "sound.gif").exists() and not window.session.jobs.busy("save files"))
     with Image.open(tmp_path / "sound.gif") as film:
         assert film.n_frames > 50
         assert film.size[0] > 700

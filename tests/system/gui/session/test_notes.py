@@ -96,7 +96,7 @@ def test_the_next_window_shows_the_notes_in_plan_ranges_table_and_report(
     table.words.clear()
     window.commands.report.trigger()
     window.saving._write(str(tmp_path / "report.html"))
-    until(qtbot, lambda: not window.session.saver.busy)
+    until(qtbot, lambda: not window.session.jobs.busy("save files"))
     assert "edge of the board" in (tmp_path / "report.html").read_text()
 
 

@@ -8,7 +8,6 @@ from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.files import OpenRoomRequest
 from sonarhw_gui.session.status import Source
 from sonarhw_gui.window.window import MainWindow
 
@@ -71,7 +70,7 @@ def test_a_log_dropped_with_a_room_is_shown_in_this_room(
     room.write_text(ROOM.read_text().replace('name = "Simple room"', 'name = "Other room"'))
     window = open_with()
     assert drop(window, room, recorded)
-    until(qtbot, lambda: window.session.replay.loaded and not window.session.documents.busy)
+    until(qtbot, lambda: window.session.replay.loaded and not window.session.jobs.busy("open files"))
     until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
     assert len(window.session.shown.readings) == ORDER.readings
     assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
@@ -99,7 +98,7 @@ def test_a_log_of_a_place_that_its_room_does_not_name_is_compared_with_a_warning
     log = read_log(recorded)
     moved = replace(log, metadata=replace(log.metadata, place="0.3,0.3"))
     window = open_with(source=moved)
-    window.session.reopen(OpenRoomRequest("simple", window.session.shown.scene.board))
+    window.session.open_room("simple")
     until(qtbot, lambda: window.banner.message != "")
     assert "recorded at place 0.3,0.3; they are now compared from figure9" in window.banner.message
 

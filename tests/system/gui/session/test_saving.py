@@ -12,7 +12,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QFileDialog, QLineEdit, QMessageBox
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_gui.jobs.files import Data, Documents, SaveRequest, with_own_coordinates
+from sonarhw_gui.jobs.files import Data, Documents, save_file, with_own_coordinates
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.window.window import MainWindow
 
@@ -43,7 +43,7 @@ def save(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt
     field.setText(str(path))  # with typed letters Qt's completer would change the name
     button = window.saving.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
-    until(qtbot, lambda: not window.session.saver.busy)
+    until(qtbot, lambda: not window.session.jobs.busy("save files"))
 
 
 @pytest.mark.parametrize(
@@ -92,12 +92,9 @@ def test_for_a_live_scan_the_dialog_opens_in_the_last_folder_but_not_in_the_reco
         folder.mkdir()
     documents = Documents(recordings)
     scan = str(recordings / "scan.mcap")
-    try:
-        assert documents.folder(scan) == Path.home()
-        documents.recent = (scan, str(tmp_path / "gone" / "a.toml"), str(rooms / "b.toml"))
-        assert documents.folder(scan) == rooms
-    finally:
-        documents.close()
+    assert documents.folder(scan) == Path.home()
+    documents.recent = (scan, str(tmp_path / "gone" / "a.toml"), str(rooms / "b.toml"))
+    assert documents.folder(scan) == rooms
 
 
 def test_an_svg_is_clipped_to_the_plot(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
@@ -188,9 +185,9 @@ def test_files_are_not_overwritten_without_permission_and_need_a_known_extension
     there = tmp_path / "mine.csv"
     there.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
-        SaveRequest(Data(recorded, scene), there, overwrite=False).answer()
+        save_file(Data(recorded, scene), there, overwrite=False)
     with pytest.raises(InputError, match=r"expected a name ending in \.csv or \.npz or \.json"):
-        SaveRequest(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False).answer()
+        save_file(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
     assert there.read_text() == "mine"
 
@@ -198,11 +195,11 @@ def test_files_are_not_overwritten_without_permission_and_need_a_known_extension
 def test_a_failed_write_is_reported_and_the_next_files_are_saved(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
-    saver, scene = window.session.saver, window.session.shown.scene
-    saver.write(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
-    saver.write(Data(recorded, scene), tmp_path / "b.csv")
-    saver.write(Data(recorded, scene), tmp_path / "c.csv")
-    until(qtbot, lambda: not saver.busy)
+    session, scene = window.session, window.session.shown.scene
+    session.save(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
+    session.save(Data(recorded, scene), tmp_path / "b.csv")
+    session.save(Data(recorded, scene), tmp_path / "c.csv")
+    until(qtbot, lambda: not session.jobs.busy("save files"))
     assert "nowhere" in window.banner.message
     assert sorted(path.name for path in tmp_path.glob("*.csv")) == ["b.csv", "c.csv"]
 

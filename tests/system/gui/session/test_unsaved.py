@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.files import OpenRoomRequest
+from sonarhw_gui.jobs.files import open_room
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.session.kept import RestoreRoom, UnsavedRooms
@@ -38,7 +38,7 @@ def start(open_with: OpenWith, tmp_path: Path) -> Callable[[Path], MainWindow]:
     """Opens a window with a room file, as `sonarhw gui FILE` does."""
 
     def start_it(path: Path) -> MainWindow:
-        scene = OpenRoomRequest(path, load_board("polaroid-6500")).answer().scene
+        scene = open_room(path, load_board("polaroid-6500")).scene
         return open_with(scene=scene, memory=tmp_path / "data" / "window.ini")
 
     return start_it

@@ -9,6 +9,7 @@ docs/how_to/window.md explains them.
 import io
 import os
 from dataclasses import replace
+from functools import partial
 from math import radians
 from pathlib import Path
 
@@ -321,7 +322,9 @@ def nowhere(url: str) -> ScannerTarget:
 
 
 def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
-    window.session.scanners._make_ports = lambda: PortList(lambda: PORTS, lambda device: (True, "scanner POL-7"))
+    window.session.scanners._make_ports = partial(
+        PortList, find=lambda: PORTS, probe=lambda device: (True, "scanner POL-7")
+    )
     window.commands.connect_scanner.trigger()
     dialog = window.connecting.dialog
     until(qtbot, lambda: not window.session.scanners._ports.busy and dialog.ports.rowCount() == len(PORTS))

@@ -11,7 +11,7 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.pictures import SAME_HEADING, difference
-from sonarhw_gui.jobs.traces import BScanRequest, Pane
+from sonarhw_gui.jobs.traces import Pane, bscan_slice
 from sonarhw_gui.model.look import LIGHT
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Cursor, Shown
@@ -185,7 +185,7 @@ def test_the_pane_that_the_user_has_chosen_stays(
 
 def test_a_log_without_traces_is_reported(view: BScanView, scene: Scene) -> None:
     readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), 343.2) for k in range(36))
-    answer = BScanRequest(1, scene, readings, None, view.settings, LIGHT, None).answer()
+    answer = bscan_slice(scene, readings, None, view.settings, LIGHT, None)
     view.show_state(Shown(scene, readings=readings, chosen=3, bscan_ref=ref(answer)))
     assert "no traces recorded" in view.note.text()
     assert "no prediction" in view.note.text()
@@ -199,7 +199,7 @@ def test_the_view_reports_a_pending_image(view: BScanView, scene: Scene) -> None
 
 
 def test_a_picture_of_another_wish_is_not_drawn(qtbot: QtBot, view: BScanView, scene: Scene) -> None:
-    stale = BScanRequest(1, scene, (), None, replace(view.settings, polar=True), LIGHT, None).answer()
+    stale = bscan_slice(scene, (), None, replace(view.settings, polar=True), LIGHT, None)
     view.show_state(Shown(scene, bscan_ref=ref(stale)))
     assert view.panes[Pane.MEASURED]._image.image is None
 

@@ -12,18 +12,22 @@ from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QGraphicsView
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
-from sonarhw_gui.jobs.forecast import STRETCH, Comparer, CompareRequest, PathsRequest, StretchesCompared
+from sonarhw_gui.jobs import forecast
+from sonarhw_gui.jobs.forecast import STRETCH, Comparer, PathsFound, Stretch, find_paths
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import LIGHT, Unclassed, ViewLayer
 from sonarhw_gui.model.rows import Column
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
+from sonarhw.readings import Reading
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.dense_scan import SHORT, dense_log, dense_readings
 from tests.system.gui.driving import pixel_at, position_of, predicted, until
 
 COUNT = 3600
+Stretches = tuple[tuple[int, tuple[Reading, ...]], ...]
 _BLENDED = 30  # of 255, of a colour channel: lines of the grid are drawn over the marks
 
 
@@ -31,14 +35,14 @@ _BLENDED = 30  # of 255, of a colour channel: lines of the grid are drawn over t
 def held(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Let only comparisons with the last stretch through until the event is set."""
     gate = threading.Event()
-    answer = CompareRequest.answer
+    compare = forecast.compare_stretches
 
-    def answer_later(request: CompareRequest) -> StretchesCompared:
-        if all(first + len(readings) < COUNT for first, readings in request.stretches):
+    def compare_later(found: PathsFound, stretches: Stretches) -> tuple[Stretch, ...]:
+        if all(first + len(readings) < COUNT for first, readings in stretches):
             gate.wait()
-        return answer(request)
+        return compare(found, stretches)
 
-    monkeypatch.setattr(CompareRequest, "answer", answer_later)
+    monkeypatch.setattr(forecast, "compare_stretches", compare_later)
     yield gate
     gate.set()
 
@@ -77,78 +81,91 @@ def test_every_reading_gets_the_class_that_the_command_gives_it(
 
 
 def test_a_reading_selected_meanwhile_is_compared_next(
-    qtbot: QtBot, open_with: OpenWith, scene: Scene, tmp_path: Path, held: threading.Event
+    qtbot: QtBot,
+    open_with: OpenWith,
+    scene: Scene,
+    tmp_path: Path,
+    held: threading.Event,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     window = open_with(source=dense_log(tmp_path / "dense.mcap", scene, COUNT))
     until(qtbot, lambda: window.session.shown.row(COUNT - 1) is not None)
     window.session.showing.choose(5)
     requests = []
-    answer = CompareRequest.answer
-    CompareRequest.answer = lambda request: (requests.append(request.stretches[0][0]), answer(request))[1]
-    try:
-        held.set()
-        until(qtbot, lambda: predicted(window))
-    finally:
-        CompareRequest.answer = answer
+    compare = forecast.compare_stretches
+    monkeypatch.setattr(
+        forecast,
+        "compare_stretches",
+        lambda found, stretches: (requests.append(stretches[0][0]), compare(found, stretches))[1],
+    )
+    held.set()
+    until(qtbot, lambda: predicted(window))
     assert requests[0] == 0  # the request that was already waiting has the next stretch at the end of the scan
 
 
 def test_an_hour_of_comparison_takes_little_memory(scene: Scene) -> None:
     """36 000 readings take 36 times as much as these."""
-    found = PathsRequest(1, scene, scene.options).answer()
+    found = find_paths(1, scene, scene.options)
     readings = dense_readings(scene, 1440)
-    CompareRequest(0, found, ((0, tuple(readings[:10])),)).answer()  # loads and compiles
+    forecast.compare_stretches(found, ((0, tuple(readings[:10])),))  # loads and compiles
     tracemalloc.start()
     try:
-        kept = CompareRequest(0, found, tuple((k, tuple(readings[k : k + STRETCH])) for k in range(0, 1440, STRETCH)))
-        answer = kept.answer()
+        kept = tuple((k, tuple(readings[k : k + STRETCH])) for k in range(0, 1440, STRETCH))
+        compared = forecast.compare_stretches(found, kept)
         grown, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert len(answer.stretches) == 4
+    assert len(compared) == 4
     assert grown / 1440 < 1500  # bytes a reading: 54 MB an hour at ten readings a second
 
 
-def test_only_a_stretch_that_grows_is_compared_again(qtbot: QtBot, scene: Scene) -> None:
-    comparer = Comparer()
+@pytest.fixture
+def jobs(qtbot: QtBot) -> Iterator[Jobs]:
+    jobs = Jobs()
+    yield jobs
+    jobs.close()
+
+
+def test_only_a_stretch_that_grows_is_compared_again(qtbot: QtBot, jobs: Jobs, scene: Scene) -> None:
+    comparer = Comparer(jobs, lambda: None)
     readings = dense_readings(scene, 2 * STRETCH + 20)
     comparer.follow(readings[:-10])
-    comparer.use(PathsRequest(1, scene, scene.options).answer())
-    until(qtbot, lambda: comparer.take() and comparer.uncompared == 0)
+    comparer.use(find_paths(1, scene, scene.options))
+    until(qtbot, lambda: comparer.uncompared == 0)
     before = comparer.compared.stretches
     comparer.follow(readings)
     assert comparer.uncompared == 10
-    until(qtbot, lambda: comparer.take() and comparer.uncompared == 0)
+    until(qtbot, lambda: comparer.uncompared == 0)
     after = comparer.compared.stretches
     assert [one is other for one, other in zip(before, after, strict=True)] == [True, True, False]
     assert comparer.compared.end == len(readings)
     assert comparer.compared.row(len(readings)) is None
-    comparer.close()
 
 
 def test_a_reading_of_a_running_scan_is_compared_with_few_others(
-    qtbot: QtBot, scene: Scene, monkeypatch: pytest.MonkeyPatch
+    qtbot: QtBot, jobs: Jobs, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     together = []
-    answer = CompareRequest.answer
+    compare = forecast.compare_stretches
     monkeypatch.setattr(
-        CompareRequest,
-        "answer",
-        lambda request: (together.append(sum(len(some) for _, some in request.stretches)), answer(request))[1],
+        forecast,
+        "compare_stretches",
+        lambda found, stretches: (together.append(sum(len(some) for _, some in stretches)), compare(found, stretches))[
+            1
+        ],
     )
-    comparer = Comparer()
+    comparer = Comparer(jobs, lambda: None)
     readings = dense_readings(scene, STRETCH + 1)
-    comparer.use(PathsRequest(1, scene, scene.options).answer())
+    comparer.use(find_paths(1, scene, scene.options))
     for count in (*range(10, STRETCH, 10), STRETCH, STRETCH + 1):
         comparer.follow(readings[:count])
-        until(qtbot, lambda: comparer.take() and comparer.uncompared == 0)
+        until(qtbot, lambda: comparer.uncompared == 0)
     assert together[-2:] == [STRETCH, 1]
     assert max(together[:-2]) <= 40
     assert [(stretch.first, stretch.end) for stretch in comparer.compared.stretches] == [
         (0, STRETCH),
         (STRETCH, STRETCH + 1),
     ]
-    comparer.close()
 
 
 def test_a_click_on_the_legend_hides_a_class_in_plan_ranges_and_table(

@@ -7,7 +7,8 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QImage, QPalette
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.jobs.forecast import PathsFound, PathsRequest
+from sonarhw_gui.jobs import forecast
+from sonarhw_gui.jobs.forecast import PathsFound
 from sonarhw_gui.model.edits import sensor_at
 from sonarhw_gui.views.table import Sentence
 
@@ -39,13 +40,13 @@ def test_values_are_grey_from_an_edit_until_its_prediction(
     assert table.data(cell, Qt.ItemDataRole.ForegroundRole) is None
     assert not is_faint(window.sentence)
 
-    gate, answer = threading.Event(), PathsRequest.answer
+    gate, find_paths = threading.Event(), forecast.find_paths
 
-    def answer_late(request: PathsRequest) -> PathsFound:
+    def find_late(*args: object) -> PathsFound:
         gate.wait()
-        return answer(request)
+        return find_paths(*args)
 
-    monkeypatch.setattr(PathsRequest, "answer", answer_late)
+    monkeypatch.setattr(forecast, "find_paths", find_late)
     request.addfinalizer(gate.set)  # otherwise the window would not close
     before = window.session.shown.compared
     window.session.showing.edit(*sensor_at(window.session.shown.scene, (0.4, 0.3)))

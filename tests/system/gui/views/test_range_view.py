@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind, compare_readings
 from sonarhw_compare.pictures import RangeShading
-from sonarhw_gui.jobs.forecast import ComparedScan, OutlineChances, Stretch
+from sonarhw_gui.jobs.forecast import ComparedScan, Stretch
 from sonarhw_gui.model.look import LengthUnit, Look
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Cursor, Shown
@@ -124,7 +124,7 @@ def test_the_cursor_of_another_view_is_a_cross(view: RangeView, shown: Shown) ->
 def test_shading_has_the_opacity_of_the_probability(view: RangeView, shown: Shown) -> None:
     opacities = np.zeros((360, 10))
     opacities[:, 4], opacities[75:105, 4] = 1.0, 0.5
-    chances = OutlineChances(1, RangeShading(np.radians(np.arange(360.0)), opacities, 1.0))
+    chances = RangeShading(np.radians(np.arange(360.0)), opacities, 1.0)
     view.show_state(replace(shown, chances=chances))
     shade, paper = QColor(shown.look.palette.predicted), QColor(shown.look.palette.paper)
 

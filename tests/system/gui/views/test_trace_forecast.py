@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.jobs.traces import BScanSettings, Pane
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Shown
@@ -33,10 +34,20 @@ def readings(count: int, trace: type[Trace] = Trace) -> tuple[Reading, ...]:
 
 
 @pytest.fixture
-def forecast() -> Iterator[TraceForecast]:
-    forecast = TraceForecast()
-    yield forecast
-    forecast.close()
+def jobs(qtbot: QtBot) -> Iterator[Jobs]:
+    jobs = Jobs()
+    yield jobs
+    jobs.close()
+
+
+@pytest.fixture
+def failures() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def forecast(jobs: Jobs, failures: list[str]) -> TraceForecast:
+    return TraceForecast(jobs, failures.append)
 
 
 def taken(qtbot: QtBot, forecast: TraceForecast, enough: Callable[[], bool]) -> None:
@@ -51,19 +62,21 @@ def degrees(forecast: TraceForecast) -> float | None:
     return None if forecast.trace is None else round(math.degrees(forecast.trace.heading), 3)
 
 
-def test_the_trace_belongs_to_the_last_chosen_reading(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+def test_the_trace_belongs_to_the_last_chosen_reading(
+    qtbot: QtBot, forecast: TraceForecast, failures: list[str], scene: Scene
+) -> None:
     for chosen in range(30):
         forecast.follow(Shown(scene, readings=readings(30), chosen=chosen))
     taken(qtbot, forecast, lambda: degrees(forecast) == 290.0)
-    assert not forecast.failures
+    assert not failures
 
 
 def test_an_unreadable_trace_is_reported_and_the_next_is_shown(
-    qtbot: QtBot, forecast: TraceForecast, scene: Scene
+    qtbot: QtBot, forecast: TraceForecast, failures: list[str], scene: Scene
 ) -> None:
     forecast.follow(Shown(scene, readings=readings(1, Unreadable), chosen=0))
-    taken(qtbot, forecast, lambda: bool(forecast.failures))
-    assert forecast.failures == ["scan.mcap: can no longer be read"]
+    taken(qtbot, forecast, lambda: bool(failures))
+    assert failures == ["scan.mcap: can no longer be read"]
     assert forecast.trace is None
     forecast.follow(Shown(scene, readings=readings(3), chosen=2))
     taken(qtbot, forecast, lambda: degrees(forecast) == 20.0)
@@ -79,10 +92,12 @@ def test_another_scan_drops_the_requests_of_the_last_one(qtbot: QtBot, forecast:
     assert len(forecast.bscan.measured.headings) == 2
 
 
-def test_a_trace_that_arrives_after_its_scan_is_dropped(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+def test_a_trace_that_arrives_after_its_scan_is_dropped(
+    qtbot: QtBot, jobs: Jobs, forecast: TraceForecast, scene: Scene
+) -> None:
     forecast.follow(Shown(scene, readings=readings(1), chosen=0))
     forecast.begin_scan()
-    taken(qtbot, forecast, lambda: not forecast._tracer.busy)
+    taken(qtbot, forecast, lambda: not jobs.busy("traces"))
     assert forecast.trace is None
 
 
