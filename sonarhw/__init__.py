@@ -13,7 +13,7 @@ Scan
 - `open_scanner`: opens a serial port, `socket://HOST:PORT`, a fake scanner `fake:ROOM?place=NAME`, a log, or a device
   that prints text `lines:PORT?preset=NAME`.
 - `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
-- `PluginScanner`: a connected device of a plug-in. `DevicePlugin`, `DeviceIdentity`, `Measurement`: to write a plug-in.
+- `DevicePlugin`, `DeviceIdentity`, `Measurement`: to write a plug-in. `PluginScanner`: deprecated name of `Scanner`.
 - `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`, `pings_in_place`: the pings of a scan.
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
 

@@ -34,11 +34,10 @@ from .device.fake_board import FakeBoard
 from .device.faults import FaultyDevice, read_faults
 from .device.served import serve
 from .errors import SonarError
-from .host.scanner import Scanner
+from .host.scanner import PluginScanner, Scanner
 from .host.session import Recorder
 from .log import Log, LogMetadata, LogWriter, read_log
 from .plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
-from .plugins.plugin_scanner import PluginScanner
 from .readings import EchoSource, Ping, PingResult, Reading, ScanOrder, Trace, pings_in_place, sector
 
 __version__: str

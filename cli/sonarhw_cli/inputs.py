@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.room import Place, Room
 
-    from sonarhw.host.scanner import ConnectedScanner, Scanner
+    from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
-    from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.readings import Reading
 
 # Scanner URLs on the command line: connect to the scanner, with warnings on standard error.
@@ -38,7 +37,7 @@ Reconnect = Annotated[float, typer.Option(help="Time for reconnecting to a lost 
 
 
 @contextmanager
-def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner | PluginScanner]":
+def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
     """Yield the connected scanner at `url`. After a loss, the driver tries to reconnect for up to `reconnect` s.
 
     Raises InputError for an invalid URL, LinkError, DeviceError.
@@ -59,10 +58,10 @@ def connect_turntable(url: str) -> "Iterator[Scanner]":
     if is_plugin(url):
         raise InputError(f"{url}: this device obeys no commands to turn; `sonarhw scan` records its readings")
     with connect(url) as scanner:
-        yield cast("Scanner", scanner)  # only the URLs of plug-ins give another class
+        yield scanner
 
 
-def board_of(scanner: "ConnectedScanner", chosen: str | None) -> "Board":
+def board_of(scanner: "Scanner", chosen: str | None) -> "Board":
     """Return the profile that --board names, else that of the scanner, else the default."""
     from sonarhw_sim.air import DEFAULT_BOARD
     from sonarhw_sim.board.profile import board_names, load_board

@@ -57,9 +57,8 @@ if TYPE_CHECKING:
     from sonarhw_sim.room.room import Place, Room
 
     from sonarhw.foxglove import FoxgloveServer
-    from sonarhw.host.scanner import ConnectedScanner, Scanner, ScanPlan
+    from sonarhw.host.scanner import Scanner, ScanPlan
     from sonarhw.log import LogMetadata, LogWriter
-    from sonarhw.plugins.plugin_scanner import PluginScanner
     from sonarhw.readings import Reading, ScanOrder, Trace
 
 # What `sonarhw scan` and `sonarhw serve` have in common: the request, its checks, the plan and the log's metadata.
@@ -146,7 +145,7 @@ def log_metadata(room_name: str | None, where: "tuple[Room, Place] | None") -> "
     return replace(metadata, room_file=file_name(room_name), room_text=room.text, place=here.name)
 
 
-def scan_plan(scanner: "ConnectedScanner", request: ScanRequest, board: "Board", room_air: "Air | None") -> "ScanPlan":
+def scan_plan(scanner: "Scanner", request: ScanRequest, board: "Board", room_air: "Air | None") -> "ScanPlan":
     """Return the plan of the scan, with warnings about what this scanner and board cannot do."""
     from sonarhw_sim.air import Air
 
@@ -220,7 +219,7 @@ def scan(
 
 
 def _record(
-    scanner: "ConnectedScanner",
+    scanner: "Scanner",
     request: ScanRequest,
     out: Path,
     force: bool,
@@ -229,7 +228,6 @@ def _record(
 ) -> None:
     from sonarhw.host.scanner import record_scan
     from sonarhw.log import LogWriter
-    from sonarhw.plugins.plugin_scanner import PluginScanner
 
     board = board_of(scanner, request.board)
     metadata = replace(metadata, board=board.name, board_text=board.text)
@@ -243,9 +241,8 @@ def _record(
             terminal.show_bar()
         record_scan(scanner, plan, log, terminal)
     print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {out}")
-    if isinstance(scanner, PluginScanner):
-        _report_ignored(scanner)
-    else:
+    _report_ignored(scanner)
+    if not request.turns_by_itself:
         _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
 
@@ -253,7 +250,7 @@ def _record(
 class _Terminal:
     """Shows the progress of a scan: the bar, the lines of --print and warnings. Counts the readings."""
 
-    def __init__(self, scanner: "ConnectedScanner", request: ScanRequest, exit_stack: ExitStack) -> None:
+    def __init__(self, scanner: "Scanner", request: ScanRequest, exit_stack: ExitStack) -> None:
         """Show the progress of a scan with `scanner`. `exit_stack` closes the bar."""
         self.count = 0
         self.echoes = 0  # readings with an echo
@@ -328,14 +325,14 @@ def _warn_of_another_count(count: int, request: ScanRequest) -> None:
         warn(f"{requested} requested, {count} received: a replay plays the readings of its log")
 
 
-def _report_ignored(scanner: "PluginScanner") -> None:
+def _report_ignored(scanner: "Scanner") -> None:
     """Print what of the received text was no reading."""
     kinds = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
     if kinds:
         print_note(f"ignored: {kinds}")
 
 
-def _warn_of_the_link(scanner: "ConnectedScanner") -> None:
+def _warn_of_the_link(scanner: "Scanner") -> None:
     link = scanner.statistics
     if link.reopened or link.resets:  # a short silence alone does not matter
         warn(f"the connection was lost {counted(link.losses, 'time')} and restored; check the cable")
@@ -547,7 +544,7 @@ def _sweeps(start: float, stop: float, step: float, pings: int) -> int:
 
 
 def _scan(
-    scanner: "ConnectedScanner",
+    scanner: "Scanner",
     plan: "ScanPlan",
     publisher: "_Publisher",
     metadata: "LogMetadata",

@@ -47,9 +47,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from sonarhw.bringup import Diagnosis, Plate
-    from sonarhw.host.scanner import ConnectedScanner, DeviceCapabilities, DeviceInfo, Scanner
+    from sonarhw.host.scanner import DeviceCapabilities, DeviceInfo, Scanner
     from sonarhw.link import Link, LinkStatistics, Port
-    from sonarhw.plugins.device_plugin import DevicePlugin
+    from sonarhw.plugins.device_plugin import CheckedPlugin
     from sonarhw.wire.frames import Frame, Rejected
     from sonarhw.wire.messages import Outcome, Statistics, Wiring
 
@@ -120,19 +120,16 @@ def monitor(url: ScannerUrl) -> None:
             print_note(f"{url}: {arrived}")
 
 
-def _monitor_plugin(plugin: "DevicePlugin") -> NoReturn:
+def _monitor_plugin(plugin: "CheckedPlugin") -> NoReturn:
     """Print what a plug-in reads, until Ctrl-C."""
     began, readings = time.monotonic(), 0
-    received = bytearray()
-    plugin.on_bytes = received.extend
     plugin.open()
     try:
         while True:
-            measurements = plugin.read()
+            received, measurements = plugin.read()
             now = f"{time.monotonic() - began:10.3f}"
             if received:
-                print_line(f"{now}  {bytes(received)!r}")
-                received.clear()
+                print_line(f"{now}  {received!r}")
             for one in measurements:
                 ranges = " ".join(f"{distance:.3f} m" for distance in one.ranges) or "no echo"
                 print_line(f"{now}  {math.degrees(one.angle):.1f}°  {ranges}")
@@ -218,32 +215,29 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Print identity, capabilities and link quality of a scanner."""
-    from sonarhw.host.scanner import Scanner
-    from sonarhw.plugins.plugin_scanner import PluginScanner
-
     if watch and as_json:
         raise InputError("--watch, --json: give only one of them")
     with connect(url) as scanner:
-        device = _exercise_link(scanner) if isinstance(scanner, Scanner) else None
+        device = _exercise_link(scanner)
         if as_json:
             print_json(_figures(scanner, device))
             return
         facts = [*_identity(scanner.info), *_capabilities(scanner.info), *_link(scanner, device)]
-        if isinstance(scanner, PluginScanner):
+        if not _protocol(scanner.info):
             ignored = ", ".join(f"{kind} ({count})" for kind, count in scanner.ignored.items())
             facts.append(("ignored", ignored or "nothing"))
         for name, value in facts:
             print_line(f"{name:<14}{value}")
         while watch:
             time.sleep(1.0)
-            device = _device_statistics(scanner) if isinstance(scanner, Scanner) else None
+            device = _device_statistics(scanner)
             clock = f"; clock drift {scanner.clock_drift * 1e6:+.0f} ppm"
             print_line(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
 
 
 def _exercise_link(scanner: "Scanner") -> "Statistics | None":
     device = None
-    for _ in range(_EXCHANGES):
+    for _ in range(_EXCHANGES if _protocol(scanner.info) else 0):
         device = _device_statistics(scanner)
         if device is None:
             scanner.stop()  # older firmware answers this command
@@ -259,7 +253,7 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
         return None
 
 
-def _figures(scanner: "ConnectedScanner", device: "Statistics | None") -> dict[str, Any]:
+def _figures(scanner: "Scanner", device: "Statistics | None") -> dict[str, Any]:
     """Return the scanner under the keys of `info --json`; angles in degrees, None for what it does not state."""
     from sonarhw.wire.readings_of_frames import origin_of
 
@@ -333,7 +327,7 @@ def _capabilities(device: "DeviceInfo") -> list[tuple[str, str]]:
     ]
 
 
-def _link(scanner: "ConnectedScanner", device: "Statistics | None") -> list[tuple[str, str]]:
+def _link(scanner: "Scanner", device: "Statistics | None") -> list[tuple[str, str]]:
     can = scanner.info.capabilities
     speed = f", {scanner.baud} baud" if scanner.baud and can and can.fastest_baud else ""
     return [("link", f"{_host_counts(scanner.statistics)}{speed}{_device_counts(device)}")]

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
-    from sonarhw.plugins.plugin_scanner import PluginScanner
 
 # `sonarhw gui`: open the window on a log, a CSV scan, a room, a scanner or the demo.
 
@@ -250,7 +249,7 @@ class _Scanners:
         """Return a function that opens the scanner at `url`. The function raises LinkError, DeviceError."""
         found: list[Find] = []
 
-        def open_it() -> "Scanner | PluginScanner":
+        def open_it() -> "Scanner":
             from sonarhw_compare.one_call import open_scanner
 
             from sonarhw.host.scanner import Scanner

@@ -27,7 +27,7 @@ from sonarhw.host.session import PATIENCE, RECONNECT, Recorder
 from sonarhw.link import PortFinder
 from sonarhw.log import Log, read_log
 from sonarhw.plugins.device_plugin import is_plugin, make_plugin
-from sonarhw.plugins.plugin_scanner import PluginScanner
+from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading
 from sonarhw_compare.fit.fitting import fit_scans, fit_setting
 from sonarhw_compare.fit.quantities import ROOM_TOLERANCE
@@ -415,18 +415,18 @@ def open_scanner(
     patience: float = PATIENCE,
     reconnect: float = RECONNECT,
     warn: Warn = _emit,
-) -> Scanner | PluginScanner:
+) -> Scanner:
     """Open the scanner at a URL. Close it after use, or use it as a context manager.
 
     The URL is a serial port (`/dev/ttyUSB0`, `COM3`), another URL that pyserial opens (`socket://HOST:PORT`), a fake
     scanner in this process (`fake:laboratory?place=bench&seed=1`), a log (`scan.mcap`), which is replayed, or a device
-    that prints text (`lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`). Installed plug-ins add other schemes; their
-    devices and those that print text are a `PluginScanner`. The scanner must answer within `patience` s. If it is lost
-    later and comes back within `reconnect` s, its job continues. `warn` receives warnings about the room or log; by
-    default they are Python warnings. Raises InputError for an invalid URL, and what `Scanner.open` raises.
+    that prints text (`lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`). Installed plug-ins add other schemes. The
+    scanner must answer within `patience` s. If it is lost later and comes back within `reconnect` s, its job continues.
+    `warn` receives warnings about the room or log; by default they are Python warnings. Raises InputError for an
+    invalid URL, and what `Scanner.open` raises.
     """
     if is_plugin(url):
-        return PluginScanner(make_plugin(url), recorder, patience, reconnect)
+        return Scanner.open(url, recorder, patience, reconnect, plugin=PluginLink(make_plugin(url)))
     with ExitStack() as stack:
         find = stack.enter_context(resolve(url, warn))
         return Scanner.open(url, recorder, patience, reconnect, find, on_close=stack.pop_all().close)

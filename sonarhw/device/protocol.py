@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected, encode_frame
@@ -123,10 +123,12 @@ def check_test(request: TestLink) -> None:
 
 
 def readings_to_make(order: StartScan, total: int) -> int:
-    """Return the number of readings that a command requests of a scan of `total`. Raises RefusalError."""
+    """Return the number of readings that a command requests of a scan of `total`; 0: unknown. Raises RefusalError."""
     if total > MOST_READINGS:
         raise _out_of_range(f"{total} readings; expected at most {MOST_READINGS}")
-    if total and order.first >= total:
+    if total == 0:
+        return 0
+    if order.first >= total:
         raise _out_of_range(f"first is {order.first}; expected 0 to {total - 1}")
     most = total - order.first
     if order.count > most:
@@ -316,7 +318,8 @@ class ProtocolDevice(ABC):
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
         """Return the number of readings of the whole scan, and the action that makes the requested readings.
 
-        The action passes them to `report`. Raises RefusalError at once, not during the iteration.
+        It is 0 if it is known only at the end. The action passes the readings to `report`. Raises RefusalError at once,
+        not during the iteration.
         """
 
     @abstractmethod
@@ -374,6 +377,11 @@ class ProtocolDevice(ABC):
         self._pings += 1
         for chunk in trace:
             self.line.send(chunk, now)
+
+    def wake(self, now: float) -> None:
+        """Continue the running action at once. `now` is the caller's time."""
+        if self._running:
+            self._running.due = self._time(now)
 
     # Device
 
@@ -610,6 +618,8 @@ class ProtocolDevice(ABC):
 
     def _finish(self, action: _Action, outcome: Outcome, now: float, text: str = "") -> None:
         readings = self._made if action.state == State.SCANNING else 0
+        if isinstance(action.accepted, Started) and not action.accepted.readings:  # their number is known only now
+            self.line.send(replace(action.accepted, readings=readings - action.accepted.first), now)
         action.finished = Finished(action.key[1], outcome, readings, text)
         self.line.send(action.finished, now)
 

@@ -14,6 +14,7 @@ from sonarhw.readings import Reading
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
 from sonarhw.wire.messages import (
     KEPT_READINGS,
+    MOST_READINGS,
     PROTOCOL_MAJOR,
     ActionMessage,
     AnswerMessage,
@@ -326,7 +327,7 @@ class Driver:
         if self._checked and isinstance(command.message, StartScan):
             command.broken = command.broken or broken_start_rule(command.message, message)
         else:  # a replayed log plays its own readings, even if another sector was requested
-            self._arrivals.total = message.first + message.readings
+            self._arrivals.total = message.first + message.readings if message.readings else MOST_READINGS
 
     def _breaks_rules(self, message: ReadingMessage) -> bool:
         """Check a reading. The first broken rule is stored in the command, which the caller must then end."""

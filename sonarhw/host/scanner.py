@@ -16,10 +16,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from sonarhw import files
 from sonarhw.errors import (
@@ -48,6 +47,7 @@ from sonarhw.host.scripts import (
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Recorder, Session
 from sonarhw.link import MOST, Link, LinkStatistics, PortFinder
 from sonarhw.log import LogWriter
+from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import (
@@ -212,83 +212,6 @@ def _capabilities(message: Capabilities) -> DeviceCapabilities:
     )
 
 
-# The interface of a connected scanner for scans, commands and the window, whatever the protocol of its device.
-
-
-class ConnectedScanner(Protocol):
-    """What `Scanner` and `PluginScanner` have in common. `Scanner` describes each member."""
-
-    url: str
-
-    @property
-    def takes_orders(self) -> bool:
-        """Whether the angles of a scan can be chosen; else the device turns by itself."""
-
-    def __enter__(self) -> Self: ...
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-    @property
-    def state(self) -> Connection:
-        """State of the connection."""
-
-    @property
-    def loss(self) -> SonarError | None:
-        """Reason of a loss, while the device is lost."""
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Identity of the device."""
-
-    @property
-    def settings(self) -> PingSettings | None:
-        """Ping settings in force."""
-
-    @property
-    def baud(self) -> int | None:
-        """Baud rate of the line."""
-
-    @property
-    def statistics(self) -> LinkStatistics:
-        """Counters of the traffic."""
-
-    @property
-    def clock_drift(self) -> float:
-        """By how much the host's clock runs faster than the device's."""
-
-    @property
-    def scan_began(self) -> float:
-        """Start of the last scan, s."""
-
-    @property
-    def unverified_angles(self) -> str | None:
-        """Clause with the angles of the last scan that could not be checked."""
-
-    def record(self, recorder: Recorder | None) -> None:
-        """Pass everything received to `recorder`."""
-
-    def configure(self, listen: float, blanking: float, trace: bool, speed_of_sound: float | None) -> PingSettings:
-        """Set the parameters of the next pings; return those in use."""
-
-    def home(self, here: bool = False) -> Outcome:
-        """Home the turntable, set its zero by hand, or wait for the start of a sweep; return how that ended."""
-
-    def turn(self, angle: float) -> Outcome:
-        """Turn to `angle`, rad; return how that ended."""
-
-    def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
-        """Scan, and yield each reading."""
-
-    def sequence(self) -> AbstractContextManager[None]:
-        """Combine actions, so that a stop ends all of them."""
-
-    def stop(self) -> None:
-        """Stop the running action."""
-
-    def close(self) -> None:
-        """Close the link."""
-
-
 # Exclusive use of a scanner: one thread, and one action at a time.
 
 
@@ -350,24 +273,26 @@ class ExclusiveUse:
 
 MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 TICK = 0.05  # s; longest delay until `close` takes effect
+OpenLink: TypeAlias = Link | PluginLink
+Clock: TypeAlias = Callable[[], float]  # returns s since the epoch, and never runs backwards
 _STOPPED = 0.3  # s; after a longer time between two reads, the system had stopped this process
 
 
 class LinkThread:
     """A running thread for one session. `changed` guards the session and is notified when the session changes."""
 
-    def __init__(self, url: str, session: Session, find: Callable[[], str], use: ExclusiveUse) -> None:
-        """Start to connect. `find` returns the URL to open each time."""
+    def __init__(self, url: str, session: Session, open_link: Callable[[Clock], OpenLink], use: ExclusiveUse) -> None:
+        """Start to connect. `open_link` is called each time."""
         self.changed = threading.Condition()
         self._url = url
         self._session = session
-        self._find = find
+        self._open = open_link
         self._use = use
         # times are s since the epoch on a clock that never runs backwards
         self._epoch = time.time() - time.monotonic()
         self._closing = threading.Event()
         self._defect: BaseException | None = None  # the error that ended the thread
-        self._link: Link | None = None
+        self._link: OpenLink | None = None
         self._looked = self.now()  # time of the last read
         session.connect(self.now())
         self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
@@ -424,7 +349,7 @@ class LinkThread:
             with self.changed:
                 self.changed.notify_all()
 
-    def _open_link(self) -> Link | None:
+    def _open_link(self) -> OpenLink | None:
         """Return the opened link. None if the session does not need it now, or if it cannot be opened."""
         with self.changed:
             self._session.advance(self.now())
@@ -434,7 +359,7 @@ class LinkThread:
                 self.changed.wait(TICK)
                 return None
         try:
-            link = Link(self._find())
+            link = self._open(self.now)
         except (LinkError, InputError) as error:
             with self.changed:
                 self._session.open_failed(error, self.now())
@@ -444,7 +369,7 @@ class LinkThread:
             self._session.opened(self.now(), link.quiet, link.bauds)
         return link
 
-    def _exchange(self, link: Link) -> Link | None:
+    def _exchange(self, link: OpenLink) -> OpenLink | None:
         """Write and read once. Return the link, or None if it has been closed."""
         behind = self._caller_is_behind()
         try:
@@ -480,7 +405,7 @@ class LinkThread:
         link.close()
         return None
 
-    def _write(self, link: Link) -> None:
+    def _write(self, link: OpenLink) -> None:
         with self.changed:
             baud, data = self._session.device.baud, self._session.outgoing()
         link.set_baud(baud)
@@ -507,13 +432,12 @@ class LinkThread:
 _STOP_WITHIN = 1.5  # s
 _HEARTBEAT_WITHIN = 3.0  # s
 _PROBE_WITHIN = 2.5  # s; a board that was reset by the opening of its port needs time to start
+_NO_TURNTABLE = "this device cannot be turned by a command; `scan` records its readings"
 T = TypeVar("T")
 
 
 class Scanner:
     """A connected scanner. One thread may use it. Other threads may call `stop` and read its state."""
-
-    takes_orders = True  # the angles of a scan can be chosen
 
     def __init__(
         self,
@@ -521,6 +445,7 @@ class Scanner:
         session: Session,
         find: Callable[[], str] | None = None,
         on_close: Callable[[], None] = lambda: None,
+        plugin: PluginLink | None = None,
     ) -> None:
         """Start to connect. Programs call `open` instead."""
         self.url = url
@@ -528,7 +453,13 @@ class Scanner:
         self._session = session
         self._scan: Job | None = None
         self._use = ExclusiveUse(url)
-        self._thread = LinkThread(url, session, find or PortFinder(url), self._use)
+        self._plugin = plugin
+        if plugin:
+            plugin.record = self._record_bytes
+            session.device.configured = plugin.settings
+            session.device.failure = lambda: plugin.failure
+        find_port = find or PortFinder(url)
+        self._thread = LinkThread(url, session, plugin.open if plugin else lambda _: Link(find_port()), self._use)
         self._changed = self._thread.changed
 
     @classmethod
@@ -540,21 +471,25 @@ class Scanner:
         reconnect: float = RECONNECT,
         find: Callable[[], str] | None = None,
         on_close: Callable[[], None] = lambda: None,
+        plugin: PluginLink | None = None,
     ) -> "Scanner":
         """Open `url`, greet the scanner and stop its running action. It must answer within `patience` s.
 
         If the scanner is lost later and comes back within `reconnect` s, its job continues. `find` returns the URL to
         open each time; by default a USB device is found again under any port name. `on_close` is called after the link
-        is closed, also if this function raises an error. Raises InputError for an invalid URL, LinkError (LinkBusy,
-        LinkForbidden, LinkLost), NoAnswer, and Incompatible for another protocol version.
+        is closed, also if this function raises an error. A `plugin` replaces `find`; its first measurement must arrive
+        within `patience` s. Raises InputError for an invalid URL, LinkError (LinkBusy, LinkForbidden, LinkLost),
+        NoAnswer, and Incompatible for another protocol version.
         """
-        scanner = cls(url, Session(url, patience, reconnect), find, on_close)
+        scanner = cls(url, Session(url, PATIENCE if plugin else patience, reconnect), find, on_close, plugin)
         try:
             with scanner._changed:
                 while scanner.state is not Connection.READY:
                     scanner._thread.wait()
                     if scanner._session.failed:
                         raise scanner._session.failed
+            if scanner._plugin:
+                scanner._plugin.await_measurement(patience)
             if recorder:
                 scanner.record(recorder)
         except BaseException:
@@ -583,12 +518,18 @@ class Scanner:
             return self._session.loss
 
     @property
+    def takes_orders(self) -> bool:
+        """Whether the angles of a scan can be chosen; else the device turns by itself."""
+        return self._plugin is None or self._plugin.takes_orders
+
+    @property
     def info(self) -> DeviceInfo:
-        """Identity and capabilities of the device."""
+        """Identity and capabilities of the device. Protocol 0.0 is that of a plug-in: it does not speak this one."""
         info = self._session.device.info
         if info is None:
             raise NoAnswer(f"{self.url}: has not sent Info")
-        return device_info(info, self._session.device.capabilities)
+        stated = device_info(info, self._session.device.capabilities)
+        return replace(stated, protocol=(0, 0)) if self._plugin else stated
 
     @property
     def settings(self) -> PingSettings | None:
@@ -605,7 +546,13 @@ class Scanner:
     def statistics(self) -> LinkStatistics:
         """Counters of the traffic since the scanner was opened."""
         with self._changed:
-            return self._session.statistics
+            counted = self._session.statistics
+        return self._plugin.statistics(counted) if self._plugin else counted
+
+    @property
+    def ignored(self) -> dict[str, int]:
+        """How much that a plug-in received was no reading of the last scan, by kind, without zeros."""
+        return self._plugin.ignored if self._plugin else {}
 
     @property
     def clock_drift(self) -> float:
@@ -691,6 +638,7 @@ class Scanner:
         A speed or acceleration of 0 selects the device's default. Returns the settings in force. Raises what
         `configure` raises.
         """
+        self._refuse_at_plugin(_NO_TURNTABLE)
         request = ConfigureTurntable(
             microdegrees_of(speed), microdegrees_of(acceleration), microseconds_of(settling), int(approach)
         )
@@ -730,16 +678,21 @@ class Scanner:
     def home(self, here: bool = False) -> Outcome:
         """Home the turntable, or with `here` make its present angle the zero. Returns DONE, or STOPPED after `stop`.
 
-        Raises DeviceError if homing fails or the firmware is too old for `here`, CommandRefused, NoAnswer, LinkLost.
+        Raises DeviceError if homing fails or the firmware is too old for `here`, InputError for `here` at a device of a
+        plug-in, CommandRefused, NoAnswer, LinkLost.
         """
+        if here:
+            self._refuse_at_plugin("the zero of this device cannot be set by a command")
         return self._outcome(zeroing() if here else homing())
 
     def turn(self, angle: float) -> Outcome:
         """Turn to `angle`, rad, and home first if needed. Returns and raises what `home` does."""
+        self._refuse_at_plugin(_NO_TURNTABLE)
         return self._outcome(turning(Turn(microdegrees_of(angle))))
 
     def jog(self, angle: float) -> Outcome:
         """Turn by `angle`, rad, at most 10 degrees, without homing. Returns and raises what `home` does."""
+        self._refuse_at_plugin(_NO_TURNTABLE)
         return self._outcome(jogging(Turn(microdegrees_of(angle), relative=1)))
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
@@ -792,8 +745,20 @@ class Scanner:
             job = self._session.job
             if job is not None:
                 self._abandon(job)
+        if self._plugin:
+            self._plugin.cancel()
         self._thread.close()
         self._on_close()
+
+    # the device of a plug-in
+
+    def _refuse_at_plugin(self, reason: str) -> None:
+        if self._plugin:
+            raise InputError(f"{self.url}: {reason}")
+
+    def _record_bytes(self, time: float, data: bytes) -> None:
+        with self._changed:
+            self._session.recording.received_bytes(time, data)
 
     # jobs
 
@@ -848,6 +813,9 @@ class Scanner:
                 self._thread.wake()
             while not job.done and time.monotonic() < until and self._thread.alive:
                 self._changed.wait(TICK)
+
+
+PluginScanner = Scanner  # deprecated name of a scanner with the device of a plug-in
 
 
 def _raise_error(job: Job) -> None:
@@ -905,7 +873,7 @@ class ScanWatcher(Protocol):
         """Receive a warning that does not end the scan."""
 
 
-def record_scan(scanner: ConnectedScanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
+def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
     """Configure the scanner, home, scan, record everything in `log`, and close it.
 
     Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
@@ -950,7 +918,7 @@ class _Progress:
         self.watcher.warn(message)
 
 
-def run_scan(scanner: ConnectedScanner, plan: ScanPlan, watcher: ScanWatcher, path: Path | None = None) -> Outcome:
+def run_scan(scanner: Scanner, plan: ScanPlan, watcher: ScanWatcher, path: Path | None = None) -> Outcome:
     """Configure the scanner, home unless the pings are in place, and scan. `path` is the log, if there is one.
 
     Returns DONE or STOPPED. Raises what `Scanner.scan` raises.
@@ -962,15 +930,20 @@ def run_scan(scanner: ConnectedScanner, plan: ScanPlan, watcher: ScanWatcher, pa
     with scanner.sequence():  # a stop between two steps also ends the later steps
         if watcher.stop_wanted or (not plan.order.in_place and scanner.home(plan.zero_here) is Outcome.STOPPED):
             return Outcome.STOPPED
-        watcher.homed()
+        waiting = not scanner.takes_orders  # for the start of a sweep
+        if not waiting:
+            watcher.homed()
         for reading in scanner.scan(plan.order):
+            if waiting:
+                waiting = False
+                watcher.homed()
             watcher.reading(reading)
     if scanner.unverified_angles:
         watcher.warn(scanner.unverified_angles)
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
 
 
-def _warn_if_disk_is_too_small(scanner: ConnectedScanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
+def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
     settings = scanner.settings
     samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
     need, free = files.log_size(plan.order.readings, samples), files.free_bytes(path)

@@ -16,6 +16,7 @@ from sonarhw.errors import (
     LinkBusy,
     LostSteps,
     NoAnswer,
+    SonarError,
     WrongDevice,
     counted_are,
 )
@@ -36,6 +37,7 @@ from sonarhw.wire.messages import (
     FIRST_BAUD,
     MAX_TEST,
     MAX_TESTED,
+    MOST_READINGS,
     PROTOCOL_MAJOR,
     PROTOCOL_MINOR,
     Accepted,
@@ -128,9 +130,18 @@ class Job:
             return
         if self.began is None:
             self.began = clock.continued(self.command.answered_us)
-        if not self.progress.received and self.command.broken is None:
+        finished = self.command.finished
+        if not self.command.answer.readings:  # a device that turns by itself knows their number at the end
+            done = finished is not None and finished.outcome == Outcome.DONE
+            self.progress.total = finished.readings if finished and done else MOST_READINGS
+        elif not self.progress.received and self.command.broken is None:
             # a replayed log plays its own readings, even if another sector was requested
             self.progress.total = self.command.answer.first + self.command.answer.readings
+
+    @property
+    def streaming(self) -> bool:
+        """Whether readings arrive. A device that turns by itself first waits for the start of a sweep."""
+        return self.began is not None and (self.progress.received > 0 or self.progress.total < MOST_READINGS)
 
     def take(self, reading: Reading) -> bool:
         """Store a reading. Returns False if it is a duplicate or its number is outside the scan."""
@@ -177,6 +188,7 @@ class KnownDevice:
     configured: Configure | None = None  # sent again in the next conversation
     turntable: ConfigureTurntable | None = None  # sent again in the next conversation
     zero: Zero = Zero.UNKNOWN
+    failure: Callable[[], SonarError | None] = lambda: None  # why its newest action failed, if it says so itself
 
 
 class Conversation:
@@ -290,7 +302,8 @@ class Conversation:
         if finished.outcome == Outcome.LOST_STEPS:
             self.device.zero = Zero.UNKNOWN
             raise LostSteps(f"{where}: {finished.text or 'steps were lost'}")
-        raise DeviceError(f"{where}: {command.name} failed: {finished.text or 'the board gave no reason'}")
+        failed = f"{where}: {command.name} failed: {finished.text or 'the board gave no reason'}"
+        raise self.device.failure() or DeviceError(failed)
 
 
 def broken_protocol(where: str, rule: str) -> DeviceError:

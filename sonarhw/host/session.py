@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from sonarhw.errors import (
     DeviceError,
@@ -24,7 +24,7 @@ from sonarhw.host.scripts import Conversation, Job, KnownDevice, Script, Wait, g
 from sonarhw.link import LinkStatistics
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import frame_type
-from sonarhw.wire.messages import Capabilities, Heartbeat, Hello, Info, Outcome
+from sonarhw.wire.messages import Capabilities, Heartbeat, Hello, Info, Outcome, Settings
 from sonarhw.wire.readings_of_frames import DeviceClock
 
 # Recording of the frames and readings of a scanner. `sonarhw.log` has the recorder that writes a file.
@@ -44,6 +44,14 @@ class Recorder(Protocol):
         """Record one decoded reading, after its frames."""
 
 
+@runtime_checkable
+class ByteRecorder(Protocol):
+    """A recorder that also stores the bytes of a device that sends no frames."""
+
+    def received_bytes(self, time: float, data: bytes) -> None:
+        """Record bytes as received. `time` is in s since the epoch."""
+
+
 class JobRecording:
     """Passes frames and readings to a recorder while a job runs. A new recorder receives the greeting first.
 
@@ -55,29 +63,34 @@ class JobRecording:
         self.failure: BaseException | None = None
         self._wanted = wanted
         self._recorder: Recorder | None = None
-        self._greeting: list[tuple[bool, float, bytes]] = []  # the newest Hello, and the Info and Capabilities received
+        # by message type: the newest Hello, and what the device has answered about itself since
+        self._greeting: dict[int, tuple[bool, float, bytes]] = {}
 
     def use(self, recorder: Recorder | None) -> None:
         """Record with `recorder` from now on. None ends the recording. Raises what `recorder` raises."""
         self._recorder = recorder
         if recorder:
-            for received, time, wire in self._greeting:
+            for received, time, wire in self._greeting.values():
                 recorder.frame(received, time, wire)
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
         """Record a frame. This is the `Tap` of a driver."""
         kind = frame_type(wire[:-1])
         if kind == Hello.TYPE and not received:
-            self._greeting = [(received, time, wire)]
-        elif kind == Info.TYPE and received:
-            self._greeting = [*self._greeting[:1], (received, time, wire)]
-        elif kind == Capabilities.TYPE and received:
-            self._greeting = [*self._greeting[:2], (received, time, wire)]
+            self._greeting = {}
+        if kind in (Hello.TYPE, Info.TYPE, Capabilities.TYPE, Settings.TYPE):
+            self._greeting[kind] = received, time, wire
         self._record(lambda recorder: recorder.frame(received, time, wire))
 
     def reading(self, reading: Reading) -> None:
         """Record a reading, after its frames."""
         self._record(lambda recorder: recorder.reading(reading))
+
+    def received_bytes(self, time: float, data: bytes) -> None:
+        """Record bytes of a device that sends no frames, before the frames of their readings."""
+        self._record(
+            lambda recorder: recorder.received_bytes(time, data) if isinstance(recorder, ByteRecorder) else None
+        )
 
     def take_failure(self) -> BaseException | None:
         """Return the error that the recorder raised, and clear it."""
@@ -161,7 +174,7 @@ class Session:
     def state(self) -> Connection:
         """State of the connection."""
         if self._phase is Connection.READY and self._jobs and self._jobs[0].moving:
-            return Connection.STREAMING if self._jobs[0].began is not None else Connection.MOVING
+            return Connection.STREAMING if self._jobs[0].streaming else Connection.MOVING
         return self._phase
 
     @property

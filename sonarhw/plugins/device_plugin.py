@@ -7,22 +7,25 @@ of its URLs:
     mysonar = "mysonar:MySonar"
 
 Every command, the window and `sonarhw.open_scanner` then open `mysonar:...`. Threads, reconnection, logs, sweeps,
-Stop and the state of the connection come from `PluginScanner`.
+Stop and the state of the connection come from `Scanner`.
 """
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import ClassVar
 
-from sonarhw.errors import InputError
+from sonarhw.errors import DeviceError, InputError, NoAnswer, SonarError
 from sonarhw.readings import ScanOrder
-from sonarhw.wire.messages import MOST_DEGREES
+from sonarhw.wire.messages import MAX_TEXT, MOST_DEGREES
 
 MOST_ANGLE = math.radians(MOST_DEGREES)
+MOST_TEMPERATURE = 327.0  # °C, either sign
+_MOST_TIME = 1e13  # s
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,10 @@ class Measurement:
 
     @property
     def is_possible(self) -> bool:
-        """Whether all numbers are finite, and the angle fits into the frames of a log."""
-        numbers = (self.angle, *self.ranges, self.time or 0.0, self.temperature_c or 0.0)
-        return all(map(math.isfinite, numbers)) and abs(self.angle) <= MOST_ANGLE
+        """Whether all numbers are finite and fit into the frames of a log."""
+        time, temperature = self.time or 0.0, self.temperature_c or 0.0
+        fits = abs(self.angle) <= MOST_ANGLE and abs(temperature) <= MOST_TEMPERATURE and abs(time) <= _MOST_TIME
+        return fits and all(map(math.isfinite, self.ranges))
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ def _ignore(data: bytes) -> None:
 
 
 class DevicePlugin(ABC):
-    """A device at a URL. One thread calls `open`, `read` and `close`; another one calls the other methods.
+    """A device at a URL. One thread calls `open`, `begin`, `read`, `end` and `close`.
 
     `DevicePlugin(url)` checks the URL, raises InputError if it is invalid, and opens nothing.
     """
@@ -106,6 +110,83 @@ class DevicePlugin(ABC):
         return "check that the device is powered and sends measurements"
 
 
+@contextmanager
+def guarded(url: str) -> Iterator[None]:
+    """Raise DeviceError for any error that a plug-in must not raise."""
+    try:
+        yield
+    except SonarError:
+        raise
+    except (Exception, SystemExit) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise DeviceError(f"{url}: the plug-in has a defect: {what}; report it to its author") from error
+
+
+class CheckedPlugin:
+    """Calls a plug-in and checks what it returns. An error that a plug-in must not raise becomes a DeviceError."""
+
+    def __init__(self, plugin: DevicePlugin) -> None:
+        self.url = plugin.url
+        self.takes_orders = bool(plugin.takes_orders)
+        self._plugin = plugin
+        self._bytes = bytearray()  # of the present read
+        plugin.on_bytes = self._bytes.extend
+
+    def open(self) -> None:
+        """Open the link of the device. Raises LinkError."""
+        with guarded(self.url):
+            self._plugin.open()
+
+    def close(self) -> None:
+        """Close the link."""
+        with guarded(self.url):
+            self._plugin.close()
+
+    def read(self) -> tuple[bytes, tuple[Measurement, ...]]:
+        """Return new bytes and measurements. Raises LinkLost."""
+        with guarded(self.url):
+            measurements = tuple(self._plugin.read())
+            if not all(isinstance(one, Measurement) and one.is_possible for one in measurements):
+                limits = f"an angle within {MOST_ANGLE:g} rad and a temperature within {MOST_TEMPERATURE:g} °C"
+                raise ValueError(f"{[*measurements]}: expected finite numbers, {limits}")
+        data = bytes(self._bytes)
+        self._bytes.clear()
+        return data, measurements
+
+    def begin(self, order: ScanOrder) -> bool:
+        """Begin a scan. Return whether measurements of the last two seconds may belong to it."""
+        with guarded(self.url):
+            return bool(self._plugin.begin(order))
+
+    def end(self) -> None:
+        """End the scan."""
+        with guarded(self.url):
+            self._plugin.end()
+
+    @property
+    def identity(self) -> DeviceIdentity:
+        """Identity of the device, with texts that fit into Info."""
+        with guarded(self.url):
+            stated = self._plugin.identity
+            return DeviceIdentity(*(start_of(text, MAX_TEXT) for text in (stated.name, stated.serial, stated.board)))
+
+    @property
+    def ignored(self) -> dict[str, int]:
+        """How much of the received data was no measurement, by kind."""
+        with guarded(self.url):
+            return {str(kind): int(count) for kind, count in self._plugin.ignored.items()}
+
+    def no_reading(self, when: str) -> NoAnswer:
+        """Return the error for a device that sends no measurement, with what arrived instead."""
+        with guarded(self.url):
+            return NoAnswer(f"{self.url}: no reading {when}; {self._plugin.diagnosis}")
+
+
+def start_of(text: str, most: int) -> str:
+    """Return the start of a text, up to `most` bytes."""
+    return text.encode()[:most].decode(errors="ignore")
+
+
 # The installed plug-ins for devices, by the scheme of their URLs.
 
 
@@ -119,7 +200,7 @@ def is_plugin(url: str) -> bool:
     return url.partition(":")[0] in _installed()
 
 
-def make_plugin(url: str) -> DevicePlugin:
+def make_plugin(url: str) -> CheckedPlugin:
     """Return the device at a URL, not yet opened. Raises InputError for an invalid URL or a plug-in without a class."""
     point = _installed()[url.partition(":")[0]]
     try:
@@ -128,7 +209,8 @@ def make_plugin(url: str) -> DevicePlugin:
         raise InputError(f"{url}: the plug-in {point.value} cannot be loaded: {error}; install it again") from error
     if not (isinstance(found, type) and issubclass(found, DevicePlugin)):
         raise InputError(f"{url}: the plug-in {point.value} is not a subclass of sonarhw.DevicePlugin")
-    return found(url)
+    with guarded(url):
+        return CheckedPlugin(found(url))
 
 
 def takes_orders(url: str) -> bool:

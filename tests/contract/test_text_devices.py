@@ -11,10 +11,11 @@ import pytest
 
 import sonarhw
 from sonarhw.errors import DeviceError, InputError, LinkLost, NoAnswer
+from sonarhw.host.scanner import Scanner
 from sonarhw.log import LogWriter, copy_log, read_log
-from sonarhw.plugins import plugin_scanner
-from sonarhw.plugins import plugin_scanner as plugin_reader
-from sonarhw.plugins.plugin_scanner import PluginScanner
+from sonarhw.plugins import plugin_device
+from sonarhw.plugins.device_plugin import CheckedPlugin
+from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Origin, Reading, ScanOrder
 from sonarhw.text_device import TextDevice
 from tests.fixtures.example_logs import METADATA
@@ -28,10 +29,8 @@ END = b"\r\n.\n"  # of a line, for all sketches
 PATIENCE = 60.0  # s; no test depends on it
 
 
-def open_device(port: str, query: str = RADAR.query, patience: float = PATIENCE) -> PluginScanner:
-    scanner = sonarhw.open_scanner(f"lines:{port}?{query}", patience=patience)
-    assert isinstance(scanner, PluginScanner)
-    return scanner
+def open_device(port: str, query: str = RADAR.query, patience: float = PATIENCE) -> Scanner:
+    return sonarhw.open_scanner(f"lines:{port}?{query}", patience=patience)
 
 
 @pytest.fixture(params=SKETCHES)
@@ -40,7 +39,7 @@ def sketch(request: pytest.FixtureRequest) -> Sketch:
 
 
 @pytest.fixture
-def scanner(sketch: Sketch) -> Iterator[PluginScanner]:
+def scanner(sketch: Sketch) -> Iterator[Scanner]:
     with PrintingDevice(sketch.rounds()) as device, open_device(device.port, sketch.query) as scanner:
         yield scanner
 
@@ -61,7 +60,7 @@ def assert_true(readings: list[Reading]) -> None:
         assert degrees(reading) == pytest.approx(math.degrees(reading.angle), abs=1e-5)
 
 
-def test_a_sweep_gives_every_angle_once_with_its_range(sketch: Sketch, scanner: PluginScanner) -> None:
+def test_a_sweep_gives_every_angle_once_with_its_range(sketch: Sketch, scanner: Scanner) -> None:
     readings = list(scanner.scan())
     assert_true(readings)
     angles = [degrees(reading) for reading in readings]
@@ -72,7 +71,7 @@ def test_a_sweep_gives_every_angle_once_with_its_range(sketch: Sketch, scanner: 
     assert [reading.number for reading in readings] == list(range(len(readings)))
 
 
-def test_sweeps_are_numbered_and_times_grow(sketch: Sketch, scanner: PluginScanner) -> None:
+def test_sweeps_are_numbered_and_times_grow(sketch: Sketch, scanner: Scanner) -> None:
     readings = list(scanner.scan(sweeps(3)))
     assert_true(readings)
     assert {reading.sweep for reading in readings} == {0, 1, 2}
@@ -84,7 +83,7 @@ def test_sweeps_are_numbered_and_times_grow(sketch: Sketch, scanner: PluginScann
     assert all(reading.origin is Origin.MEASURED for reading in readings)
 
 
-def test_two_successive_scans_are_both_whole(sketch: Sketch, scanner: PluginScanner) -> None:
+def test_two_successive_scans_are_both_whole(sketch: Sketch, scanner: Scanner) -> None:
     for _ in range(2):
         readings = list(scanner.scan())
         assert sketch.sweep - {degrees(reading) for reading in readings} <= {15}
@@ -114,7 +113,7 @@ def test_the_log_has_the_delivered_readings_and_the_bytes_as_received(sketch: Sk
     assert sketch.line(sketch.angles[-1]).encode() in raw
 
 
-def test_stop_from_another_thread_ends_a_scan_and_keeps_its_readings(sketch: Sketch, scanner: PluginScanner) -> None:
+def test_stop_from_another_thread_ends_a_scan_and_keeps_its_readings(sketch: Sketch, scanner: Scanner) -> None:
     readings = []
     stopper = threading.Thread(target=scanner.stop)
     for reading in scanner.scan(sweeps(1000)):
@@ -157,7 +156,7 @@ def test_damage_is_counted_and_never_taken_for_a_reading(sketch: Sketch) -> None
 
 
 def test_a_wrong_baud_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_reader, "time", ReceivedClock(monkeypatch, 500))
+    monkeypatch.setattr(plugin_device, "time", ReceivedClock(monkeypatch, 500))
     wrong = (random.Random(k).randbytes(30).replace(b",", b"\xff") for k in range(10**9))
     with (
         PrintingDevice(wrong) as device,
@@ -167,7 +166,7 @@ def test_a_wrong_baud_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_another_format_is_reported_with_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_reader, "time", ReceivedClock(monkeypatch, 500))
+    monkeypatch.setattr(plugin_device, "time", ReceivedClock(monkeypatch, 500))
     sketch = SKETCHES["Angle and Distance in words"]
     with (
         PrintingDevice(sketch.rounds()) as device,
@@ -191,14 +190,14 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
         event.set()
 
     monkeypatch.setattr(TextDevice, "open", open_it)
-    monkeypatch.setattr(plugin_reader, "SILENCE", 0.5)
-    monkeypatch.setattr(plugin_reader, "FRESH", HANG)  # the scan may begin late
+    monkeypatch.setattr(plugin_device, "SILENCE", 0.5)
+    monkeypatch.setattr(plugin_device, "FRESH", HANG)  # the scan may begin late
     return event
 
 
 def printed_once(opened: threading.Event, angles: list[int], monkeypatch: pytest.MonkeyPatch) -> Iterator[bytes]:
     text = "".join(map(RADAR.line, angles)).encode()
-    monkeypatch.setattr(plugin_reader, "time", ReceivedClock(monkeypatch, len(text)))  # silence begins after the text
+    monkeypatch.setattr(plugin_device, "time", ReceivedClock(monkeypatch, len(text)))  # silence begins after the text
 
     def pieces() -> Iterator[bytes]:
         opened.wait(HANG)
@@ -247,14 +246,15 @@ def test_after_a_reconnection_the_scan_ends_with_a_whole_sweep(tmp_path: Path) -
 
 def test_a_device_that_never_comes_back_is_lost(tmp_path: Path) -> None:
     with PrintingDevice(RADAR.rounds(), tmp_path / "ttyUSB0") as device:
-        scanner = PluginScanner(sonarhw_plugin(device.port), reconnect=0.3)
-        scan = scanner.scan(sweeps(100_000))  # more than it prints before its end
+        plugin = sonarhw_plugin(device.port)
+        scanner = Scanner.open(plugin.url, reconnect=0.3, plugin=PluginLink(plugin))
+        scan = scanner.scan(sweeps(60_000))  # more than it prints before its end
         next(scan)
     with scanner, pytest.raises(LinkLost, match=r"did not come back within 0\.3 s"):
         list(scan)
 
 
-def sonarhw_plugin(port: str) -> sonarhw.DevicePlugin:
+def sonarhw_plugin(port: str) -> CheckedPlugin:
     from sonarhw.plugins.device_plugin import make_plugin
 
     return make_plugin(f"lines:{port}?{RADAR.query}")
@@ -271,7 +271,7 @@ def test_a_rangefinder_without_an_angle_counts_steps() -> None:
 
 
 def test_a_motor_that_stands_still_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_scanner, "MOST_LEAD", 50)
+    monkeypatch.setattr(plugin_device, "MOST_LEAD", 50)
     reason = r"did not turn back in 50 readings, and is 90\.0° now"
     still = (b"90,23." for _ in range(10**9))
     with PrintingDevice(still) as device, open_device(device.port) as scanner, pytest.raises(DeviceError, match=reason):

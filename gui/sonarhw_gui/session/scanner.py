@@ -22,7 +22,7 @@ from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, board_names, load_board
 
 from sonarhw.errors import Incompatible, LinkError, LogError, NoAnswer, SonarError, WrongDevice
-from sonarhw.host.scanner import ConnectedScanner, DeviceInfo, ScanPlan, probe_port, record_scan
+from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, record_scan
 from sonarhw.host.session import Connection
 from sonarhw.link import LinkStatistics, Port, serial_ports
 from sonarhw.log import LogMetadata, LogWriter
@@ -325,7 +325,7 @@ def suited_board(named: str, shown: Board) -> Board:
 # The jobs of a scanner, as frozen values: connect, home, turn, or scan and record.
 
 
-ScannerOpener = Callable[[], AbstractContextManager[ConnectedScanner]]
+ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
 WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
 
 
@@ -369,7 +369,7 @@ class ScannerJob(Protocol):
     def done(self) -> Phase:
         """The phase after success."""
 
-    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Run the job. Raises the errors of the scanner."""
 
 
@@ -380,7 +380,7 @@ class ConnectJob:
     phase: Phase = Phase.CONNECTING
     done: Phase = Phase.READY
 
-    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Return at once: the scanner is already connected."""
         return Outcome.DONE
 
@@ -392,7 +392,7 @@ class HomeJob:
     phase: Phase = Phase.HOMING
     done: Phase = Phase.READY
 
-    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Home the turntable."""
         return _at(0.0, scanner.home(), report)
 
@@ -405,7 +405,7 @@ class TurnJob:
     phase: Phase = Phase.TURNING
     done: Phase = Phase.READY
 
-    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Turn; the scanner homes first if necessary."""
         return _at(self.angle, scanner.turn(self.angle), report)
 
@@ -420,7 +420,7 @@ class ScanJob:
     phase: Phase = Phase.HOMING
     done: Phase = Phase.DONE
 
-    def run(self, scanner: ConnectedScanner, report: JobReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Scan into a new log. Also raises LogError if the log cannot be created."""
         scene = self._scene_of(scanner)
         log, path = start_recording(self.scan_settings.folder, scene, report.warn)
@@ -431,7 +431,7 @@ class ScanJob:
             if not path.exists():
                 report.advance(report.status.phase, recording=None)
 
-    def _scene_of(self, scanner: ConnectedScanner) -> Scene:
+    def _scene_of(self, scanner: Scanner) -> Scene:
         board = self.scene.board
         return replace(self.scene, board=suited_board(scanner.info.board, board) if self.takes_board else board)
 
@@ -450,7 +450,7 @@ class ScanJob:
 class _ScanReport:
     """Passes the progress of a scan to the report of its job."""
 
-    def __init__(self, report: JobReport, scanner: ConnectedScanner) -> None:
+    def __init__(self, report: JobReport, scanner: Scanner) -> None:
         self.warn = report.warn
         self._report = report
         self._scanner = scanner
@@ -589,7 +589,7 @@ class LiveDevice:
             self.link = None
             self._over.set()
 
-    def _run_jobs(self, scanner: ConnectedScanner) -> None:
+    def _run_jobs(self, scanner: Scanner) -> None:
         closing = threading.Event()
         self.link = _link_state(scanner)
         self.advance(self.status.phase, temperature_c=scanner.info.temperature_c)
@@ -603,7 +603,7 @@ class LiveDevice:
             self._wake.set()
             watcher.join()
 
-    def _run_job(self, job: ScannerJob, scanner: ConnectedScanner) -> None:
+    def _run_job(self, job: ScannerJob, scanner: Scanner) -> None:
         try:
             self.advance(job.phase)
             outcome = Outcome.STOPPED if self.stop_wanted else job.run(scanner, self)
@@ -619,7 +619,7 @@ class LiveDevice:
         stopping = self.stop_wanted and isinstance(error, SonarError)
         self.advance(Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
 
-    def _watch(self, scanner: ConnectedScanner, closing: threading.Event) -> None:
+    def _watch(self, scanner: Scanner, closing: threading.Event) -> None:
         """Poll the state of the link, and send stop commands; neither may delay the window or the job."""
         while not closing.is_set():
             if self.stop_wanted and not self.status.ended:
@@ -630,7 +630,7 @@ class LiveDevice:
             self._wake.clear()
 
 
-def _link_state(scanner: ConnectedScanner) -> LinkState:
+def _link_state(scanner: Scanner) -> LinkState:
     return LinkState(
         url=scanner.url,
         device=scanner.info,

@@ -7,6 +7,8 @@ import math
 import os
 import subprocess
 import sys
+import threading
+import time
 import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,15 +17,19 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.errors import DeviceError, InputError
-from sonarhw.log import read_log
-from sonarhw.plugins import device_plugin
-from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
-from sonarhw.plugins.plugin_scanner import PluginScanner
-from sonarhw.readings import Reading
-from sonarhw.wire.messages import Outcome
+from sonarhw.errors import DeviceError, InputError, LinkLost
+from sonarhw.host.scanner import Scanner
+from sonarhw.log import LogWriter, read_log
+from sonarhw.plugins import device_plugin, plugin_device
+from sonarhw.plugins.device_plugin import CheckedPlugin, DeviceIdentity, DevicePlugin, Measurement
+from sonarhw.plugins.plugin_device import PluginLink
+from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import NO_TEMPERATURE, Finished, Info, Message, Outcome, ReadingMessage, Settings, Started
 from tests.checkout import CHECKOUT
+from tests.fixtures.example_logs import METADATA
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
+from tests.hang_guard import HANG
 
 EXAMPLE = CHECKOUT / "tests" / "fixtures" / "example_plugin"
 
@@ -118,21 +124,31 @@ class Defective(DevicePlugin):
     def read(self) -> list[Measurement]:
         if self.url.endswith("read"):
             raise ZeroDivisionError
+        if self.url.endswith("exit"):
+            sys.exit(3)
+        if self.url.endswith("text"):
+            return ["90,23"]  # type: ignore[list-item]  # a defect
+        if self.url.endswith("hot"):
+            return [Measurement(0.0, (1.0,), temperature_c=400.0)]
         return [Measurement(math.nan, (1.0,))]
 
     def close(self) -> None:
         """Do nothing."""
 
 
+def open_device(plugin: DevicePlugin) -> Scanner:
+    return Scanner.open(plugin.url, plugin=PluginLink(CheckedPlugin(plugin)))
+
+
 @pytest.fixture
-def range_box(monkeypatch: pytest.MonkeyPatch) -> Iterator[PluginScanner]:
+def range_box(monkeypatch: pytest.MonkeyPatch) -> Iterator[Scanner]:
     """A scanner with the device of the example."""
     monkeypatch.syspath_prepend(EXAMPLE)
-    with PluginScanner(importlib.import_module("rangebox").RangeBox("rangebox:2.5")) as scanner:
+    with open_device(importlib.import_module("rangebox").RangeBox("rangebox:2.5")) as scanner:
         yield scanner
 
 
-def test_a_scan_refuses_other_actions(range_box: PluginScanner) -> None:
+def test_a_scan_refuses_other_actions(range_box: Scanner) -> None:
     scan = range_box.scan()
     next(scan)
     for action in (range_box.home, range_box.configure, range_box.scan().__next__):
@@ -163,14 +179,14 @@ class FullDisk:
         """Store a reading."""
 
 
-def scan_once(scanner: PluginScanner) -> None:
+def scan_once(scanner: Scanner) -> None:
     """Wait for a sweep and scan it."""
     with scanner.sequence():
         scanner.home()
         list(scanner.scan())
 
 
-def begin_only(scanner: PluginScanner) -> None:
+def begin_only(scanner: Scanner) -> None:
     """Wait for a sweep. The end of the block ends the scan, which the recorder stores."""
     with scanner.sequence():
         scanner.home()
@@ -178,7 +194,7 @@ def begin_only(scanner: PluginScanner) -> None:
 
 @pytest.mark.parametrize(("use", "room"), [(scan_once, 0), (scan_once, 1), (scan_once, 4), (begin_only, 1)])
 def test_after_a_full_disk_a_scanner_is_free_again(
-    range_box: PluginScanner, use: Callable[[PluginScanner], None], room: int
+    range_box: Scanner, use: Callable[[Scanner], None], room: int
 ) -> None:
     range_box.record(disk := FullDisk(math.inf))
     disk.room = room
@@ -194,13 +210,105 @@ def test_after_a_full_disk_a_scanner_is_free_again(
     [
         ("open", "KeyError: 'port'"),
         ("read", "ZeroDivisionError: "),
+        ("exit", "SystemExit: 3"),
+        ("text", "ValueError: .*90,23.* expected finite numbers"),
+        ("hot", "ValueError: .*a temperature within 327 °C"),
         ("nan", "ValueError: .*angle=nan.* expected finite numbers"),
     ],
 )
 def test_a_defect_of_a_plugin_is_one_line(where: str, message: str) -> None:
     with pytest.raises(DeviceError, match=f"defective:{where}: the plug-in has a defect: {message}") as raised:
-        PluginScanner(Defective(f"defective:{where}"))
-    assert isinstance(raised.value.__cause__, Exception)
+        open_device(Defective(f"defective:{where}"))
+    assert type(raised.value.__cause__).__name__ == message.partition(":")[0]
+
+
+class Unsteady(DevicePlugin):
+    """A plug-in that takes orders, and loses its link once."""
+
+    takes_orders = True
+    identity = DeviceIdentity("unsteady")
+
+    def __init__(self) -> None:
+        super().__init__("unsteady:")
+        self.orders: list[ScanOrder] = []
+        self.calls: list[str] = []
+        self._made = 0
+
+    def open(self) -> None:
+        self.calls.append("open")
+
+    def read(self) -> list[Measurement]:
+        time.sleep(0.001)
+        if not self.orders or self._made == self.orders[-1].readings:
+            return [Measurement(0.0, ())]
+        if self._made == 3 and self.calls.count("open") == 1:
+            raise LinkLost("unsteady: unplugged")
+        _, angle, _ = self.orders[-1].ping_at(self._made)
+        self._made += 1
+        return [Measurement(angle, (1.0,))]
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def begin(self, order: ScanOrder) -> bool:
+        self.orders.append(order)
+        return False
+
+    def end(self) -> None:
+        self.calls.append("end")
+
+
+def test_after_a_loss_a_scan_by_orders_continues_with_the_next_reading() -> None:
+    plugin, order = Unsteady(), sector(0, 60, 10)
+    with open_device(plugin) as scanner:
+        readings = list(scanner.scan(order))
+        assert (scanner.statistics.losses, scanner.statistics.reopened) == (1, 1)
+        assert (scanner.loss, len(plugin.orders)) == (None, 1)
+    assert [reading.number for reading in readings] == [*range(6)]
+    assert [reading.angle for reading in readings] == pytest.approx([order.ping_at(k)[1] for k in range(6)])
+    assert plugin.calls == ["open", "close", "open", "end", "close"]
+
+
+class Blocked(Unsteady):
+    """A plug-in whose `read` does not return any more."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.released = threading.Event()
+
+    def read(self) -> list[Measurement]:
+        if self.orders:
+            self.released.wait(HANG)
+        return super().read()
+
+
+def test_a_plugin_that_blocks_does_not_prevent_stop_and_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_device, "_END_WITHIN", 0.1)
+    plugin = Blocked()
+    with open_device(plugin) as scanner:
+        threading.Timer(0.2, scanner.stop).start()
+        assert list(scanner.scan()) == []
+    assert not plugin.released.is_set()
+    plugin.released.set()
+
+
+def test_a_log_of_a_plugin_without_frames_from_the_host_is_read(tmp_path: Path) -> None:
+    # as sonarhw wrote logs of plug-ins before they were devices
+    messages: list[Message] = [
+        Info(0, 1, 2, "Range box", "7", "hc-sr04", NO_TEMPERATURE, 0, 0),
+        Settings(0, 62_500, 0, 0, 343_000),
+        Started(1, 0),
+        *(ReadingMessage(k, k // 2, 0, k * 1_000_000, k + 100, NO_TEMPERATURE, (5_000_000,)) for k in range(4)),
+        Started(1, 4),
+        Finished(1, Outcome.DONE, 4, ""),
+    ]
+    with LogWriter(tmp_path / "old.mcap", METADATA) as log:
+        for k, message in enumerate(messages):
+            log.received_bytes(k, b"%d;" % k)
+            log.frame(True, k, encode_frame(Frame(message.TYPE, k, k, message.pack())))
+    (scan,) = read_log(tmp_path / "old.mcap").scans
+    assert (scan.expected, [reading.number for reading in scan.readings]) == (4, [0, 1, 2, 3])
+    assert [reading.sweep for reading in scan.readings] == [0, 0, 1, 1]
 
 
 def test_text_devices_are_a_plugin_of_this_project() -> None:

@@ -11,7 +11,8 @@ from sonarhw.errors import MissingExtra
 
 
 def test_every_public_name_can_be_imported() -> None:
-    assert all(getattr(sonarhw, name).__name__ == name for name in sonarhw.__all__)
+    assert all(getattr(sonarhw, name).__name__ == name for name in sonarhw.__all__ if name != "PluginScanner")
+    assert sonarhw.PluginScanner is sonarhw.Scanner  # deprecated
 
 
 def test_every_public_name_is_listed_in_the_package_docstring() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonarhw.plugins.device_plugin import Measurement
-from sonarhw.plugins.plugin_scanner import SweepTracker
+from sonarhw.plugins.sweep_tracker import SweepTracker
 
 UP, DOWN = [*range(15, 166)], [*range(165, 14, -1)]
 TURN = [*range(0, 360, 5)]
