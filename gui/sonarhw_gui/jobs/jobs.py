@@ -152,8 +152,8 @@ class Jobs(QObject):
         A waiting job with the same key is dropped. A running one still passes its result on, before the new one.
 
         `failed`: gets the message of a SonarError, by default the signal of this name. Any other error is a defect: it
-        is raised here, after `failed("")`. `progress`: gets the `JobProgress` of the job with each tick; the function gets
-        it as its last argument. `at_close`: the job is done even if the window is closed while it waits.
+        is raised here, after `failed("")`. `progress`: gets the `JobProgress` of the job with each tick; the function
+        gets it as its last argument. `at_close`: the job is done even if the window is closed while it waits.
         """
         if self.closed:
             return
