@@ -1,9 +1,11 @@
 """A draft of a room: walls on straight lines, whose ends are free or meet other walls, posts, and places of scans."""
 
 import math
+import operator
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from sonarhw_sim.air import Air
@@ -17,7 +19,10 @@ _PARALLEL = math.sin(math.radians(8))  # lines that differ less in direction do 
 _LONGEST = 50.0  # m, from the middle of a wall to an end that meets another wall
 _SHORTEST = 0.02  # m, of a wall
 _SAME_CORNER = 0.05  # m, between the corners that an end may have with two walls on almost one line
+_DIGITS = 9  # of the values of drafts that are compared: nanometres
 _TOUCHING = 0.01  # m, between a wall and the end of one that reaches it
+
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True)
@@ -165,6 +170,24 @@ class RoomDraft:
         """Whether every wall has a length, and its ends are in order."""
         return all(last - first >= _SHORTEST for first, last in map(self.extent, self.walls))
 
+    def rounded(self) -> "RoomDraft":
+        """Return the draft with all values rounded to a nanometre or nanoradian; parts that do not change stay.
+
+        The last digits of a step differ between processors. Rounded away, they cannot decide which draft is better.
+        """
+        walls = {key: _rounded_wall(wall) for key, wall in self.walls.items()}
+        posts = tuple(_same(post, DraftPost(_near(*post.center), *_near(post.radius))) for post in self.posts)
+        places = tuple(
+            _same(place, replace(place, position=_near(*place.position), heading=_near(place.heading)[0]))
+            for place in self.places
+        )
+        numbers = _near(self.offset, self.threshold_db)
+        same = all(wall is self.walls[key] for key, wall in walls.items())
+        same = same and all(map(operator.is_, (*posts, *places), (*self.posts, *self.places)))
+        if same and numbers == (self.offset, self.threshold_db):
+            return self
+        return replace(self, places=places, walls=walls, posts=posts, offset=numbers[0], threshold_db=numbers[1])
+
     def room(self, reflectance: float, air: Air) -> Room:
         """Return the room in which sound is followed; all surfaces but those of the base have one reflectance."""
         if self.base is not None:
@@ -193,6 +216,19 @@ class RoomDraft:
             room = with_post(room, (*post.center, post.radius), post_name(number), reflectance)
         walls = join_ends(room.walls)
         return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)])) if self.walls else room
+
+
+def _near(*values: float) -> tuple[Any, ...]:
+    return tuple(round(value, _DIGITS) + 0.0 for value in values)  # no negative zero
+
+
+def _same(part: _Part, other: _Part) -> _Part:
+    return part if part == other else other
+
+
+def _rounded_wall(wall: DraftWall) -> DraftWall:
+    ends = [_same(end, replace(end, at=_near(end.at)[0])) for end in wall.ends]
+    return _same(wall, DraftWall(_near(*wall.middle), _near(wall.angle)[0], (ends[0], ends[1])))
 
 
 def draft_of_room(room: Room) -> RoomDraft:

@@ -262,6 +262,7 @@ PRICE = 10.0  # log-likelihood that a wall or post must add
 _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
+_DIGITS = 9  # of a log-likelihood; further ones differ between processors, and must not decide between equal drafts
 _AT_ONCE = 8  # drafts between two checks whether the search is cancelled
 _FIRST_SCANS = 2  # by which many drafts are compared at first
 _LEAST_KEPT = 4  # drafts, at least, that are compared by all scans
@@ -442,7 +443,7 @@ def as_found(board: Board, draft: RoomDraft) -> Board:
 
 def all_scored(evidence: Evidence, drafts: Iterable[RoomDraft], noise: ReadingNoise = ROUGH) -> list[Scored]:
     """Return drafts with their log-likelihoods; -inf if a wall has no length."""
-    drafts = list(drafts)
+    drafts = [draft.rounded() for draft in drafts]
     sound = [draft for draft in drafts if draft.is_sound]
     scores = iter(evidence.log_likelihoods(sound, noise))
     return [Scored(draft, next(scores) if draft.is_sound else -np.inf) for draft in drafts]
@@ -461,7 +462,7 @@ def leading(
     `scans` are all, in the order of their use: the first two select the better half of the drafts, the first half the
     better quarter, but not fewer than four (successive halving). So a scan should be early if more is unexplained.
     """
-    left = [draft for draft in drafts if draft.is_sound]
+    left = [draft.rounded() for draft in drafts if draft.is_sound]
     total = len(left)
     for some, share in zip(_stages(scans), (2, 4), strict=True):
         kept = max(_LEAST_KEPT, -(-total // share))
@@ -474,6 +475,7 @@ def leading(
 
 def scored_if_near(evidence: Evidence, drafts: Sequence[RoomDraft], best: Scored) -> list[Scored]:
     """Return drafts with their log-likelihoods; -inf if some scans show that one is far worse than the best draft."""
+    drafts = [draft.rounded() for draft in drafts]
     left, scans = [draft for draft in drafts if draft.is_sound], range(len(evidence.problems))
     for some in _stages(scans):
         if len(some) < len(scans):
@@ -513,7 +515,7 @@ def _of_scans(
     for draft, room, scan in items:
         problem = evidence.of_draft(draft, room, scan)
         values = problem.with_noise(np.empty(0), noise)
-        found.append(problem.near(values).by_reading(values, 0))
+        found.append(np.round(problem.near(values).by_reading(values, 0), _DIGITS))
     return found
 
 

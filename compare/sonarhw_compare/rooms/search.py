@@ -501,7 +501,7 @@ def centred(draft: RoomDraft) -> RoomDraft:
         x, y = (np.array(wall.middle) + middle * wall.along).tolist()
         ends = [DraftEnd(end.at - middle, end.meets) for end in wall.ends]
         walls[key] = replace(wall, middle=(x, y), ends=(ends[0], ends[1]))
-    return replace(draft, walls=walls)
+    return replace(draft, walls=walls).rounded()
 
 
 def _normal_equations(
@@ -548,7 +548,7 @@ def _moved(draft: RoomDraft, moves: Sequence[Move], step: FloatArray) -> RoomDra
         for move, by in zip(moves, (np.clip(step, -most, most) / 2**halving).tolist(), strict=True):
             moved = move.of(moved, by)
         if moved.is_sound:
-            return moved
+            return moved.rounded()
     return None
 
 
@@ -968,7 +968,10 @@ def rebuilt(evidence: Evidence, best: Scored) -> Scored:
         if key in best.draft.walls and key not in evidence.first.walls:
             course = evidence.course.refusing(best.draft.alone(key))
             trial = replace(evidence, course=course.unseen)
-            other = _regrown(trial, scored(trial, best.draft.without_wall(key)))
+            shorter = best.draft.without_wall(key)
+            if not shorter.is_sound:  # an end that moved to another wall would turn its own wall round
+                shorter = best.draft.without_only(key)
+            other = _regrown(trial, scored(trial, shorter))
             if worth(other) > worth(best):
                 best = other
                 evidence.course.accept(best.draft)

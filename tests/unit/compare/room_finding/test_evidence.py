@@ -83,7 +83,7 @@ BESIDE = evidence_of(
 
 def test_the_best_of_many_drafts_is_found_without_all_scans_of_the_others() -> None:
     evidence = replace(BESIDE, known={})
-    drafts = [east_wall(2.0 + 0.1 * k) for k in range(20)]
+    drafts = [east_wall(2.0 + 0.1 * k).rounded() for k in range(20)]
     found = leading(evidence, drafts, [3, 1, 0, 2, 4, 5])
     best = max(found, key=lambda one: one.score)
     assert best == scored(BESIDE, drafts[10])
@@ -95,7 +95,7 @@ def test_the_best_of_many_drafts_is_found_without_all_scans_of_the_others() -> N
 
 def test_a_draft_that_some_scans_show_to_be_far_worse_needs_no_others() -> None:
     evidence, best = replace(BESIDE, known={}), scored(BESIDE, east_wall(3.0))
-    near, far = east_wall(3.01), east_wall(2.0)
+    near, far = east_wall(3.01).rounded(), east_wall(2.0).rounded()
     assert scored_if_near(evidence, [far, near], best) == [
         replace(best, draft=far, score=-math.inf),
         scored(BESIDE, near),

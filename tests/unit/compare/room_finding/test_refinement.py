@@ -122,6 +122,24 @@ def test_a_room_that_is_off_returns_to_the_true_one() -> None:
         assert abs(turn) < math.radians(1), key
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_last_digits_of_the_algebra_do_not_change_the_result(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence, true = case(0.003)
+    moves = moves_of(evidence, true)
+    draft = moves[0].of(moves[1].of(true, 0.02), 0.01)
+    expected = refined(evidence, draft, ROUGH, 2)
+    solve, random = np.linalg.solve, np.random.default_rng(seed)
+
+    def of_another_processor(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+        step = solve(matrix, right)
+        return step * (1 + random.normal(0, 1e-13, step.shape))
+
+    monkeypatch.setattr(np.linalg, "solve", of_another_processor)
+    other = refined(evidence, draft, ROUGH, 2)
+    assert expected.draft != draft.rounded()  # it has moved
+    assert (other.draft, other.score) == (expected.draft, expected.score)
+
+
 def test_a_draft_without_walls_stays_as_it_is() -> None:
     evidence, true = case()
     empty = RoomDraft(true.places)
