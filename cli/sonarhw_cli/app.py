@@ -24,7 +24,15 @@ from sonarhw_cli import scan as ping
 from sonarhw_cli import scan as serve
 from sonarhw_cli import simulate as figures
 from sonarhw_cli import simulate as paths
-from sonarhw_cli.options import CommandList, choose_verbosity, print_detail, print_error, print_help, print_line
+from sonarhw_cli.options import (
+    CommandList,
+    choose_verbosity,
+    print_detail,
+    print_error,
+    print_help,
+    print_line,
+    with_options,
+)
 from sonarhw_cli.outputs import ClosedOutput, CompilationProgress
 
 # The wording of errors for people who type commands: with options, with what was expected, and with what to do.
@@ -37,25 +45,6 @@ _REWORDED = (
     ("Input should be a valid number, unable to parse string as a number", "expected a number"),
     ("Input should be ", "expected a number "),
 )
-
-# options in errors of the library, which names none: it serves the window and Python programs too
-_OPTIONS = (
-    (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
-    (r"^places: expected", "--place: expected"),
-    (r"; free it too, or", "; add it to --free, or"),
-    (r"; give a room$", "; give one with --room"),
-    (r"; give a place, or free the position$", "; give --place, or add position to --free"),
-    (r"; give a place, or X,Y in metres;", "; give --place NAME or --place X,Y in metres;"),
-    (r": give a place, or X,Y in metres;", ": give --place NAME or --place X,Y in metres;"),
-)
-
-
-def library_message(error: SonarError, arguments: Sequence[str]) -> str:
-    """Return an error of the library with the names of the options that the reader needs."""
-    message = str(error)
-    for words, option in _OPTIONS:
-        message = re.sub(words, option, message)
-    return _with_argument_hint(message, arguments)
 
 
 def parser_message(error: typer.TyperException, arguments: Sequence[str]) -> str:
@@ -215,7 +204,7 @@ def _status(arguments: list[str] | None) -> int:
         return exit_wanted.exit_code
     except SonarError as error:
         print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
-        return _report(library_message(error, given), error.exit_status)
+        return _report(_with_argument_hint(with_options(str(error)), given), error.exit_status)
     except typer.TyperException as error:
         return _refuse(parser_message(error, given), error.exit_code)
     except KeyboardInterrupt:

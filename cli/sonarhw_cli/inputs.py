@@ -115,11 +115,9 @@ def chosen_place(room: "Room", wanted: str | None) -> "Place":
 
 def print_place(room: "Room", place: "Place") -> None:
     """Print the place with --verbose, and a warning if it is outside the room or inside an object."""
-    from sonarhw_sim.room.room import place_doubts
+    from sonarhw_sim.room.room import warn_of_place
 
-    print_detail(f"place {place.name!r} at {place.position[0]:g}, {place.position[1]:g} m in room {room.name!r}")
-    for doubt in place_doubts(room, place):
-        warn(doubt)
+    warn_of_place(room, place, warn)
 
 
 def check_one_of_each(places: Sequence[str], poses: Sequence[str], logs: int) -> None:
@@ -185,7 +183,7 @@ def open_scan(log_file: Path, board: str | None = None) -> "GivenScan":
     log = open_log(log_file)  # before the import, which takes a second, so that a wrong name is reported at once
     from sonarhw_compare.scans import GivenScan
 
-    scan = GivenScan(str(log_file), log.readings, log)
+    scan = GivenScan(str(log_file), log.readings, log, log_file)
     for doubt in scan.board_doubts if board is None else ():
         warn(doubt)
     return scan

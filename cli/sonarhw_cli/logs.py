@@ -26,7 +26,9 @@ from sonarhw_cli.options import (
     Force,
     PlaceName,
     RoomToStore,
+    Rule,
     check_degrees,
+    check_rules,
     print_json,
     print_line,
     print_note,
@@ -101,7 +103,29 @@ SpeedOfSound = Annotated[
 ]
 
 
+_OF_CSV = ": only for CSV files; {file} has the format {title}"
+_OF_TRACES = " {value:g}: only for formats with traces; {file} has ranges"
+# what options need of the format of the file, one of `_facts`
+_RULES = (
+    Rule("import", "--heading --range --time --decimal-comma --scale --mean-of", _OF_CSV, "csv"),
+    Rule("import", "--threshold --blanking --speed-of-sound", _OF_TRACES, "traces"),
+    Rule("import", "--no-echo", " {value:g}: only for formats with ranges; {file} has traces", excludes="traces"),
+    Rule("import", "--rate", " {value:g}: only for raw traces; {file} has its own", "raw"),
+    Rule("import", "--step", " {value:g}: only for raw traces and ROS bags; {file} has angles", "steps"),
+    Rule("import", "--topic", " {value}: only for ROS bags", "bag"),
+)
+
+
+def _facts(known: ImportFormat | None) -> list[str]:
+    """Return what a file of a format contains; None is CSV."""
+    if known is None:
+        return ["csv"]
+    facts = {"traces": known.has_traces, "raw": is_raw(known), "steps": known.has_step, "bag": is_bag(known)}
+    return [fact for fact, is_true in facts.items() if is_true]
+
+
 def import_scan(
+    context: typer.Context,
     file: ForeignFile,
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
     heading: HeadingColumn = None,
@@ -136,11 +160,9 @@ def import_scan(
     _check_options(scale, heading_zero)
     metadata = _metadata(room, place, board)
     known = import_format(file, rate)
-    columns = _columns(file, known, heading, distance, time_column, decimal_comma, scale, mean_of)
-    _check_traces(file, known, threshold, blanking, speed_of_sound, no_echo)
-    _check_raw(file, known, rate, step)
-    if topic is not None and not is_bag(known):
-        raise InputError(f"--topic {topic}: only for ROS bags")
+    columns = _columns(file, heading, distance, time_column, decimal_comma) if known is None else None
+    check_rules(context, _RULES, _facts(known), file=file.name, title=known.title if known else "")
+    _check_values(file, known, threshold, blanking, speed_of_sound, rate, step)
     meaning = Meaning(
         scale=scale,
         sign=-1.0 if turn is TurnDirection.CW else 1.0,
@@ -166,31 +188,18 @@ def import_scan(
 
 
 def _columns(
-    file: Path,
-    known: ImportFormat | None,
-    heading: str | None,
-    distance: str | None,
-    time_column: str | None,
-    decimal_comma: bool,
-    scale: float,
-    mean_of: int | None,
-) -> "CsvColumns | None":
-    """Return the columns of a CSV file; None for another format. Raises InputError for options of the other kind."""
+    file: Path, heading: str | None, distance: str | None, time_column: str | None, decimal_comma: bool
+) -> "CsvColumns":
+    """Return the columns of a CSV file. Raises InputError if options are missing."""
     from sonarhw_compare.foreign_csv import CsvColumns, read_head
 
-    if known is None:
-        if heading is None or distance is None:
-            names = ", ".join(read_head(file, 0, decimal_comma).header)
-            raise InputError(
-                f"{file}: a CSV file needs --heading COL and --range COL; its columns: {names}; "
-                "`sonarhw import --help` lists other formats"
-            )
-        return CsvColumns(heading, distance, time_column, decimal_comma)
-    given = {"--heading": heading, "--range": distance, "--time": time_column, "--decimal-comma": decimal_comma}
-    for option, value in (given | {"--scale": scale != 1.0, "--mean-of": mean_of}).items():
-        if value:
-            raise InputError(f"{option}: only for CSV files; {file.name} has the format {known.title}")
-    return None
+    if heading is None or distance is None:
+        names = ", ".join(read_head(file, 0, decimal_comma).header)
+        raise InputError(
+            f"{file}: a CSV file needs --heading COL and --range COL; its columns: {names}; "
+            "`sonarhw import --help` lists other formats"
+        )
+    return CsvColumns(heading, distance, time_column, decimal_comma)
 
 
 def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", mean_of: int | None) -> "list[Reading]":
@@ -216,36 +225,22 @@ def _without_means(file: Path, readings: "list[Reading]", meaning: "Meaning", me
     return [replace(reading, number=number) for number, reading in enumerate(kept)]
 
 
-def _check_traces(
+def _check_values(
     file: Path,
     known: ImportFormat | None,
     threshold: float | None,
     blanking: float | None,
     speed: float | None,
-    no_echo: float | None,
+    rate: float | None,
+    step: float | None,
 ) -> None:
-    """Raise InputError for options about traces that are wrong, or do not fit the format."""
-    if known is None or not known.has_traces:
-        for option, value in (("--threshold", threshold), ("--blanking", blanking), ("--speed-of-sound", speed)):
-            if value is not None:
-                raise InputError(f"{option} {value:g}: only for formats with traces; {file.name} has ranges")
-        return
-    if no_echo is not None:
-        raise InputError(f"--no-echo {no_echo:g}: only for formats with ranges; {file.name} has traces")
+    """Raise InputError for values about traces that are missing or wrong."""
     if threshold is not None and not 0 < threshold <= 1:
         raise InputError(f"--threshold {threshold:g}: expected a share of full scale, above 0 and up to 1")
     if blanking is not None and (threshold is None or not 0 <= blanking <= 1):
         raise InputError(f"--blanking {blanking:g}: expected 0 to 1 s, and --threshold")
     if speed is not None and not 100 <= speed <= 10_000:
         raise InputError(f"--speed-of-sound {speed:g}: expected 100 to 10000 m/s")
-
-
-def _check_raw(file: Path, known: ImportFormat | None, rate: float | None, step: float | None) -> None:
-    """Raise InputError for --rate and --step that are missing, wrong, or do not fit the format."""
-    if rate is not None and not is_raw(known):
-        raise InputError(f"--rate {rate:g}: only for raw traces; {file.name} has its own")
-    if step is not None and (known is None or not known.has_step):
-        raise InputError(f"--step {step:g}: only for raw traces and ROS bags; {file.name} has angles")
     if is_raw(known) and (rate is None) != (file.suffix.lower() == ".wav"):
         found = "needs --rate, Hz" if rate is None else f"--rate {rate:g}: a WAV file has its own; leave it out"
         raise InputError(f"{file}: {found}")
@@ -276,8 +271,6 @@ def _metadata(room_name: str | None, place: str | None, board: str | None) -> "L
         profile = load_board(board)
         metadata = replace(metadata, board=profile.name, board_text=profile.text)
     if room_name is None:
-        if place is not None:
-            raise InputError("--place needs --room: it is a place of a room file")
         return metadata
     room = open_room(room_name)
     here = "" if place is None and len(room.places) != 1 else chosen_place(room, place).name

@@ -1,12 +1,13 @@
 """Options that several commands share, checks of their values, and printing of text that is made harmless."""
 
 import csv
+import logging
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TextIO, TypeVar
 
 import typer
 from sonarhw_sim.air import ROOM_TOLERANCE, EdgeStrength, Model, Receiver
@@ -67,11 +68,6 @@ def demo_url(pace: str = "real") -> str:
 
 
 # Format of numbers on the command line: 9 significant digits, and nothing for a missing value.
-#
-# An estimate has the decimals of two significant digits of its standard deviation.
-
-
-_MOST_DECIMALS = 6
 
 
 def written(value: float | int | str | None) -> str:
@@ -79,29 +75,6 @@ def written(value: float | int | str | None) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     return number(value) if isinstance(value, float) else text_cell(str(value))
-
-
-def estimate_text(value: float, deviation: float) -> str:
-    """Return a value with the decimals of two significant digits of its standard deviation, never -0."""
-    return f"{value:z.{_decimals(deviation)}f}"
-
-
-def deviation_text(deviation: float, unit: str) -> str:
-    """Return a standard deviation with two significant digits and its unit; metres as millimetres."""
-    if unit == "m":
-        return deviation_text(deviation * 1000, "mm")
-    return with_unit(f"{deviation:.{_decimals(deviation)}f}", unit)
-
-
-def with_unit(text: str, unit: str) -> str:
-    """Return a number with its unit: `1.5 mm`, `90°`, `0.9`."""
-    return text + unit if unit in ("", "°") else f"{text} {unit}"
-
-
-def _decimals(deviation: float) -> int:
-    # rounding may need one decimal less: 0.0996 is 0.10
-    rounded = float(f"{deviation:.1e}")
-    return min(_MOST_DECIMALS, max(0, 1 - math.floor(math.log10(rounded)))) if rounded > 0 else _MOST_DECIMALS
 
 
 def write_rows(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
@@ -134,6 +107,9 @@ def choose_verbosity(*, quiet: bool, verbose: bool) -> None:
     """Select the messages of this run. --quiet wins."""
     global _chosen
     _chosen = Verbosity.QUIET if quiet else Verbosity.VERBOSE if verbose else Verbosity.NORMAL
+    logger = logging.getLogger("sonarhw")
+    logger.setLevel(logging.INFO)
+    logger.handlers = [_Details()]
 
 
 def prints(level: Verbosity) -> bool:
@@ -149,6 +125,15 @@ def print_line(text: str = "") -> None:
 def print_json(figures: object) -> None:
     """Print JSON on standard output, indented. JSON escapes control characters itself."""
     typer.echo(json_text(figures))
+
+
+def print_result(as_json: bool, figures: Callable[[], object], lines: Callable[[], Iterable[str]]) -> None:
+    """Print the figures of a result as JSON, or its lines."""
+    if as_json:
+        print_json(figures())
+        return
+    for line in lines():
+        print_line(with_options(line))
 
 
 def print_note(text: str) -> None:
@@ -168,9 +153,41 @@ def print_detail(text: str) -> None:
         _print_on_stderr(f"sonarhw: {text}")
 
 
+class _Details(logging.Handler):
+    """Prints what the library logs as details."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print_detail(record.getMessage())
+
+
 def print_error(message: str) -> None:
     """Print an error as one line on standard error."""
     _print_on_stderr(f"sonarhw: {message}")
+
+
+# what the library, which names no option, says to people who do not use the command line
+_OPTIONS = (
+    (r"^(free|prior|fit|pings) (?=\S+: )", r"--\1 "),
+    (r"^places: expected", "--place: expected"),
+    (r"; free it too, or", "; add it to --free, or"),
+    (r"; give a room$", "; give one with --room"),
+    (r"; give a place, or free the position$", "; give --place, or add position to --free"),
+    (r"([;:]) give a place, or X,Y in metres;", r"\1 give --place NAME or --place X,Y in metres;"),
+    (r"; give a place or a pose$", "; give --place or --pose"),
+    (r"; give a pose, or a room and a place$", "; give --pose X,Y,DEG, or --room and --place"),
+    (r"; give the room, or (?=more scans|scans from)", "; give the room with --room, or "),
+    (r"; give more of its pose, or", "; give more of it in --poses, or"),
+    (r"^(?=.*: gives no position or no heading of )", "--poses "),
+    (r"or find them with the room$", "or add --out ROOM.toml or --next, which find them with the room"),
+    (r"from the known heading, (.*) its standard deviation;", r"from --heading, \1 this --heading-sd;"),
+)
+
+
+def with_options(text: str) -> str:
+    """Return a text of the library with the names of the options that the reader needs."""
+    for words, option in _OPTIONS:
+        text = re.sub(words, option, text)
+    return text
 
 
 def print_help(text: str) -> None:
@@ -398,12 +415,6 @@ def refuse_given(context: typer.Context, options: Mapping[str, str], reason: str
             raise InputError(f"{option}: {reason}")
 
 
-def check_one_line(pty: Path | None, tcp: str | None) -> None:
-    """Raise InputError if both --pty and --tcp are given."""
-    if pty is not None and tcp is not None:
-        raise InputError("--pty, --tcp: a scanner has one line; give only one of them")
-
-
 def check_scan_values(board: str | None, max_range: float | None, temperature: float | None) -> None:
     """Raise InputError for an invalid --board, --max-range or --temperature of a scan."""
     from sonarhw_sim.board.profile import MOST_RANGE, load_board
@@ -419,6 +430,82 @@ def check_temperature(temperature: float | None) -> None:
     """Raise InputError if --temperature is not between -40 and 60 °C."""
     if temperature is not None and not -40 <= temperature <= 60:
         raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
+
+
+class Rule(NamedTuple):
+    """What options of a command need, or exclude. The refusal is the option and the text.
+
+    The text may contain `{value}`, that of the option, and `{other}`, that of the excluded option.
+    """
+
+    command: str
+    options: str  # separated by spaces; empty: always
+    text: str
+    needs: str = ""  # one of these must be given
+    excludes: str = ""  # none of these may be given
+
+
+_TWO_SCANS = "--with --with-sweep"
+_NOT_OF_TWO = ": not used with --with, which compares two scans without a prediction"
+_ALONE = "give only one of them"
+_ALL_POSES = " {value}: contains the poses of all logs; leave out --place and --pose"
+_OF_ROOM = " needs --room: it is a place of a room file"
+RULES = (
+    Rule("compare", "--room --place --board --receiver --model --fit --explain", _NOT_OF_TWO, excludes=_TWO_SCANS),
+    Rule("compare", "--pings --room-tolerance --find-missing --out", _NOT_OF_TWO, excludes=_TWO_SCANS),
+    Rule("compare", "--with-sweep", ": without --with, give the other sweep of the log with --sweep", "--with --sweep"),
+    Rule("compare", "--sweep --csv", ": needs --with LOG or --with-sweep N", _TWO_SCANS),
+    Rule("compare", "--out", ": needs --find-missing; --plot writes a picture", "--find-missing"),
+    Rule("compare", "--explain", ": needs --json; without both, a sentence explains every reading", "--json"),
+    Rule("demo", "--force", ": needs --headless DIR; without it, the demo overwrites nothing", "--headless"),
+    Rule("doctor", "--plate", ", --distance: give both or none", "--distance"),
+    Rule("doctor", "--distance", ", --plate: give both or none", "--plate"),
+    Rule("doctor", "--plate", f", --no-turn: the plate needs the turntable; {_ALONE}", excludes="--no-turn"),
+    Rule("fake", "--pty", f", --tcp: a scanner has one line; {_ALONE}", excludes="--tcp"),
+    Rule("flash", "--force", ": also give --controller", "--controller"),
+    Rule("import", "--place", _OF_ROOM, "--room"),
+    Rule("info", "--watch", f", --json: {_ALONE}", excludes="--json"),
+    Rule("map", "--poses", _ALL_POSES, excludes="--place --pose"),
+    Rule("map", "--place", " and --pose: expected one of them, once for each log", excludes="--pose"),
+    Rule("ports", "--ask", f", --guess: {_ALONE}", excludes="--guess"),
+    Rule("replay", "--pty", f", --tcp: a scanner has one line; {_ALONE}", excludes="--tcp"),
+    Rule("scan", "--place", _OF_ROOM, "--room"),
+    Rule("serve", "", "give --foxglove: it is the only protocol that is served", "--foxglove"),
+    Rule("serve", "--out", ": give the number of sweeps, too: --sweeps N", "--sweeps"),
+    Rule("serve", "--place", _OF_ROOM, "--room"),
+    Rule("simulate", "--pings --room-tolerance", " {value:g}: needs --probability", "--probability"),
+    Rule("simulate", "--probability", ": needs --model ray-following; {other} states no probability", "", "--model"),
+    Rule(
+        "simulate",
+        "--probability",
+        ": expected neither --traces nor --noise; the board profile states the spreads",
+        excludes="--traces --noise",
+    ),
+    Rule("simulate", "--own-body", ": has no effect with --probability; leave one of them out", "", "--probability"),
+    Rule("simulate", "--rate", " {value:g}: needs --traces rf, sampled, envelope", "--traces"),
+    Rule("study", "--workers", f", --scheduler: a cluster has its own workers; {_ALONE}", excludes="--scheduler"),
+    Rule("turn", "--jog", f", --zero-here: {_ALONE}", excludes="--zero-here"),
+)
+
+
+def check_rules(context: typer.Context, rules: Iterable[Rule], facts: Iterable[str] = (), **names: object) -> None:
+    """Raise InputError if an option lacks what it needs, or excludes another one.
+
+    An option is given if it has another value than by default. `facts` count as given options.
+    """
+    given: dict[str, object] = dict.fromkeys(facts)
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if not (value is None or value == "" or value == () or value == parameter.default):
+            given |= dict.fromkeys(parameter.opts if value is not False else parameter.secondary_opts, value)
+    for rule in rules:
+        excluded = [option for option in rule.excludes.split() if option in given]
+        if not excluded and (not rule.needs or not given.keys().isdisjoint(rule.needs.split())):
+            continue
+        for option in rule.options.split() or [""]:
+            if not option or option in given:
+                names |= {"value": given.get(option), "other": given[excluded[0]] if excluded else None}
+                raise InputError(option + rule.text.format(**names))
 
 
 # The help of a command, with arguments and values as users type them: `LOG...`, not `{LOG}...` and `<list[Path]>`.
@@ -450,6 +537,10 @@ class _PlainGroup(TyperGroup):
 class _PlainCommand(TyperCommand):
     def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:
         return super().get_short_help_str(max(limit, _WHOLE_SENTENCE))
+
+    def invoke(self, ctx: Any) -> Any:
+        check_rules(ctx, [rule for rule in RULES if rule.command == self.name])
+        return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]

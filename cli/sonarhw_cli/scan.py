@@ -119,8 +119,6 @@ def _check_order(order: "ScanOrder") -> None:
 def room_and_place(room_name: str | None, place: str | None, out: Path | None) -> "tuple[Room, Place] | None":
     """Return the room and the place of --room and --place; None without a room. Raises InputError."""
     if room_name is None:
-        if place is not None:
-            raise InputError("--place needs --room: it is a place of a room file")
         return None
     room = open_room(room_name)
     if place is None and len(room.places) != 1:
@@ -506,12 +504,8 @@ def serve(
     from sonarhw.foxglove import FoxgloveServer
     from sonarhw.plugins.device_plugin import takes_orders
 
-    if not foxglove:
-        raise InputError("give --foxglove: it is the only protocol that is served")
     if out is not None:
         checked_out(out, (LOG,), force, url, room, board)
-        if sweeps is None:
-            raise InputError("--out: give the number of sweeps, too: --sweeps N")
     if not takes_orders(url):
         refuse_orders(context)
     order = order_in_degrees(start, stop, step, sweeps or _sweeps(start, stop, step, pings), pings)

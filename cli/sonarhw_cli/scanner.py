@@ -37,7 +37,6 @@ from sonarhw_cli.options import (
     TcpAddress,
     ZeroHere,
     check_degrees,
-    check_one_line,
     print_json,
     print_line,
     print_note,
@@ -79,8 +78,6 @@ def turn(
     jog: Jog = False,
 ) -> None:
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
-    if jog and zero_here:
-        raise InputError("--jog, --zero-here: give only one of them")
     check_degrees("--jog" if jog else "DEG", degrees, _MOST_JOG if jog else MOST_DEGREES)
     with connect_turntable(url) as scanner:
         if zero_here:
@@ -215,8 +212,6 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Print identity, capabilities and link quality of a scanner."""
-    if watch and as_json:
-        raise InputError("--watch, --json: give only one of them")
     with connect(url) as scanner:
         device = _exercise_link(scanner)
         if as_json:
@@ -368,8 +363,6 @@ def ports(
     """List serial ports and check them for a scanner. The check may reset the device at a port."""
     from sonarhw.link import Port, serial_ports
 
-    if ask and guess:
-        raise InputError("--ask, --guess: give only one of them")
     known = {found.device: found for found in serial_ports()}
     chosen = [known.get(name, Port(name, "")) for name in port] if port else [*known.values()]
     if not chosen:
@@ -487,7 +480,6 @@ def fake(
     from sonarhw.device.faults import read_faults
     from sonarhw.device.served import Endpoint, host_and_port, open_server_port, read_pace
 
-    check_one_line(pty, tcp)
     if tcp is not None:
         host_and_port(tcp)
     profile, room = load_board(board), open_room(room_name)
@@ -541,7 +533,6 @@ def replay(
     from sonarhw.device.served import Endpoint, open_server_port
     from sonarhw_cli.interruption import sigterm_exits
 
-    check_one_line(pty, tcp)
     if not speed > 0:
         raise InputError(f"--speed {speed:g}: expected a factor above 0, such as 2, or inf")
     recorded = open_log(log)
@@ -584,7 +575,7 @@ def doctor(
     """
     from sonarhw.bringup import examine
 
-    wanted = _plate(plate, distance, turn)
+    wanted = _plate(plate, distance)
     made: list[Diagnosis] = []
     try:
         with connect_turntable(url) as scanner:
@@ -603,15 +594,11 @@ def doctor(
     raise typer.Exit(ExitStatus.FAILED if failures else ExitStatus.DONE)
 
 
-def _plate(heading: float | None, distance: float | None, turn: bool) -> "Plate | None":
+def _plate(heading: float | None, distance: float | None) -> "Plate | None":
     from sonarhw.bringup import BESIDE, Plate
 
-    if (heading is None) != (distance is None):
-        raise InputError("--plate, --distance: give both or none")
     if heading is None or distance is None:
         return None
-    if not turn:
-        raise InputError("--plate, --no-turn: the plate needs the turntable; give only one of them")
     if not 10 <= abs(heading) <= math.degrees(BESIDE):
         raise InputError(f"--plate {heading:g}: expected 10 to {math.degrees(BESIDE):g} degrees on one side of zero")
     if not distance > 0:
@@ -660,8 +647,6 @@ def flash(
 
     if "://" in port or ":" in port.removeprefix("COM"):
         raise InputError(f"{port}: expected a serial port such as /dev/ttyACM0")
-    if force and controller is None:
-        raise InputError("--force: also give --controller")
     if controller and ranging and turning:
         Combination(controller, ranging, turning)  # refused before the port is opened
     bringup.find_avrdude()

@@ -97,8 +97,6 @@ class TraceSettings:
 def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> TraceSettings | None:
     """Return the traces of --traces and --rate. Raises InputError if they do not fit the file format `suffix`."""
     if kind is None:
-        if rate is not None:
-            raise InputError(f"--rate {rate:g}: needs --traces {', '.join(TraceForm)}")
         return None
     if suffix not in (".npz", LOG) or (suffix == LOG and kind is not TraceForm.ENVELOPE):
         fitting = ".npz or .mcap" if kind is TraceForm.ENVELOPE else ".npz"
@@ -319,27 +317,6 @@ def _check_film(given: PredictionInput, suffix: str) -> None:
     check_film(suffix)
 
 
-def check_probability(
-    probability: bool,
-    model: Model,
-    of_readings: dict[str, float | None],
-    signal: tuple[TraceForm | None, float],
-    own_body: bool,
-) -> None:
-    """Raise InputError for options that only --probability has, or does not have."""
-    if not probability:
-        for option, value in of_readings.items():
-            if value is not None:
-                raise InputError(f"{option} {value:g}: needs --probability")
-        return
-    if model is not Model.RAY_FOLLOWING:
-        raise InputError(f"--probability: needs --model {Model.RAY_FOLLOWING}; {model} states no probability")
-    if any(signal):
-        raise InputError("--probability: expected neither --traces nor --noise; the board profile states the spreads")
-    if own_body:
-        raise InputError("--own-body: has no effect with --probability; leave one of them out")
-
-
 def _check_noise(given: PredictionInput, traces: TraceSettings | None) -> None:
     noise, receiver = given.options.noise, given.options.receiver_of(given.board, given.model)
     if not 0 <= noise <= 1:
@@ -505,8 +482,6 @@ def simulate(
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     kind = checked_out(out, _CSV if probability else _FORMATS, force, room_name, board)
-    of_readings = {"--pings": pings, "--room-tolerance": room_tolerance}
-    check_probability(probability, model, of_readings, (traces, noise), own_body)
     settings = trace_settings(traces, rate, kind)
     order = order_in_degrees(start, stop, step)
     warn_of_radians(start, stop)

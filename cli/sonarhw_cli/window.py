@@ -345,8 +345,6 @@ def demo(
     The overlay is the scan drawn over its prediction. Without a display and without --headless, the files are written
     to a new folder: demo-result, or demo-result-2 and so on. The seed is fixed, so each run gives the same result.
     """
-    if force and headless is None:
-        raise InputError(f"--force: needs {OPTION} DIR; without it, the demo overwrites nothing")
     if headless is None and _can_open_window():
         return show_demo()
     folder = _free_folder() if headless is None else headless
@@ -377,19 +375,19 @@ def _can_open_window() -> bool:
 
 def _write_result(context: typer.Context, folder: Path, force: bool) -> None:
     from sonarhw_compare.drawings import draw_comparison
+    from sonarhw_compare.explain import summary_lines
     from sonarhw_compare.picture_file import write_picture
-    from sonarhw_compare.score import score_comparison
 
-    from sonarhw_cli.compare import compare_log, summary_lines
+    from sonarhw_cli.compare import compare_log
     from sonarhw_cli.scan import scan
 
     log, picture, figures = (folder / name for name in FILES)
     scan(context, demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
-    comparison, _ = compare_log(log, ROOM, PLACE)
+    comparison = compare_log(log, ROOM, PLACE)
     with atomic_file(picture, OPTION, overwrite=force) as file:
         write_picture(draw_comparison(comparison), file, picture.suffix)
     with atomic_file(figures, OPTION, overwrite=force) as file:
-        file.write((json_text(asdict(comparison.summary()) | asdict(score_comparison(comparison))) + "\n").encode())
+        file.write((json_text(asdict(comparison.summary()) | asdict(comparison.score)) + "\n").encode())
     for line in summary_lines(comparison.summary()):
         print_line(line)
     print_line(f"The picture is in {picture}, the scan in {log}, the summary in {figures}.")

@@ -570,12 +570,12 @@ LOOK = {
 }
 
 
-def draw_difference(difference: ScanDifference, names: tuple[str, str]) -> Figure:
-    """Return a figure of two scans, called `names` in the legend, and their differences by heading."""
+def draw_difference(difference: ScanDifference) -> Figure:
+    """Return a figure of two scans and their differences by heading."""
     figure = new_figure(9, 6.5, 120)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     headings = np.degrees([row.heading for row in difference.rows])
-    marks = ((names[0], "o", PREDICTED, "none", 6), (names[1], ".", MEASURED, MEASURED, 6))
+    marks = ((difference.names[0], "o", PREDICTED, "none", 6), (difference.names[1], ".", MEASURED, MEASURED, 6))
     for which, (name, marker, colour, face, size) in enumerate(marks):
         medians = [(row.first, row.second)[which].median for row in difference.rows]
         ranges = np.array([math.nan if median is None else median for median in medians])

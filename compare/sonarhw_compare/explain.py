@@ -1,22 +1,39 @@
 """Explanations of a reading: its cause as a sentence, its paths, its rivals, and what would change it."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.air import Receiver
+from sonarhw_sim.air import ROOM_TOLERANCE, Model, Receiver
 from sonarhw_sim.board.signal import is_stepped, path_loss_db, stepped_gain_db
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedPing, PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.room import Room
 
 from sonarhw.errors import counted
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, Origin
 from sonarhw_compare.headings import heading_text, in_degrees
-from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched
+from sonarhw_compare.match import TOLERANCE, Comparison, Kind, Matched, Summary
 from sonarhw_compare.regions import Region
-from sonarhw_compare.score import RegionMatch, RegionPair, assigned_echoes, compare_regions, echo_statistics
+from sonarhw_compare.score import (
+    ProbabilityScore,
+    RegionMatch,
+    RegionPair,
+    assigned_echoes,
+    calibration_text,
+    compare_regions,
+    echo_statistics,
+    score_comparison,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from sonarhw_compare.fit.starting import Fit
 
 # Margins of the first echo: the changes of threshold or walls after which another echo would be reported.
 #
@@ -612,3 +629,127 @@ def path_suffix(comparison: Comparison, region: Region) -> str:
     """Return the path of a predicted region, `: one reflection, top`; empty if the prediction is noise."""
     path = int(comparison.prediction.winners[region.rows[len(region) // 2]])
     return "" if path < 0 else f": {describe_path(comparison.prediction, path)}"
+
+
+# The result of `sonarhw compare`.
+
+
+@dataclass(frozen=True)
+class ScanComparison(Comparison):
+    """A comparison with the fit before it, and the options from which probabilities are predicted."""
+
+    fit: "Fit | None" = None
+    model: Model = Model.RAY_FOLLOWING
+    options: PredictionOptions = field(default_factory=PredictionOptions)
+    pings: int = 1  # a reading is the median of so many
+    room_tolerance: float = ROOM_TOLERANCE  # m
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A warning if a fitted value is at the edge of its search."""
+        return () if self.fit is None else self.fit.doubts
+
+    @cached_property
+    def score(self) -> ProbabilityScore:
+        """How well the probabilities predict the readings. Raises InputError."""
+        options, tolerance = self.options, self.room_tolerance
+        return score_comparison(self, options, model=self.model, pings=self.pings, room_tolerance=tolerance)
+
+    def lines(self, notes: Mapping[int, str] | None = None) -> Iterator[str]:
+        """Yield each reading with its class, cause and note, then the summary. `notes` are by place of the reading."""
+        for row in self.rows:
+            yield f"{row.kind.label:11}  {explain_reading(self, row.index)}"
+            if notes and row.index in notes:
+                yield f"{'':11}  note: {notes[row.index]}"
+        yield ""
+        yield from summary_lines(self.summary())
+        yield from _score_lines(self.score)
+        yield from () if self.fit is None else self.fit.lines()
+        yield from _echo_lines(self)
+        yield from region_lines(self)
+
+    def figures(self, notes: Mapping[int, str] | None = None, *, explained: bool = False) -> dict[str, Any]:
+        """Return the comparison under the keys of `compare --json`; `explained` adds every reading with its echoes."""
+        fitted = None
+        if self.fit is not None:
+            fitted = {"free": list(self.fit.free), "search": self.fit.search, "at_edge": list(self.fit.at_edge)}
+        readings = details(self, notes) if explained else {}
+        return asdict(self.summary()) | {"fit": fitted} | readings | asdict(self.score)
+
+    def draw(self, changed: Room | None = None) -> "Figure":
+        """Return a picture of the scan over its prediction, and what only the room `changed` has as found.
+
+        Ranges are shaded by their probability if the board has a spread, and the model finds fainter paths.
+        """
+        from sonarhw_compare.drawings import draw_comparison
+        from sonarhw_compare.pictures import shading_around
+
+        shading, prediction = None, self.prediction
+        if self.model is Model.RAY_FOLLOWING and prediction.board.states_spread:
+            tolerance = self.room_tolerance
+            shading = shading_around(prediction, self.options, pings=self.pings, room_tolerance=tolerance)
+        return draw_comparison(self, shading, changed)
+
+
+def summary_lines(summary: Summary) -> list[str]:
+    """Return the summary of a comparison as lines of text."""
+    classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
+    what = "reading" if summary.origin == Origin.MEASURED else f"{summary.origin} reading"
+    own_body = summary.classes["own_body"]
+    apart = f" of the room and {own_body} with one of the own body" if own_body else ""
+    lines = [f"{counted(summary.n, what)}, {summary.n_echo} with an echo{apart}: {classes}"]
+    if summary.within_5cm is not None and summary.explained is not None:
+        lines.append(
+            f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "
+            f"of any predicted echo: {summary.explained:.1%}"
+        )
+    if summary.median_abs_error_m is not None:
+        lines.append(f"median error {summary.median_abs_error_m * 1000:.1f} mm")
+    if summary.no_echo_agreement is not None and summary.no_echo_roc_area is not None:
+        lines.append(
+            f"detection of silence: {summary.no_echo_agreement:.1%} (balanced accuracy); "
+            f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
+        )
+    heading = heading_text(math.radians(summary.heading_deg))
+    lines.append(
+        f"sensor at {summary.x_m:z.4f}, {summary.y_m:z.4f} m, turntable step 0 at {heading}, "
+        f"range offset {summary.offset_m * 1000:+z.0f} mm"
+    )
+    return lines
+
+
+def _score_lines(score: ProbabilityScore) -> list[str]:
+    if score.log_score is None:
+        return []
+    median = f", a reading is the median of {score.pings} pings" if score.pings > 1 else ""
+    return [
+        f"log score {score.log_score:.2f} (mean logarithm of the probability of a reading{median})",
+        f"probability of the most probable readings, stated and observed: {calibration_text(score.calibration)}",
+    ]
+
+
+def _echo_lines(comparison: Comparison) -> Iterator[str]:
+    """Yield lines about later echoes, and about the bias of the echoes."""
+    echoes = echo_statistics(comparison)
+    if echoes.explained is not None and echoes.echoes > comparison.summary().n_echo:
+        yield f"of all {echoes.echoes} echoes, including later ones, {echoes.explained:.1%} are predicted"
+    if echoes.bias_m is not None and echoes.spread_m is not None:
+        yield (
+            f"scan minus predicted echo: {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm (median; "
+            f"spread {echoes.spread_m * 1000:.1f} mm)"
+        )
+
+
+def region_lines(comparison: Comparison) -> Iterator[str]:
+    """Yield the counts of regions of constant depth in both scans, then a line for each region, counter-clockwise."""
+    found = compare_regions(comparison)
+    yield f"regions of constant depth: {region_counts(found)}"
+    for measured, predicted in found.by_bearing():
+        in_scan = "not in the scan" if measured is None else f"scan {_depth(measured)}"
+        expected = "not predicted" if predicted is None else f"predicted {_depth(predicted)}"
+        path = "" if predicted is None else path_suffix(comparison, predicted)
+        yield f"  {in_scan}, {expected}{path}"
+
+
+def _depth(region: Region) -> str:
+    return f"{region.range:.3f} m at {heading_text(region.bearing, 0)} over {math.degrees(region.width):.0f}°"

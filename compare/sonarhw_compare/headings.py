@@ -1,6 +1,8 @@
-"""Conversion of headings from radians to degrees: of readings in [0, 360), of estimates near a known heading."""
+"""Numbers in texts: headings of readings in [0, 360)°, those of estimates near a known one, values and deviations."""
 
 import math
+
+_MOST_DECIMALS = 6
 
 
 def in_degrees(heading: float, decimals: int = 9) -> float:
@@ -27,3 +29,31 @@ def turned_near(heading: float, around: float = 0.0) -> float:
 def estimate_degrees(heading: float, around: float = 0.0, decimals: int = 9) -> float:
     """Return an estimated heading (rad) in degrees, within (-180, 180] of `around` (rad), never -0."""
     return round(math.degrees(turned_near(heading, around)), decimals) + 0.0
+
+
+def estimate_text(value: float, deviation: float) -> str:
+    """Return a value with the decimals of two significant digits of its standard deviation, never -0."""
+    return f"{value:z.{_decimals(deviation)}f}"
+
+
+def deviation_text(deviation: float, unit: str) -> str:
+    """Return a standard deviation with two significant digits and its unit; metres as millimetres."""
+    if unit == "m":
+        return deviation_text(deviation * 1000, "mm")
+    return with_unit(f"{deviation:.{_decimals(deviation)}f}", unit)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a number with its unit: `1.5 mm`, `90°`, `0.9`."""
+    return text + unit if unit in ("", "°") else f"{text} {unit}"
+
+
+def _decimals(deviation: float) -> int:
+    # rounding may need one decimal less: 0.0996 is 0.10
+    rounded = float(f"{deviation:.1e}")
+    return min(_MOST_DECIMALS, max(0, 1 - math.floor(math.log10(rounded)))) if rounded > 0 else _MOST_DECIMALS
+
+
+def rounded_point(point: tuple[float, float]) -> list[float]:
+    """Return x and y rounded to µm."""
+    return [round(at, 6) + 0.0 for at in point]

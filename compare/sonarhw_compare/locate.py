@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, softmax
@@ -23,8 +24,8 @@ from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, re
 from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
 from sonarhw_compare.foreign_csv import opened, other_separator, short_lines
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.headings import turned_near
-from sonarhw_compare.match import TOLERANCE, drawn_blocks
+from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, turned_near
+from sonarhw_compare.match import TOLERANCE, drawn_blocks, explains_few, few_explained
 from sonarhw_compare.regions import angles_and_ranges, mean_run
 
 # How well the pose of a scan is known before its readings are used, as a prior of its location.
@@ -142,6 +143,9 @@ _SAME_HEADING = math.radians(10)
 _LEAST = 1e-3  # smallest probability of a reported pose
 FEWEST = 7  # independent readings of a scan whose probabilities mean something; a pose has four values
 NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
+_ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
+_CONTRADICTION = 4.0  # standard deviations between the known heading and the located one
+_RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
 
 @dataclass(frozen=True)
@@ -153,6 +157,39 @@ class Pose:
     offset: float  # m, added to every measured range
     probability: float
     deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
+
+    def figures(self, place: Place | None) -> dict[str, float | str | None]:
+        """Return the pose under the keys of `locate --json`; `place`: the place of the room that it is near."""
+        dx, dy, turn = self.deviations
+        return {
+            "x_m": round(self.position[0], 6) + 0.0,
+            "y_m": round(self.position[1], 6) + 0.0,
+            "heading_deg": self._heading_degrees(place),
+            "offset_m": round(self.offset, 6) + 0.0,
+            "probability": round(self.probability, 6),
+            "place": None if place is None else place.name,
+            "x_deviation_m": round(dx, 6),
+            "y_deviation_m": round(dy, 6),
+            "heading_deviation_deg": round(math.degrees(turn), 6) if turn <= _ANY_HEADING else None,
+        }
+
+    def line(self, place: Place | None) -> str:
+        """Return the pose with its uncertainty as a line of text; `place`: the place of the room that it is near."""
+        dx, dy, turn = self.deviations
+        x, y = (estimate_text(value, spread) for value, spread in zip(self.position, (dx, dy), strict=True))
+        along_x, along_y = (deviation_text(spread * 1000, "") for spread in (dx, dy))
+        degrees = math.degrees(turn)
+        heading = f"{estimate_text(self._heading_degrees(place), degrees)}° (± {deviation_text(degrees, '°')})"
+        offset = round(self.offset * 1000)
+        return (
+            f"{self.probability:6.1%}  at {x}, {y} m (± {along_x}, {along_y} mm), turntable step 0 at "
+            f"{heading if turn <= _ANY_HEADING else 'an unknown heading'}, "
+            f"range offset {f'{offset:+d}' if offset else '0'} mm{'' if place is None else f'; {place.name}'}"
+        )
+
+    def _heading_degrees(self, place: Place | None) -> float:
+        """Return the heading, degrees, on the same turn as that of the place."""
+        return estimate_degrees(self.heading, 0.0 if place is None else place.heading, 6)
 
 
 @dataclass(frozen=True)
@@ -166,10 +203,20 @@ class Located:
     scores: Scores  # rough log-likelihoods of the lattice
     redundancy: float  # number of readings per independent reading
     explained: float  # share of the echoes within 5 cm of the prediction at the most probable pose
+    scan: str = "the scan"  # its name in texts
+    expected: Place = NOWHERE  # what was known before, within `spread`
+    spread: PoseSpread = UNKNOWN
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why the stated probabilities may be wrong, a line each."""
+        """Why the poses or their probabilities may be wrong, a line each."""
+        echoes = sum(reading.range is not None for reading in self.readings)
+        few = few_explained(self.scan, self.explained, echoes, located=True)
+        contradicted = (_heading_doubts(pose, self.expected, self.spread) for pose in self.poses[:1])
+        reasons = (*self._independence_doubts(), *(doubt for doubts in contradicted for doubt in doubts))
+        return (*few, *(f"{self.scan}: {reason}" for reason in reasons))
+
+    def _independence_doubts(self) -> tuple[str, ...]:
         independent = len(self.readings) / self.redundancy
         if independent >= FEWEST:
             return ()
@@ -177,6 +224,34 @@ class Located:
             f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose may "
             "be stated as certain; scan a wider sector, or locate a scan from another place too",
         )
+
+    def lines(self, near: float = NEAR) -> Iterator[str]:
+        """Yield the result as lines of text: each pose, and whether the scan distinguishes them."""
+        for pose in self.poses:
+            yield pose.line(self._place_near(pose, near))
+        yield f"{self.explained:.0%} of the echoes are within 5 cm of an echo predicted for the first pose"
+        first, *others = (pose.probability for pose in self.poses)
+        if others and others[0] > _RIVAL * first:
+            yield "the scan cannot distinguish these poses: the room looks nearly the same from them"
+        places = self.places(near)
+        if _likely_place(places) is not None:
+            shares = ", ".join(f"{name} {share:.1%}" for name, share in places.items() if share >= 0.001)
+            yield f"assuming one of the room's places: {shares}"
+
+    def figures(self, near: float = NEAR) -> dict[str, Any]:
+        """Return the result under the keys of `locate --json`; a pose within `near` (m) of a place counts as there."""
+        places = self.places(near)
+        return {
+            "poses": [pose.figures(self._place_near(pose, near)) for pose in self.poses],
+            "place": _likely_place(places),
+            "places": {name: round(share, 6) for name, share in places.items()},
+            "readings_alike": round(self.redundancy, 3),
+            "explained": round(self.explained, 6),
+            "fits_room": not explains_few(self.explained),
+        }
+
+    def _place_near(self, pose: Pose, near: float) -> Place | None:
+        return self.room.places.get(self.place_near(pose, near) or "")
 
     @property
     def lattice(self) -> FloatArray:
@@ -206,6 +281,23 @@ class Located:
                 shares[name] += pose.probability
         whole = sum(shares.values())
         return {name: share / whole if whole else 0.0 for name, share in shares.items()}
+
+
+def _heading_doubts(pose: Pose, expected: Place, spread: PoseSpread) -> tuple[str, ...]:
+    """Return a warning if a pose contradicts the known heading."""
+    turn = abs(math.remainder(pose.heading - expected.heading, math.tau))
+    if turn <= _CONTRADICTION * math.hypot(spread.heading, pose.deviations[2]):
+        return ()
+    return (
+        f"step 0 of the first pose is {math.degrees(turn):.0f}° from the known heading, which is unlikely with its "
+        "standard deviation; check both",
+    )
+
+
+def _likely_place(places: dict[str, float]) -> str | None:
+    """Return the most probable of the room's places; None if none is possible."""
+    best = max(places, key=places.__getitem__, default=None)
+    return best if best is not None and places[best] > 0 else None
 
 
 def locate_scan(
@@ -248,7 +340,8 @@ def locate_scan(
     poses = _weighed(_clear(_different(tops), room, board), redundancy)
     tick(1.0)
     explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
-    return Located(room, board, tuple(readings), poses, scores, redundancy, explained)
+    located = Located(room, board, tuple(readings), poses, scores, redundancy, explained)
+    return replace(located, expected=expected, spread=spread)
 
 
 def _explained(

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,10 @@ from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Room, parse_room
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, counted
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
+from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.regions import regions_of
 
@@ -577,6 +578,49 @@ class Layer:
     grid: CertaintyGrid
     features: Features
 
+    def line(self, title: str) -> str:
+        """Return the counts of the features as a line of text."""
+        features = self.features
+        corners = sum(point.is_corner for point in features.points)
+        maybe = "" if features.confirmed else "possible "
+        possible = sum(wall.possible for wall in features.walls) if features.confirmed else 0
+        counts = (
+            counted(len(features.walls) - possible, f"{maybe}wall"),
+            *([counted(possible, "possible wall")] if possible else []),
+            counted(corners, f"{maybe}corner"),
+            counted(len(features.points) - corners, f"{maybe}edge"),
+        )
+        return (
+            f"{title}: {counted(len(features.arcs), 'region')} of constant depth, {', '.join(counts)}; "
+            f"{counted(len(features.alone), 'region')} unexplained"
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """Return the features for JSON."""
+        features = self.features
+        return {
+            "regions": len(features.arcs),
+            "unexplained": len(features.alone),
+            "walls": [
+                {
+                    "start_m": rounded_point(wall.start),
+                    "end_m": rounded_point(wall.end),
+                    "normal_deg": in_degrees(wall.normal, 3),
+                    "regions": len(wall.arcs),
+                    "confirmed": features.confirmed and not wall.possible,
+                }
+                for wall in features.walls
+            ],
+            "points": [
+                {
+                    "position_m": rounded_point(point.position),
+                    "kind": "corner" if point.is_corner else "edge",
+                    "regions": len(point.arcs),
+                }
+                for point in features.points
+            ],
+        }
+
 
 @dataclass(frozen=True)
 class RoomMap:
@@ -608,6 +652,33 @@ class RoomMap:
     def undetermined(self) -> int:
         """The number of echoes without a path: whether they came by several reflections is not determined."""
         return self._echoes_not(self.explained)
+
+    def lines(self, where: str) -> Iterator[str]:
+        """Yield the map as lines of text; `where` names the room in which sound was followed."""
+        yield self.plain.line("all readings")
+        if self.followed_room is None:
+            yield (
+                f"not determined which of {counted(self.echoes, 'reading')} came by several reflections: there are no "
+                f"confirmed walls to follow sound in; give the room, or scans from {CONFIRMING} places"
+            )
+            return
+        yield self.direct.line("direct readings")
+        yield f"{counted(self.rejected, 'reading')} removed: in {where}, they came by several reflections"
+        if self.undetermined:
+            kept = counted(self.undetermined, "reading")
+            yield f"{kept} kept but not determined: no path in {where} explains the echo"
+
+    def figures(self) -> dict[str, Any]:
+        """Return the map under the keys of `map --json`; headings in degrees."""
+        return {
+            "readings": sum(len(scan.readings) for scan in self.scans),
+            "places": self.places,
+            "confirmed": self.plain.features.confirmed,
+            "rejected": self.rejected,
+            "undetermined": self.undetermined,
+            "all": self.plain.figures(),
+            "direct": self.direct.figures(),
+        }
 
     def _echoes_not(self, among: tuple[BoolArray, ...]) -> int:
         return sum(

@@ -1,8 +1,12 @@
-"""Compare, fit, locate or report scans in one call, and open scanners by URL: functions of `sonarhw`."""
+"""The tasks of `sonarhw` in one call each: compare, fit, locate, map and report scans, and open scanners by URL.
+
+Command line and Python programs call the same functions. Scans are logs, their files, or readings. Room, place and
+board are objects, names or files; by default those in the log. A result has its `lines`, its `figures` for JSON and its
+`doubts`. `warn` receives warnings about the input at once; by default they are Python warnings.
+"""
 
 import math
 import threading
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -10,17 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 from urllib.parse import parse_qsl, urlencode
 
-from sonarhw_sim.air import DEFAULT_BOARD, Model, Receiver
-from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
-from sonarhw_sim.room.room import Place, Room, load_room, place_doubts, room_doubts
+from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, Air, Model, Receiver
+from sonarhw_sim.board.profile import Board, load_board, without_own_body
+from sonarhw_sim.room.room import Place, Room, load_room, place_doubts, room_doubts, warn_of_place
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, Wires
 from sonarhw.device.faults import NO_FAULTS, Faults, FaultyDevice, faulty_identity, read_faults
 from sonarhw.device.protocol import Device
 from sonarhw.device.replayed_log import ReplayDevice
 from sonarhw.device.served import Pace, read_pace, serve
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, counted
 from sonarhw.files import atomic_file
 from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import PATIENCE, RECONNECT, Recorder
@@ -29,31 +32,39 @@ from sonarhw.log import Log, read_log
 from sonarhw.plugins.device_plugin import is_plugin, make_plugin
 from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading
-from sonarhw_compare.fit.fitting import fit_scans, fit_setting
-from sonarhw_compare.fit.quantities import ROOM_TOLERANCE
-from sonarhw_compare.fit.result import FitOptions, FitResult, Progress
-from sonarhw_compare.fit.starting import Fit, fit_scan
-from sonarhw_compare.locate import Located, known_heading, locate_scan
-from sonarhw_compare.match import Comparison, few_explained, headings_of, match_readings
-from sonarhw_compare.report import Report, report_html, report_of
 from sonarhw_compare.scans import (
     BoardInput,
     GivenScan,
-    PlacedNotes,
     PlaceInput,
     RoomInput,
     ScanInput,
+    Warn,
+    common_board,
+    emit,
     given_scan,
-    notes_of_log,
 )
 
 if TYPE_CHECKING:
     from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-# Compare, fit, locate or report scans in one call, from files or objects, as functions of `sonarhw`.
-#
-# Each function does what the command of the same name does. Room, place and board are those given, else those in the
-# log.
+    from sonarhw_compare.explain import ScanComparison
+    from sonarhw_compare.fit.fitting import FittedScans
+    from sonarhw_compare.fit.result import PlacedScan, Progress
+    from sonarhw_compare.fit.starting import Fit
+    from sonarhw_compare.locate import Located, PoseSpread
+    from sonarhw_compare.map import RoomMap
+    from sonarhw_compare.report import Report
+    from sonarhw_compare.rooms.causes import FoundCauses
+    from sonarhw_compare.rooms.outcome import MappedScans, RoomOfScans
+    from sonarhw_compare.two_scans import HeadingSeries, ScanDifference
+
+_APART = 0.02  # m, between places that count as one
+
+Tick: TypeAlias = Callable[[float], None]  # receives the completed share, 0..1
+
+
+def _silent(_share: float, _step: str = "") -> None:
+    """Ignore progress."""
 
 
 def compare(
@@ -65,44 +76,144 @@ def compare(
     fit: str | Iterable[str] = "",
     model: Model = Model.RAY_FOLLOWING,
     receiver: Receiver | None = None,
-    progress: Callable[[float], None] = lambda _share: None,
-) -> Comparison:
+    pings: int = 1,
+    room_tolerance: float = ROOM_TOLERANCE,
+    progress: Tick = _silent,
+    warn: Warn = emit,
+) -> "ScanComparison":
     """Return each reading of a scan beside its prediction.
 
     `scan` is a log, its file, or readings. Room, place and board are objects, names or files; by default those in the
     log, and for readings the only place of the room and the default board. `fit` names quantities to fit first, such as
-    "heading,offset,position"; the position within 3 cm. The default `receiver` is that of the board profile.
-    `progress` receives the completed share of the fit, 0..1. Raises InputError. Emits a Python warning if a log is
-    damaged or names no board, if the place is outside the room, or if few echoes are explained.
+    "heading,offset,position"; the position within 3 cm. The default `receiver` is that of the board profile. The
+    probabilities are those of medians of `pings`, with walls that are off by `room_tolerance` (m, standard deviation).
+    `progress` receives the completed share of the fit, 0..1. Raises InputError. Warns if a log is damaged or names no
+    board, if the place is outside the room, or if few echoes are explained.
     """
-    given = given_scan(scan)
-    known, profile = given.room(room), given.board(board)
-    here = given.place(known, place)
-    _warn_of_doubts([given] if board is None else [], known, [here])
-    options = PredictionOptions(receiver=receiver)
-    comparison = fitted_comparison(given, known, here, profile, fit, model=model, options=options, tick=progress)[0]
-    _warn_of_few_explained(given, comparison)
-    return comparison
+    from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
 
+    from sonarhw_compare.explain import ScanComparison
+    from sonarhw_compare.match import few_explained, headings_of, match_readings
 
-def fitted_comparison(
-    scan: GivenScan,
-    room: Room,
-    place: Place,
-    board: Board,
-    fit: str | Iterable[str],
-    *,
-    model: Model,
-    options: PredictionOptions,
-    tick: Callable[[float], None],
-) -> tuple[Comparison, Fit | None]:
-    """Return what `compare` returns, and the fit; None if `fit` names no quantity. Raises InputError."""
-    fitted, offset, found = board.faced(place), 0.0, None
-    if free := frozenset(_words(fit)):
-        found = fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=tick)
+    given = _placed(scan, room, place, board, warn)
+    options, offset = PredictionOptions(receiver=receiver), 0.0
+    found, fitted = _fitted(given, fit, model, receiver, progress), given.board.faced(given.place)
+    if found is not None:
         fitted, offset = found.place, found.offset
-    prediction = predict_with(model, room, fitted, board, headings_of(scan.readings, fitted, board), options)
-    return replace(match_readings(scan.readings, prediction, offset), origin=scan.origin), found
+    readings = given.scan.readings
+    headings = headings_of(readings, fitted, given.board)
+    matched = match_readings(readings, predict_with(model, given.room, fitted, given.board, headings, options), offset)
+    summary = matched.summary()
+    for doubt in few_explained(given.scan.where, summary.within_5cm, summary.n_echo):
+        warn(doubt)
+    return ScanComparison(
+        **vars(replace(matched, origin=given.scan.origin)),
+        fit=found,
+        model=model,
+        options=options,
+        pings=pings,
+        room_tolerance=room_tolerance,
+    )
+
+
+def find_missing(comparison: "ScanComparison", progress: Tick = _silent) -> "FoundCauses":
+    """Return the changes of the room that explain the misfits of a comparison. Raises InputError."""
+    from sonarhw_compare.rooms.causes import find_causes
+
+    prediction = comparison.prediction
+    receiver, board = comparison.options.receiver, prediction.board
+    # the comparison adds its offset to measured ranges; the place of a room file does not contain the board's zero
+    board = replace(board, range_offset=board.range_offset - comparison.offset, receiver=receiver or board.receiver)
+    place = replace(prediction.place, heading=comparison.heading - board.heading_at(0.0, 0.0))
+    return find_causes([row.reading for row in comparison.rows], prediction.room, place, board, progress)
+
+
+def compare_scans(
+    first: ScanInput,
+    second: ScanInput | None = None,
+    *,
+    sweeps: tuple[int | None, int | None] = (None, None),
+    warn: Warn = emit,
+) -> "ScanDifference":
+    """Return the differences of two scans by heading, or of two `sweeps` (from 1) of one scan. No room is needed.
+
+    Headings are those in the room, or turntable angles if a log contains no place. Raises InputError. Warns if the logs
+    contain different rooms or places.
+    """
+    from sonarhw_compare.two_scans import scan_difference
+
+    one = given_scan(first, warn)
+    pair = one, one if second is None else given_scan(second, warn)
+    rooms = [scan.recorded_room for scan in pair]
+    names = [room.name for room in rooms if room is not None]
+    if len(set(names)) > 1:
+        warn(f"the logs contain different rooms, {names[0]!r} and {names[1]!r}; differences show this, too")
+    wanted = [None if room is None else scan.recorded_place(room) for scan, room in zip(pair, rooms, strict=True)]
+    places = [room.place(name) for room, name in zip(rooms, wanted, strict=True) if room is not None and name]
+    if len(places) < 2:
+        headings = [0.0, 0.0]
+    else:
+        headings = [place.heading for place in places]
+        apart = math.dist(places[0].position, places[1].position)
+        if apart > _APART:
+            warn(f"the places of the scans are {apart:.2f} m apart; differences by heading show this, too")
+    series = [_series(*given) for given in zip(pair, headings, sweeps, strict=True)]
+    return replace(scan_difference(series[0], series[1]), names=_names(pair, sweeps))
+
+
+def _series(scan: GivenScan, heading: float, sweep: int | None) -> "HeadingSeries":
+    from sonarhw_compare.two_scans import heading_series
+
+    readings = [reading for reading in scan.readings if sweep is None or reading.sweep == sweep - 1]
+    if not readings:
+        last = max(reading.sweep for reading in scan.readings) + 1
+        raise InputError(f"{scan.where}: has no sweep {sweep}; its sweeps: 1 to {last}")
+    return heading_series(readings, scan.board(), heading)
+
+
+def _names(scans: tuple[GivenScan, GivenScan], sweeps: tuple[int | None, int | None]) -> tuple[str, str]:
+    """Return the names of the scans for lines and legends."""
+    first, second = (Path(scan.where) for scan in scans)
+    same_name = first != second and first.name == second.name
+    one, other = (
+        f"{file if same_name else file.name}{'' if sweep is None else f', sweep {sweep}'}"
+        for file, sweep in zip((first, second), sweeps, strict=True)
+    )
+    return one, other
+
+
+def report(
+    scan: ScanInput,
+    room: RoomInput | None = None,
+    place: PlaceInput | None = None,
+    board: BoardInput | None = None,
+    *,
+    fit: str | Iterable[str] = "",
+    receiver: Receiver | None = None,
+    progress: Tick = _silent,
+    warn: Warn = emit,
+) -> "Report":
+    """Return a report about a scan: pictures, a summary, notes beside the log, every reading and the settings.
+
+    Arguments and warnings are those of `compare`. Raises InputError.
+    """
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    from sonarhw_compare.match import few_explained
+    from sonarhw_compare.report import report_of
+
+    given = _placed(scan, room, place, board, warn)
+    notes = given.scan.notes
+    for doubt in notes.doubts:
+        warn(doubt)
+    options = PredictionOptions(receiver=receiver)
+    found = _fitted(given, fit, Model.RAY_FOLLOWING, receiver, progress)
+    named = replace(given.scan, where=Path(given.scan.where).name)
+    made = report_of(named, given.room, given.place, given.board, options, fit=found, notes=notes.texts)
+    summary = made.comparison.summary()
+    for doubt in few_explained(given.scan.where, summary.within_5cm, summary.n_echo):
+        warn(doubt)
+    return made
 
 
 def write_report(
@@ -121,38 +232,14 @@ def write_report(
     Scan, room, place, board, `fit` and `receiver` are given as in `compare`. Raises InputError if the file exists
     already (unless `overwrite`), OutputError if it cannot be written. Emits the warnings of `compare`.
     """
-    path, given = Path(path), given_scan(scan)
+    from sonarhw_compare.report import report_html
+
+    path = Path(path)
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; choose another name, or pass overwrite=True")
-    known, profile = given.room(room), given.board(board)
-    here = given.place(known, place)
-    _warn_of_doubts([given] if board is None else [], known, [here])
-    notes = notes_of_log(Path(scan), given.readings) if isinstance(scan, str | Path) else PlacedNotes()
-    for doubt in notes.doubts:
-        warnings.warn(doubt, stacklevel=2)
-    report = fitted_report(given, known, here, profile, fit, notes, options=PredictionOptions(receiver=receiver))
-    _warn_of_few_explained(given, report.comparison)
-    page = report_html(report).encode()
+    page = report_html(report(scan, room, place, board, fit=fit, receiver=receiver)).encode()
     with atomic_file(path, overwrite=overwrite) as file:
         file.write(page)
-
-
-def fitted_report(
-    scan: GivenScan,
-    room: Room,
-    place: Place,
-    board: Board,
-    fit: str | Iterable[str],
-    notes: PlacedNotes,
-    *,
-    options: PredictionOptions,
-    tick: Callable[[float], None] = lambda _share: None,
-) -> Report:
-    """Return the report that `write_report` writes. Raises InputError."""
-    free = frozenset(_words(fit))
-    found = fit_scan(scan.readings, room, place, board, free, options=options, tick=tick) if free else None
-    named = replace(scan, where=Path(scan.where).name)
-    return report_of(named, room, place, board, options, fit=found, notes=notes.texts)
 
 
 def fit(
@@ -168,8 +255,9 @@ def fit(
     seed: int = 0,
     room_tolerance: float = ROOM_TOLERANCE,
     exact: bool = False,
-    progress: Progress | None = None,
-) -> FitResult:
+    progress: "Progress" = _silent,
+    warn: Warn = emit,
+) -> "FittedScans":
     """Return the values of the `free` quantities that explain one or several scans best, with their uncertainties.
 
     Scans, room, places (one for each scan) and board are given as in `compare`. `free` and `priors` are written as for
@@ -179,14 +267,23 @@ def fit(
     have tolerances of their own; `exact` takes all of these as exact. `progress` receives the completed share and the
     name of the present step. Raises InputError.
     """
-    given = list(map(given_scan, _scans(scans)))
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    from sonarhw_compare.fit.fitting import FittedScans, fit_scans, fit_setting
+    from sonarhw_compare.fit.result import FitOptions
+
+    given = _given_scans(scans, board, warn)
     setting = fit_setting(given, room, _places(places), board, _words(free), priors)
-    placed = [scan.place for scan in setting.scans]
-    _warn_of_doubts(given if board is None else [], setting.room, placed)
+    for scan in setting.scans:
+        if scan.place.name:  # otherwise the whole room is searched
+            warn_of_place(setting.room, scan.place, warn)
     options = FitOptions(
         PredictionOptions(receiver=receiver), seed, samples, room_tolerance=room_tolerance, exact=exact
     )
-    return fit_scans(setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=progress)
+    result = fit_scans(
+        setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=progress
+    )
+    return FittedScans(**vars(result), setting=setting)
 
 
 def locate(
@@ -198,55 +295,238 @@ def locate(
     height: float | None = None,
     heading: float | None = None,
     heading_deviation: float = math.radians(5),
-    progress: Callable[[float], None] = lambda _share: None,
-) -> Located:
+    progress: Tick = _silent,
+    warn: Warn = emit,
+) -> "Located":
     """Return the possible poses of a scan in a room, with their probabilities.
 
     Scan, room and board are given as in `compare`. `height` (m) of the transducer includes floor and ceiling in the
     prediction. `heading` (rad) of turntable step 0 is known within a standard deviation. `progress` receives the
-    completed share, 0..1. Raises InputError.
+    completed share, 0..1. `warn` also receives the doubts about the result. Raises InputError.
     """
-    given = given_scan(scan)
-    known, profile = given.room(room), given.board(board)
-    _warn_of_doubts([given] if board is None else [], known, [])
-    options = PredictionOptions(receiver=receiver)
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    from sonarhw_compare.locate import known_heading, locate_scan
+
+    (given,) = _given_scans(scan, board, warn)
     expected, spread = known_heading(heading, heading_deviation)
     located = locate_scan(
         given.readings,
-        known,
-        profile,
-        prediction=options,
+        given.room(room),
+        given.board(board),
+        prediction=PredictionOptions(receiver=receiver),
         height=height,
         expected=expected,
         spread=spread,
         tick=progress,
     )
+    located = replace(located, scan=given.where)
     for doubt in located.doubts:
-        warnings.warn(f"{given.where}: {doubt}", stacklevel=2)
+        warn(doubt)
     return located
 
 
-def _warn_of_doubts(without_board: Iterable[GivenScan], room: Room, places: Iterable[Place]) -> None:
-    """Emit what the commands print as warnings: logs that name no board, places outside the room or in an object."""
-    boards = (doubt for scan in without_board for doubt in scan.board_doubts)
-    for doubt in (*boards, *(doubt for place in places for doubt in place_doubts(room, place))):
-        warnings.warn(doubt, stacklevel=3)
+def map_room(
+    scans: ScanInput | Sequence[ScanInput],
+    places: PlaceInput | Sequence[PlaceInput] | None = None,
+    room: RoomInput | None = None,
+    board: BoardInput | None = None,
+    *,
+    poses: Path | str | None = None,
+    offset: float = 0.0,
+    find: bool = False,
+    plan_next: bool = False,
+    progress: "Progress" = _silent,
+    warn: Warn = emit,
+) -> "MappedScans":
+    """Return the map of a room from scans, and the room found from them with `find` or `plan_next`.
+
+    Scans, room and board are given as in `compare`. `places` (one for each scan) are by default those of the logs;
+    `poses` is a table of all of them, some uncertain or unknown, as for `sonarhw map`. Sound is followed in the given
+    or found room, else in one of the walls found. `offset` (m) is added to every measured range. With `plan_next`, the
+    places to scan next are found. `progress` receives the completed share and the name of the present step. Raises
+    InputError.
+    """
+    from sonarhw_compare.map import map_scans
+
+    find = find or plan_next
+    if find and room is not None:
+        raise InputError("a room is found, or given; give only one of them")
+    given = _given_scans(scans, board, warn)
+    known = None if room is None else given[0].room(room)
+    profile = common_board(given, board)
+    placed, spreads = _with_poses(given, known, _places(places), poses, warn)
+    unknown = [scan.where for scan, spread in zip(given, spreads, strict=False) if not spread.is_whole]
+    if unknown and not find:
+        raise InputError(
+            f"{poses}: gives no position or no heading of {unknown[0]}; expected both of each log; write them there, "
+            "or find them with the room"
+        )
+    moved = replace(profile, range_offset=profile.range_offset - offset)
+    found = _room_of_scans(placed, moved, given[0], spreads, plan_next, progress) if find else None
+    if found is not None:
+        known, moved, placed = found.room, found.board, found.placed.scans
+    mapped = map_scans(placed, moved, known, lambda share: progress(share, "mapping"))
+    doubts = (*_map_doubts(mapped, room is not None, found), *_own_body_doubts(placed, profile))
+    same = not poses and all(not isinstance(place, Place) for place in _places(places))
+    recorded = given[0].recorded_room if same and len({scan.room_text for scan in given}) == 1 else None
+    return MappedScans(mapped, known, found, recorded, doubts)
 
 
-def _warn_of_few_explained(scan: GivenScan, comparison: Comparison) -> None:
-    summary = comparison.summary()
-    for doubt in few_explained(scan.where, summary.within_5cm, summary.n_echo):
-        warnings.warn(doubt, stacklevel=3)
+def _room_of_scans(
+    scans: "Sequence[PlacedScan]",
+    board: Board,
+    first: GivenScan,
+    spreads: "Sequence[PoseSpread]",
+    plan_next: bool,
+    progress: "Progress",
+) -> "RoomOfScans":
+    """Return the room that scans show, with the places to scan next if wanted."""
+    from sonarhw_compare.rooms.evidence import as_found
+    from sonarhw_compare.rooms.outcome import RoomOfScans, found_room, next_places
+    from sonarhw_compare.rooms.search import find_room_and_poses
+
+    recorded = first.recorded_room
+    air = Air() if recorded is None else recorded.air
+    placed = find_room_and_poses(scans, board, air, spreads, lambda share: progress(share, "finding the room"))
+    room, board_as_found, nexts = found_room(placed, board), as_found(board, placed.found.draft), None
+    if plan_next:
+        nexts = next_places(
+            placed.found, room, board_as_found, tick=lambda share: progress(share, "planning the next scan")
+        )
+    return RoomOfScans(placed, room, board_as_found, board, nexts)
+
+
+def _with_poses(
+    given: Sequence[GivenScan],
+    room: Room | None,
+    places: Sequence[PlaceInput],
+    poses: Path | str | None,
+    warn: Warn,
+) -> "tuple[Sequence[PlacedScan], list[PoseSpread]]":
+    """Return the scans at their places, and how uncertain these are."""
+    from sonarhw_compare.fit.fitting import check_count, placed_scans
+    from sonarhw_compare.locate import read_poses
+
+    if poses is None:
+        check_count(places, len(given))
+        chosen: Sequence[PlaceInput | None] = places or [None] * len(given)
+        return placed_scans(given, [_map_place(*one, room, warn) for one in zip(given, chosen, strict=True)]), []
+    if places:
+        raise InputError(f"{poses}: contains the poses of all logs; give no other places")
+    read = read_poses(Path(poses), [Path(scan.where) for scan in given])
+    return placed_scans(given, [place for place, _ in read]), [spread for _, spread in read]
+
+
+def _map_place(scan: GivenScan, wanted: PlaceInput | None, room: Room | None, warn: Warn) -> Place:
+    """Return the given place, else the recorded one. Raises InputError if there is neither."""
+    if room is None and isinstance(wanted, Place):
+        return wanted
+    if room is None and not scan.room_text:
+        raise InputError(f"{scan.where}: contains no room; give a pose, or a room and a place")
+    known = scan.room(room)
+    recorded = scan.recorded_place(known)
+    # X,Y of another room may be anywhere in this one
+    if wanted is None and recorded is not None and (scan.room_text == known.text or recorded in known.places):
+        wanted = recorded
+    if wanted is None:
+        raise InputError(f"{scan.where}: contains no place in room {known.name!r}; give a place or a pose")
+    place = known.place(wanted)
+    warn_of_place(known, place, warn)
+    return place
+
+
+def _map_doubts(mapped: "RoomMap", is_given: bool, found: "RoomOfScans | None") -> Iterator[str]:
+    """Yield one line for each reason to doubt a map."""
+    from sonarhw_compare.map import CONFIRMING
+
+    if mapped.places < CONFIRMING:
+        yield (
+            f"scans from {counted(mapped.places, 'place')} only: walls, corners and edges are confirmed by "
+            f"{CONFIRMING} places; until then they are possible, or missing"
+        )
+    if mapped.followed_room is not None and mapped.undetermined > mapped.echoes / 2:
+        count = f"{mapped.undetermined} of {mapped.echoes} echoes have no path in"
+        check, false = "check the board and the places of the scans", "walls may be false or missing"
+        if is_given:
+            yield f"{count} this room; {check}, and the room"
+        elif found:
+            yield f"{count} the found room: {false}; {check}, or give more scans"
+        else:
+            yield f"{count} the room in which sound is followed: {false}; give the room, or more scans"
+    for title in found.placed.left_out if found else ():
+        yield (
+            f"{title}: its pose was not found, so the room is found without it; give more of its pose, or add a scan "
+            "between it and the others"
+        )
+
+
+def _own_body_doubts(scans: "Sequence[PlacedScan]", board: Board) -> Iterator[str]:
+    """Yield one line for each part of the carrier's body that scans from enough places show, and the profile lacks."""
+    from sonarhw_compare.calibration.room import ScanAtPlace, find_own_body, place_numbers
+    from sonarhw_compare.map import CONFIRMING
+
+    if board.ring is not None or len(set(place_numbers([scan.place.position for scan in scans]).tolist())) < CONFIRMING:
+        return
+    of_room = [ScanAtPlace(without_own_body(board.own_body, scan.readings), scan.place.position) for scan in scans]
+    for part in find_own_body(of_room):
+        yield (
+            f"echoes from {part.nearest:.2f} to {part.farthest:.2f} m at turntable angles {part.from_deg:.0f}° to "
+            f"{part.to_deg:.0f}° are the same at most places: if they are of the carrier of the sensor, state this in "
+            "the board profile ([[own_body]]; `sonarhw calibrate` finds it), else they become walls and posts"
+        )
+
+
+@dataclass(frozen=True)
+class _PlacedScan:
+    """A scan, and the room, place and board of its prediction."""
+
+    scan: GivenScan
+    room: Room
+    place: Place
+    board: Board
+
+
+def _placed(
+    scan: ScanInput, room: RoomInput | None, place: PlaceInput | None, board: BoardInput | None, warn: Warn
+) -> _PlacedScan:
+    """Return a scan with what is given, else with what its log contains. Raises InputError."""
+    (given,) = _given_scans(scan, board, warn)
+    known, profile = given.room(room), given.board(board)
+    here = given.place(known, place)
+    warn_of_place(known, here, warn)
+    return _PlacedScan(given, known, here, profile)
+
+
+def _fitted(
+    given: _PlacedScan, fit: str | Iterable[str], model: Model, receiver: Receiver | None, progress: Tick
+) -> "Fit | None":
+    """Return the fit on a grid of the named quantities; None if none is named."""
+    if not (free := frozenset(_words(fit))):
+        return None
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    from sonarhw_compare.fit.starting import fit_scan
+
+    options, readings = PredictionOptions(receiver=receiver), given.scan.readings
+    return fit_scan(readings, given.room, given.place, given.board, free, model=model, options=options, tick=progress)
+
+
+def _given_scans(scans: ScanInput | Sequence[ScanInput], board: BoardInput | None, warn: Warn) -> list[GivenScan]:
+    """Return one or several scans. Warns of logs that are damaged, and of those without a board if none is given."""
+    single = isinstance(scans, str | Path | Log | GivenScan) or all(isinstance(one, Reading) for one in scans)
+    several = [cast(ScanInput, scans)] if single else [*cast(Sequence[ScanInput], scans)]
+    given = [given_scan(scan, warn) for scan in several]
+    for scan, one in zip(several, given, strict=True):
+        if board is None and not isinstance(scan, GivenScan):
+            for doubt in one.board_doubts:
+                warn(doubt)
+    return given
 
 
 def _words(given: str | Iterable[str]) -> list[str]:
     words = given.split(",") if isinstance(given, str) else given
     return [word.strip() for word in words if word.strip()]
-
-
-def _scans(given: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
-    one_scan = isinstance(given, str | Path | Log | GivenScan) or all(isinstance(one, Reading) for one in given)
-    return [cast(ScanInput, given)] if one_scan else [*cast(Sequence[ScanInput], given)]
 
 
 def _places(given: PlaceInput | Sequence[PlaceInput] | None) -> list[PlaceInput]:
@@ -397,15 +677,9 @@ def _read_seed(text: str) -> int:
 
 
 Find: TypeAlias = Callable[[], str]  # returns the URL to open with pyserial now
-Warn: TypeAlias = Callable[[str], None]
 
 # by scheme: makes a scanner available until the end of the block; other URLs are opened by pyserial
 SCHEMES: dict[str, Callable[[str, Warn], AbstractContextManager[Find]]] = {SCHEME: serve_fake}
-
-
-def _emit(message: str) -> None:
-    """Emit a Python warning."""
-    warnings.warn(message, stacklevel=2)
 
 
 def open_scanner(
@@ -414,7 +688,7 @@ def open_scanner(
     recorder: Recorder | None = None,
     patience: float = PATIENCE,
     reconnect: float = RECONNECT,
-    warn: Warn = _emit,
+    warn: Warn = emit,
 ) -> Scanner:
     """Open the scanner at a URL. Close it after use, or use it as a context manager.
 
@@ -433,7 +707,7 @@ def open_scanner(
 
 
 @contextmanager
-def resolve(url: str, warn: Warn = _emit) -> Iterator[Find]:
+def resolve(url: str, warn: Warn = emit) -> Iterator[Find]:
     """Yield a function that returns the URL to open with pyserial now.
 
     This process serves `fake:` URLs and logs until the block ends. Call the function before each opening, because a

@@ -23,9 +23,8 @@ from sonarhw_sim.room.room import Place, Room
 from sonarhw.errors import harmless
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import FloatArray, Origin, Reading, Trace
-from sonarhw_compare.drawings import draw_found_room, draw_map, draw_room
+from sonarhw_compare.drawings import draw_map, draw_room
 from sonarhw_compare.explain import explain_reading, path_suffix, region_counts
-from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.starting import Fit
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.map import Layer, RoomMap
@@ -51,8 +50,7 @@ from sonarhw_compare.pictures import (
     trace_row,
 )
 from sonarhw_compare.regions import LEAST_WIDTH, Region
-from sonarhw_compare.rooms.outcome import found_room_figures, open_ends
-from sonarhw_compare.rooms.search import FoundRoom
+from sonarhw_compare.rooms.outcome import MappedScans, RoomOfScans, found_room_figures, open_ends
 from sonarhw_compare.scans import GivenScan
 from sonarhw_compare.score import (
     CalibrationBin,
@@ -126,50 +124,35 @@ def picture(suffix: str, content: bytes, meaning: str) -> str:
 # The HTML report about a found room, with certainty grid and regions of constant depth beside it as the baseline.
 
 
-@dataclass(frozen=True)
-class MapReport:
-    """The content of a report about a found room."""
-
-    found: FoundRoom
-    room: Room  # of the file
-    scans: tuple[PlacedScan, ...]  # at the places of the found room
-    board: Board
-    baseline: RoomMap
-    known: Room | None = None  # the room file that the logs contain
-    lines: Sequence[str] = ()  # what else the command prints about the room
-    doubts: Sequence[str] = ()
+def map_report_html(mapped: MappedScans) -> str:
+    """Return the report about the room found from scans."""
+    assert mapped.found is not None
+    return html_page("Found room", _body_of_map(mapped, mapped.found))
 
 
-def map_report_html(report: MapReport) -> str:
-    """Return the page."""
-    return html_page("Found room", _body_of_map(report))
-
-
-def _body_of_map(report: MapReport) -> Iterator[str]:
-    found, figures = report.found, found_room_figures(report.found)
-    yield f"<h1>Room found from {len(report.scans)} scans</h1>"
-    yield f"<p>{escaped(', '.join(scan.title for scan in report.scans))}</p>"
+def _body_of_map(mapped: MappedScans, outcome: RoomOfScans) -> Iterator[str]:
+    found, scans, figures = outcome.placed.found, outcome.placed.scans, found_room_figures(outcome.placed.found)
+    yield f"<h1>Room found from {len(scans)} scans</h1>"
+    yield f"<p>{escaped(', '.join(scan.title for scan in scans))}</p>"
     yield (
         f'<p class="lead">{found.explained} of {found.echoes} echoes are within 5 cm of one that the found room '
         "predicts.</p>"
     )
-    for doubt in report.doubts:
+    for doubt in mapped.doubts:
         yield f"<p><strong>Warning:</strong> {escaped(doubt)}.</p>"
-    ends = open_ends(found)
-    drawn = draw_found_room(report.scans, report.room, report.board, ends, report.known)
     yield "<h2>The found room</h2>"
-    yield _drawn(".svg", drawn, "Echoes, found room, and the room file of the logs")
+    yield _drawn(".svg", mapped.draw(), "Echoes, found room, and the room file of the logs")
     yield from _walls(figures["walls"])
     yield from _posts(figures["posts"])
-    yield _open_ends(ends)
-    for line in report.lines:
+    yield _open_ends(open_ends(found))
+    for line in outcome.lines():
         yield f"<p>{escaped(line)}</p>"
     yield "<h2>Baseline: certainty grid and regions of constant depth</h2>"
-    yield _drawn(".png", draw_map(report.baseline, report.known), "Certainty grid, arcs, walls, corners and edges")
-    yield from _beside(report)
+    yield _drawn(".png", draw_map(mapped.baseline, mapped.known), "Certainty grid, arcs, walls, corners and edges")
+    yield from _beside(outcome.room, mapped.baseline)
     yield "<h2>Made with</h2>"
-    yield facts_table((("board", report.board.name), ("sonarhw", version("sonarhw")), ("NumPy", version("numpy"))))
-    yield f"<details><summary>The room file</summary><pre>{escape(report.room.text)}</pre></details>"
+    yield facts_table((("board", outcome.board.name), ("sonarhw", version("sonarhw")), ("NumPy", version("numpy"))))
+    yield f"<details><summary>The room file</summary><pre>{escape(outcome.room.text)}</pre></details>"
 
 
 def _walls(walls: Iterable[dict[str, Any]]) -> Iterator[str]:
@@ -199,15 +182,15 @@ def _open_ends(ends: Sequence[tuple[float, float]]) -> str:
     )
 
 
-def _beside(report: MapReport) -> Iterator[str]:
+def _beside(room: Room, baseline: RoomMap) -> Iterator[str]:
     """Yield a table of what the found room and the baseline contain."""
     yield from table_head("surfaces", ("", "walls", "their length (m)", "posts", "corners", "edges"))
-    walls = report.room.walls
+    walls = room.walls
     whole = _length(walls[:, 2:] - walls[:, :2])
-    yield table_row(("found room", str(len(walls)), f"{whole:.2f}", str(len(report.room.posts)), "", ""))
-    layers = [("baseline, all echoes", report.baseline.plain)]
-    if report.baseline.followed_room is not None:
-        layers.append(("baseline, without echoes by several reflections", report.baseline.direct))
+    yield table_row(("found room", str(len(walls)), f"{whole:.2f}", str(len(room.posts)), "", ""))
+    layers = [("baseline, all echoes", baseline.plain)]
+    if baseline.followed_room is not None:
+        layers.append(("baseline, without echoes by several reflections", baseline.direct))
     for name, layer in layers:
         yield table_row((name, *_counts(layer)))
     yield "</tbody></table>"

@@ -3,9 +3,10 @@
 import csv
 import io
 import math
+import sys
 import warnings
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
@@ -49,6 +50,7 @@ def board_of_log(metadata: LogMetadata) -> Board:
 RoomInput: TypeAlias = Room | Path | str
 PlaceInput: TypeAlias = Place | tuple[float, float] | str
 BoardInput: TypeAlias = Board | Path | str
+Warn: TypeAlias = Callable[[str], None]  # receives a warning
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ class GivenScan:
     where: str  # name of the log in error messages
     readings: tuple[Reading, ...]
     log: Log | None = None
+    file: Path | None = None  # of the log
 
     def __post_init__(self) -> None:
         if not self.readings:
@@ -114,6 +117,11 @@ class GivenScan:
         return None if self.log is None else place_of_log(self.log.metadata, room)
 
     @property
+    def notes(self) -> "PlacedNotes":
+        """The notes beside the log; none without a file."""
+        return PlacedNotes() if self.file is None else notes_of_log(self.file, self.readings)
+
+    @property
     def board_doubts(self) -> tuple[str, ...]:
         """A warning if there is a log that names no board, so that `board` returns the default."""
         if self.log is None or self.log.metadata.board_text or self.log.metadata.board:
@@ -145,18 +153,26 @@ def common_board(scans: Sequence[GivenScan], given: BoardInput | None) -> Board:
     return boards[0]
 
 
-def given_scan(scan: ScanInput) -> GivenScan:
+def emit(message: str) -> None:
+    """Emit a Python warning at the line that called this package."""
+    depth, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("sonarhw_compare."):
+        depth, frame = depth + 1, frame.f_back
+    warnings.warn(message, stacklevel=depth)
+
+
+def given_scan(scan: ScanInput, warn: Warn = emit) -> GivenScan:
     """Return a scan from a log, the file of a log, or readings. Raises InputError if there is no reading.
 
-    Emits a Python warning if the file is torn or damaged, or if its angles may be wrong.
+    Warns if the file is torn or damaged, or if its angles may be wrong.
     """
     if isinstance(scan, GivenScan):
         return scan
     if isinstance(scan, str | Path):
         log = read_log(scan)
         for doubt in log.doubts:
-            warnings.warn(f"{scan}: {doubt}", stacklevel=3)
-        return GivenScan(str(scan), log.readings, log)
+            warn(f"{scan}: {doubt}")
+        return GivenScan(str(scan), log.readings, log, Path(scan))
     if isinstance(scan, Log):
         return GivenScan("the log", scan.readings, scan)
     return GivenScan("the scan", tuple(scan))

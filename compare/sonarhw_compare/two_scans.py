@@ -8,13 +8,19 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
 
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, angle_difference
+from sonarhw_compare.headings import heading_text, in_degrees
+
+CSV_HEADER = (
+    "heading_deg,first_m,second_m,difference_m,limit_m,change,first_pings,first_echoes,second_pings,second_echoes"
+)
 
 CHANGED = 4.0  # standard deviations; by chance, 1 heading in 16 000 differs more
 LEAST_NOISE = 0.002  # m, of a ping; less is not credible, because air moves
@@ -81,6 +87,13 @@ class HeadingDifference:
         return self.first.heading
 
     @property
+    def cells(self) -> list[float | int | str | None]:
+        """The columns of CSV_HEADER."""
+        first, second = self.first, self.second
+        values = [in_degrees(self.heading), first.median, second.median, self.difference, self.limit, self.change.value]
+        return [*values, first.pings, first.heard, second.pings, second.heard]
+
+    @property
     def difference(self) -> float | None:
         """Median of the second scan minus that of the first, m; None unless both have an echo."""
         first, second = self.first.median, self.second.median
@@ -106,6 +119,7 @@ class ScanDifference:
     rows: tuple[HeadingDifference, ...]
     noises: tuple[float, float]  # m, standard deviation of a ping of each scan
     unpaired: tuple[int, int]  # headings of each scan without one of the other
+    names: tuple[str, str] = ("first", "second")
 
     @property
     def changes(self) -> dict[ScanChange, int]:
@@ -116,8 +130,7 @@ class ScanDifference:
     @property
     def median(self) -> float | None:
         """Median of the differences, m; None without one."""
-        differences = [row.difference for row in self.rows if row.difference is not None]
-        return float(np.median(differences)) if differences else None
+        return _median_of(self.rows)
 
     @property
     def stretches(self) -> tuple[tuple[HeadingDifference, ...], ...]:
@@ -133,12 +146,75 @@ class ScanDifference:
         unchanged = (ScanChange.SAME, ScanChange.BOTH_SILENT)
         return tuple(tuple(run) for run in runs if run[0].change not in unchanged)
 
+    def lines(self) -> list[str]:
+        """Return the result as lines of text: what changed, the noise, and each stretch."""
+        found = ", ".join(f"{count} {change.value}" for change, count in self.changes.items() if count)
+        lines = [
+            f"first: {self.names[0]}; second: {self.names[1]}",
+            f"{counted(len(self.rows), 'heading')} in both: {found}",
+        ]
+        if self.median is not None:
+            first, second = (f"{noise * 1000:.1f}" for noise in self.noises)
+            lines.append(
+                f"second minus first: {self.median * 1000:+z.1f} mm (median); "
+                f"noise of a ping: {first} and {second} mm (standard deviation)"
+            )
+        for which, lonely in zip(("first", "second"), self.unpaired, strict=True):
+            if lonely:
+                lines.append(f"{counted(lonely, 'heading')} of the {which} scan not compared: the other has none near")
+        return [*lines, *map(_stretch_line, self.stretches)]
+
+    def figures(self) -> dict[str, Any]:
+        """Return the result under the keys of `compare --with --json`; headings in degrees."""
+        return {
+            "headings": len(self.rows),
+            "unpaired": list(self.unpaired),
+            "median_difference_m": self.median,
+            "noise_m": list(self.noises),
+            "changes": {change.name.lower(): count for change, count in self.changes.items()},
+            "stretches": [
+                {
+                    "change": run[0].change.name.lower(),
+                    "from_deg": in_degrees(run[0].heading),
+                    "to_deg": in_degrees(run[-1].heading),
+                    "headings": len(run),
+                    "median_difference_m": _median_of(run),
+                }
+                for run in self.stretches
+            ],
+        }
+
     @property
     def _is_whole_turn(self) -> bool:
         """Whether the last heading is a neighbour of the first."""
         headings = np.array([row.heading for row in self.rows])
         steps = np.diff(headings)
         return len(steps) > 0 and bool(headings[0] + math.tau - headings[-1] < 1.5 * np.median(steps))
+
+
+def _median_of(run: Sequence[HeadingDifference]) -> float | None:
+    differences = [row.difference for row in run if row.difference is not None]
+    return float(np.median(differences)) if differences else None
+
+
+def _stretch_line(run: Sequence[HeadingDifference]) -> str:
+    where = heading_text(run[0].heading)
+    if len(run) > 1:
+        where += f" to {heading_text(run[-1].heading)}"
+    by = _median_of(run)
+    amount = "" if by is None else f" by {abs(by) * 100:.1f} cm{' (median)' if len(run) > 1 else ''}"
+    medians = {
+        name: [side.median for side in sides if side.median is not None]
+        for name, sides in (("first", [row.first for row in run]), ("second", [row.second for row in run]))
+    }
+    scans = ", ".join(f"{name} {_span(ranges)}" for name, ranges in medians.items() if ranges)
+    return f"  {where}: {counted(len(run), 'heading')} {run[0].change.value}{amount}: {scans}"
+
+
+def _span(ranges: list[float]) -> str:
+    """Return the smallest and the largest range of a scan, or both as one if they are equal."""
+    least, most = f"{min(ranges):.3f}", f"{max(ranges):.3f}"
+    return f"{least} m" if least == most else f"{least} to {most} m"
 
 
 def scan_difference(first: HeadingSeries, second: HeadingSeries) -> ScanDifference:

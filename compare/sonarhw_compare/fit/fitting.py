@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,15 @@ from sonarhw.errors import Cancelled, InputError, counted, harmless
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.edits import below_header, set_marked
 from sonarhw_compare.fit.objective import COARSE, MODERATE, Problem, make_problem
-from sonarhw_compare.fit.parameters import Parameter, check_words, free_parameters, values_by_part, with_priors
+from sonarhw_compare.fit.parameters import (
+    Parameter,
+    applied,
+    check_words,
+    free_parameters,
+    present_value,
+    values_by_part,
+    with_priors,
+)
 from sonarhw_compare.fit.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, Quantity, X, Y
 from sonarhw_compare.fit.result import (
     AtBound,
@@ -513,18 +521,6 @@ def with_listed_findings(room: Room, before: str, findings: Sequence[str], logs:
     return parse_room("\n".join([*header, room.text]), f"room {room.name!r}")
 
 
-def finding(parameter: Parameter, value: float, deviation: float, before: float | None) -> str:
-    """Return a fitted value with its deviation and the former value, if known, in one line."""
-    quantity = parameter.quantity
-    shown = f"{parameter.name} {_written(quantity, value)} ± {_written(quantity, deviation)}{_unit(quantity)}"
-    return shown if before is None else f"{shown}; before: {_written(quantity, before)}"
-
-
-def kept(parameter: Parameter, value: float) -> str:
-    """Return one line about a value that was free, and is not constrained by the scans."""
-    return f"{parameter.name} {_written(parameter.quantity, value)}: kept, the scans hardly constrain it"
-
-
 def _written(quantity: Quantity, value: float) -> str:
     return f"{value * quantity.per_unit:z.{quantity.digits}f}"
 
@@ -586,3 +582,66 @@ def _with_provenance(
     if unconstrained:
         header.append(f"# Kept, the scans hardly constrain it: {', '.join(unconstrained)}.")
     return below_header(header, text, before)
+
+
+@dataclass(frozen=True)
+class FittedScans(FitResult):
+    """The result of a fit of given scans, and what the fit began with. Its files are those of `sonarhw fit`."""
+
+    setting: FitSetting = field(kw_only=True)
+
+    def room_file(self) -> Room:
+        """Return the fitted room with a list of its fitted values.
+
+        A place of the room keeps its name. A place that is not in the room, or that several scans have, gets the name
+        of its scan. Values that the scans hardly constrain stay as they were.
+        """
+        setting, values = self.setting, self._constrained()
+        names = [scan.place.name for scan in setting.scans]
+        own = {name for name in setting.room.places if names.count(name) == 1}
+        poses = {one: value for one, value in values.items() if isinstance(one.quantity, PlaceQuantity)}
+        fitted = applied(poses, setting.room, [scan.place for scan in setting.scans], setting.board)[1]
+        places = [
+            replace(place, name=scan.place.name if scan.place.name in own else scan.name)
+            for place, scan in zip(fitted, setting.scans, strict=True)
+        ]
+        lines = [self._listed(one) for one in self.parameters if not isinstance(one.quantity, BoardQuantity)]
+        found = fitted_room(setting.room, values, places)
+        return with_listed_findings(found, setting.room.name, lines, self._log_names)
+
+    def board_file(self, name: str) -> Board:
+        """Return the fitted board profile with this name; values that the scans hardly constrain stay as they were."""
+        values = self._constrained()
+        deviations = {one: self.estimates[one.name].deviation for one in values}
+        unconstrained = [
+            one.name for one in self.parameters if one not in values and isinstance(one.quantity, BoardQuantity)
+        ]
+        return fitted_board(self.setting.board, values, name, deviations, self._log_names, unconstrained)
+
+    def _constrained(self) -> dict[Parameter, float]:
+        """Return the fitted values, without those that the scans hardly constrain and that have a former value."""
+        return {
+            one: self.estimates[one.name].value
+            for one in self.parameters
+            if self._before(one) is None or not is_unconstrained(one, self.estimates[one.name])
+        }
+
+    def _listed(self, parameter: Parameter) -> str:
+        """Return one line: the fitted value with its deviation and the former value, or that the former one is kept."""
+        quantity, estimate, before = parameter.quantity, self.estimates[parameter.name], self._before(parameter)
+        if before is not None and is_unconstrained(parameter, estimate):
+            return f"{parameter.name} {_written(quantity, before)}: kept, the scans hardly constrain it"
+        value, deviation = (_written(quantity, number) for number in (estimate.value, estimate.deviation))
+        former = "" if before is None else f"; before: {_written(quantity, before)}"
+        return f"{parameter.name} {value} ± {deviation}{_unit(quantity)}{former}"
+
+    def _before(self, parameter: Parameter) -> float | None:
+        """Return the value before the fit; None for the pose of a scan whose place is unknown."""
+        place = self.setting.scans[parameter.scan or 0].place
+        if isinstance(parameter.quantity, PlaceQuantity) and not place.name:
+            return None
+        return present_value(parameter, place, self.setting.room, self.setting.board)
+
+    @property
+    def _log_names(self) -> list[str]:
+        return [Path(scan.file).name for scan in self.setting.scans]

@@ -1,8 +1,9 @@
 """Input and result of a fit, as frozen values."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Any
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
@@ -12,8 +13,10 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.quantities import ROOM_TOLERANCE, WALL, BoardQuantity, Quantity
-from sonarhw_compare.headings import estimate_degrees
+from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, with_unit
 from sonarhw_compare.match import Summary, few_explained_line
+
+_CORRELATED = 0.5  # weaker correlations are not printed
 
 # The warnings of a fit as values. `str` of a warning is the line that the command prints.
 
@@ -212,6 +215,80 @@ class FitResult:
     agreement: tuple[Summary, ...] = ()  # of each scan with the fitted prediction
     tolerated: dict[str, Estimate] = field(default_factory=dict)  # by name, of values neither free nor exact
     mismatches: tuple[Mismatch, ...] = ()  # clearest first
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The warnings as text."""
+        return tuple(map(str, self.warnings))
+
+    def lines(self) -> Iterator[str]:
+        """Yield the table, the agreement, the noise and strong correlations as lines of text."""
+        width = max(len(parameter.name) for parameter in self.parameters)
+        yield f"{'':{width}}  {'value':>12}  {'±':>10}  95 % interval"
+        for parameter in self.parameters:
+            yield f"{parameter.name:{width}}  {self._row(parameter)}"
+        yield ""
+        shares = [f"{one.within_5cm:.0%} of {one.n_echo}" for one in self.agreement if one.within_5cm is not None]
+        yield f"{'; '.join(shares)} echoes within 5 cm of the fitted prediction"
+        yield _noise_line(self.noise)
+        names = list(self.estimates)
+        for i, name in enumerate(names):
+            for j in range(i):
+                if abs(self.correlations[i, j]) >= _CORRELATED:
+                    yield f"{names[j]} and {name} are correlated: {self.correlations[i, j]:+.2f}"
+
+    def figures(self) -> dict[str, Any]:
+        """Return the result under the keys of `fit --json`; headings in degrees."""
+        return {
+            "estimates": {one.name: {"unit": one.quantity.unit, **self._scaled(one)} for one in self.parameters},
+            "correlations": self.correlations.tolist(),
+            "noise": self.noise,
+            "log_likelihood": self.score,
+            "answers": [
+                {
+                    "log_likelihood": self.score + mode.score,
+                    **{one.name: mode.values[one.name] * one.quantity.per_unit for one in self.parameters},
+                }
+                for mode in self.modes
+            ],
+            "agreement": [
+                {"n_echo": one.n_echo, "within_5cm": one.within_5cm, "explained": one.explained}
+                for one in self.agreement
+            ],
+            "mismatches": [
+                {
+                    "name": one.parameter.name,
+                    "unit": one.parameter.quantity.unit,
+                    "stated": (one.parameter.expected or 0.0) * one.parameter.quantity.per_unit,
+                    "shift": one.shift * one.parameter.quantity.per_unit,
+                    "deviation": one.deviation * one.parameter.quantity.per_unit,
+                    "or": list(one.alternatives),
+                }
+                for one in self.mismatches
+            ],
+            "warnings": list(self.doubts),
+        }
+
+    def _row(self, parameter: Parameter) -> str:
+        shown, unit = self._scaled(parameter), parameter.quantity.unit
+        deviation = shown["deviation"]
+        value, lower, upper = (estimate_text(shown[key], deviation) for key in ("value", "lower", "upper"))
+        return f"{with_unit(value, unit):>12}  {deviation_text(deviation, unit):>10}  {lower} to {upper}"
+
+    def _scaled(self, parameter: Parameter) -> dict[str, float]:
+        """Return an estimate in the unit in which it is printed."""
+        estimate, per_unit = self.estimates[parameter.name], parameter.quantity.per_unit
+        return {key: getattr(estimate, key) * per_unit for key in ("value", "deviation", "lower", "upper")}
+
+
+def _noise_line(noise: dict[str, float]) -> str:
+    # the stretch is not estimated if temperature or speed of sound is free
+    stretch = f"; ranges {noise['stretch'] - 1:+z.2%} from the speed of sound" if "stretch" in noise else ""
+    return (
+        f"errors of readings {noise['range_m'] * 1000:.1f} mm, of levels {noise['level_db']:.1f} dB; "
+        f"{noise['missed']:.0%} of loud echoes missed, {noise['lost']:.0%} of pings lost, "
+        f"{noise['stray_per_m']:.2f} stray echoes a metre{stretch}"
+    )
 
 
 # Check for recordings that are given twice. They would count as independent, and intervals would be too narrow.

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize_scalar
@@ -21,6 +21,7 @@ from sonarhw_compare.explain import LengthText, in_metres
 from sonarhw_compare.fit.free_walls import can_shift, left_normals, with_shifted_walls, with_written_walls
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.rooms.candidates import arcs_of_scans, post_candidates
@@ -192,6 +193,34 @@ class FoundCauses:
     before: Comparison  # in the given room
     after: Comparison  # in the changed room
     left: tuple[int, ...]  # rows of misfits in the changed room
+
+    def lines(self) -> Iterator[str]:
+        """Yield the changes and what they explain as lines of text."""
+        if not self.causes:
+            yield "no change of the room explains misfits"
+        for number, cause in enumerate(self.causes, 1):
+            yield f"{number}. {cause_text(cause)} (log-likelihood +{cause.gain:.0f})"
+        yield explained_text(self)
+        yield left_text(self)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the changes under the keys of `compare --find-missing --json`; headings in degrees."""
+        after = self.after.summary()
+        return {
+            "causes": [
+                {
+                    "text": cause_text(cause),
+                    "kind": type(cause.change).__name__,
+                    "change": vars(cause.change),
+                    "log_likelihood": cause.gain,
+                    "readings": list(cause.readings),
+                    "classes": {kind.value: count for kind, count in cause.kinds},
+                    "sectors_deg": [[in_degrees(first), in_degrees(last)] for first, last in cause.sectors],
+                }
+                for cause in self.causes
+            ],
+            "after": {"within_5cm": after.within_5cm, "explained": after.explained, "misfits": len(self.left)},
+        }
 
 
 def find_causes(

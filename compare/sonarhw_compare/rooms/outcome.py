@@ -1,9 +1,9 @@
 """The result of a search for a room: its file with uncertainties as comments, and where to scan next."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomlkit
@@ -16,11 +16,15 @@ from tomlkit.items import AoT, Table
 from sonarhw.errors import counted, harmless
 from sonarhw.readings import FloatArray
 from sonarhw_compare.free_space import find_free_space
-from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.locate import Pose
+from sonarhw_compare.map import RoomMap
 from sonarhw_compare.rooms.draft import MATERIAL, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FOLLOWED, REFLECTANCE
 from sonarhw_compare.rooms.search import RANGE, FoundRoom, LengthSlopes, PlacedRoom
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # The room file of a found room: walls, posts and places, with uncertainties and what is not known as comments.
 
@@ -319,3 +323,88 @@ def _apart(places: Sequence[NextPlace], count: int) -> tuple[NextPlace, ...]:
         if len(kept) < count and all(math.dist(place.position, other.position) > 0.3 for other in kept):
             kept.append(place)
     return tuple(kept)
+
+
+# The results of `sonarhw map`: the map of scans, and the room found from them.
+
+
+@dataclass(frozen=True)
+class RoomOfScans:
+    """A found room, the poses of the scans in it, and where to scan next."""
+
+    placed: PlacedRoom
+    room: Room  # of its file
+    board: Board  # with range offset and threshold as found
+    given_board: Board
+    next_places: tuple[NextPlace, ...] | None  # best first; None: not wanted
+
+    def lines(self) -> list[str]:
+        """Return what was found as lines of text."""
+        found = self.placed.found
+        return [
+            *(f"{title}: {'; '.join(map(pose_text, poses))}" for title, poses in self.placed.poses.items()),
+            f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
+            f"{counted(len(open_ends(found)), 'open end')}; "
+            f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts",
+            *assumptions(found, self.given_board),
+            *map(_next_line, self.next_places or ()),
+        ]
+
+    def figures(self) -> dict[str, Any]:
+        """Return what was found for JSON."""
+        poses = {title: list(map(_pose_figures, several)) for title, several in self.placed.poses.items()}
+        figures = found_room_figures(self.placed.found) | {"poses": poses, "left_out": list(self.placed.left_out)}
+        if self.next_places is not None:
+            figures["next"] = list(map(_next_figures, self.next_places))
+        return figures
+
+
+def _next_line(place: NextPlace) -> str:
+    x, y = place.position
+    sectors = ", ".join(f"{in_degrees(first, 0):.0f}° to {in_degrees(last, 0):.0f}°" for first, last in place.sectors)
+    return f"scan next at {x:.2f}, {y:.2f} m: {place.gain:.1f} nats; most from headings {sectors or 'none'}"
+
+
+def _next_figures(place: NextPlace) -> dict[str, object]:
+    return {
+        "position_m": rounded_point(place.position),
+        "gain_nats": round(place.gain, 3),
+        "headings_deg": [[in_degrees(end, 3) for end in ends] for ends in place.sectors],
+    }
+
+
+def _pose_figures(pose: Pose) -> dict[str, float]:
+    x, y = rounded_point(pose.position)
+    return {"x_m": x, "y_m": y, "heading_deg": in_degrees(pose.heading, 3), "probability": round(pose.probability, 6)}
+
+
+@dataclass(frozen=True)
+class MappedScans:
+    """The map of scans, and the room found from them if it was wanted."""
+
+    baseline: RoomMap
+    room: Room | None  # given, or found
+    found: RoomOfScans | None
+    known: Room | None  # the room that the logs contain, for comparison
+    doubts: tuple[str, ...] = ()
+
+    def lines(self) -> Iterator[str]:
+        """Yield the result as lines of text."""
+        if self.found is not None:
+            yield from self.found.lines()
+            yield "baseline, from regions of constant depth:"
+        where = "the found room" if self.found else "this room" if self.room else "a room of the walls found"
+        yield from self.baseline.lines(where)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the result under the keys of `map --json`."""
+        return self.baseline.figures() | ({} if self.found is None else {"found": self.found.figures()})
+
+    def draw(self) -> "Figure":
+        """Return a picture of the maps, or of the found room."""
+        from sonarhw_compare.drawings import draw_found_room, draw_map
+
+        if self.found is None:
+            return draw_map(self.baseline, self.room)
+        found, placed = self.found, self.found.placed
+        return draw_found_room(placed.scans, found.room, found.board, open_ends(placed.found), self.known)

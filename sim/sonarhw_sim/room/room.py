@@ -1,7 +1,8 @@
 """The room as arrays: walls, posts, reflectances, edges, enclosed areas and places."""
 
+import logging
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -747,3 +748,11 @@ def place_doubts(room: Room, place: Place) -> tuple[str, ...]:
         return (f"{where} outside room {room.name!r}",)
     walls = object_around(room, place)
     return () if walls is None else (f"{where} inside {object_name(room, walls)} of room {room.name!r}",)
+
+
+def warn_of_place(room: Room, place: Place, warn: Callable[[str], None]) -> None:
+    """Log the place of a scan, and warn if it is outside the room or inside an object."""
+    x, y = place.position
+    logging.getLogger("sonarhw").info("place %r at %g, %g m in room %r", place.name, x, y, room.name)
+    for doubt in place_doubts(room, place):
+        warn(doubt)
