@@ -26,7 +26,8 @@ Compare
 - `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
 - `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
 - `locate`, `Located`: the possible poses of a scan in a known room.
-- `map_scans`, `RoomMap`: an unknown room from several scans.
+- `map_room`, `map_scans`, `RoomMap`: an unknown room from several scans.
+- `compare_scans`: two scans by heading, without a room. `find_missing`: changes of the room that explain misfits.
 - `load_study`, `run_study`, `read_study`: many predictions; needs the extra `study`.
 - `write_report`: one HTML file about a scan.
 - `draw_plan`, `draw_comparison`, `draw_located`, `draw_map`: pictures of the results, as Matplotlib figures.

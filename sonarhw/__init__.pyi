@@ -14,7 +14,16 @@ from sonarhw_compare import (
     map_scans,
 )
 from sonarhw_compare.drawings import draw_comparison
-from sonarhw_compare.one_call import compare, fit, locate, open_scanner, write_report
+from sonarhw_compare.one_call import (
+    compare,
+    compare_scans,
+    find_missing,
+    fit,
+    locate,
+    map_room,
+    open_scanner,
+    write_report,
+)
 from sonarhw_compare.study import load_study, read_study, run_study
 from sonarhw_sim import (
     Board,
@@ -74,16 +83,19 @@ __all__ = [
     "Trace",
     "board_names",
     "compare",
+    "compare_scans",
     "draw_comparison",
     "draw_located",
     "draw_map",
     "draw_plan",
     "explain_reading",
+    "find_missing",
     "fit",
     "load_board",
     "load_room",
     "load_study",
     "locate",
+    "map_room",
     "map_scans",
     "open_scanner",
     "pings_in_place",

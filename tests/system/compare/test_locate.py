@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_cli.fit import _figures_of, _heading_doubts
+from sonarhw_cli.options import with_options
 from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
+from sonarhw_compare.locate import Located, Pose, PoseSpread, _heading_doubts, known_heading, locate_scan
 from sonarhw_compare.rooms.evidence import FOLLOWED
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -192,13 +192,15 @@ def test_a_scan_of_another_room_gives_a_warning(tmp_path: Path, capsys: pytest.C
 
 def test_a_heading_that_contradicts_the_stated_one_gives_a_warning() -> None:
     pose = Pose((1.0, 1.0), math.radians(-178), 0.0, 1.0, (0.01, 0.01, math.radians(1)))
-    assert _heading_doubts(pose, math.radians(175), math.radians(5)) == ()
-    (doubt,) = _heading_doubts(pose, math.radians(142), math.radians(5))
-    assert doubt.startswith("step 0 of the first pose is 40° from --heading")
+    assert _heading_doubts(pose, *known_heading(math.radians(175), math.radians(5))) == ()
+    (doubt,) = _heading_doubts(pose, *known_heading(math.radians(142), math.radians(5)))
+    assert with_options(doubt) == (
+        "step 0 of the first pose is 40° from --heading, which is unlikely with this --heading-sd; check both"
+    )
 
 
 def test_an_undetermined_heading_has_no_deviation() -> None:
-    figures = _figures_of(Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))), None)
+    figures = Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))).figures(None)
     assert figures["heading_deviation_deg"] is None
     assert json.loads(json.dumps(figures))["heading_deg"] == pytest.approx(math.degrees(0.5), abs=1e-5)
 
@@ -206,6 +208,6 @@ def test_an_undetermined_heading_has_no_deviation() -> None:
 def test_a_located_pose_has_a_heading_near_that_of_its_place_and_no_negative_zero() -> None:
     pose = Pose((-1e-9, -1e-9), math.radians(-0.1), -1e-9, 1.0, (0.01, 0.01, 0.01))
     for heading, expected in ((0.0, -0.1), (math.radians(270), 359.9)):
-        figures = _figures_of(pose, Place("p", (0.0, 0.0), heading))
+        figures = pose.figures(Place("p", (0.0, 0.0), heading))
         assert figures["heading_deg"] == pytest.approx(expected)
         assert "-0.0," not in json.dumps(figures)

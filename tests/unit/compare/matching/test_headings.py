@@ -6,13 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_cli.compare import summary_lines
-from sonarhw_cli.fit import fit_lines
-from sonarhw_cli.options import deviation_text, estimate_text
-from sonarhw_compare.explain import explain_reading
+from sonarhw_compare.explain import explain_reading, summary_lines
 from sonarhw_compare.fit import Estimate, FitResult, Mode, SeveralSolutions, free_parameters
 from sonarhw_compare.fit.fitting import warnings_of
-from sonarhw_compare.headings import estimate_degrees, heading_text, in_degrees
+from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, heading_text, in_degrees
 from sonarhw_compare.report import report_html, report_of
 from sonarhw_compare.scans import GivenScan
 from sonarhw_sim.board.profile import load_board
@@ -61,7 +58,7 @@ def test_an_estimated_heading_is_within_half_a_turn_of_the_known_one() -> None:
 
 
 def test_a_fit_has_two_significant_digits_of_its_deviation() -> None:
-    table = list(fit_lines(heading_fit(-0.002)))
+    table = list(heading_fit(-0.002).lines())
     assert table[1].split() == ["heading", "0.00°", "0.14°", "-0.30", "to", "0.30"]
     assert any("ranges +0.00% from" in line for line in table)
     assert (estimate_text(-0.000004, 0.000996), deviation_text(0.000996, "m")) == ("0.0000", "1.0 mm")
