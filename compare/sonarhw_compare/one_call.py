@@ -91,10 +91,12 @@ def compare(
     board, if the place is outside the room, or if few echoes are explained.
     """
     from sonarhw_sim.predict.prediction import PredictionOptions, predict_with
+    from sonarhw_sim.predict.probability import check_pings
 
     from sonarhw_compare.explain import ScanComparison
     from sonarhw_compare.match import few_explained, headings_of, match_readings
 
+    check_pings(pings)
     given = _placed(scan, room, place, board, warn)
     options, offset = PredictionOptions(receiver=receiver), 0.0
     found, fitted = _fitted(given, fit, model, receiver, progress), given.board.faced(given.place)
@@ -348,6 +350,7 @@ def map_room(
     InputError.
     """
     from sonarhw_compare.map import map_scans
+    from sonarhw_compare.rooms.outcome import MappedScans
 
     find = find or plan_next
     if find and room is not None:
