@@ -154,9 +154,9 @@ def common_board(scans: Sequence[GivenScan], given: BoardInput | None) -> Board:
 
 
 def emit(message: str) -> None:
-    """Emit a Python warning at the line that called this package."""
+    """Emit a Python warning at the line that called these packages."""
     depth, frame = 2, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("sonarhw_compare."):
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("sonarhw"):
         depth, frame = depth + 1, frame.f_back
     warnings.warn(message, stacklevel=depth)
 
