@@ -19,7 +19,6 @@ from sonarhw_cli import calibrate, compare, fit, logs, rooms, scan, scanner, sim
 from sonarhw_cli import compare as report
 from sonarhw_cli import fit as locate
 from sonarhw_cli import fit as study
-from sonarhw_cli import map as map_command
 from sonarhw_cli import scan as ping
 from sonarhw_cli import scan as serve
 from sonarhw_cli import simulate as figures
@@ -138,7 +137,7 @@ app.add_typer(rooms.profile_app, name="profile")
 app.command("compare")(compare.compare)
 app.command("report")(report.report)
 app.command("locate")(locate.locate)
-app.command("map")(map_command.map_logs)
+app.command("map")(fit.map_logs)
 app.command("study")(study.study)
 app.command("fit")(fit.fit)
 app.command("gui")(window.gui)
