@@ -21,7 +21,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, search_for
 from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.sections import paths_from
 
-from sonarhw.readings import FloatArray, Reading
+from sonarhw.readings import BoolArray, FloatArray, Reading
 from sonarhw_compare.fit.likelihood import (
     BoardValues,
     EchoPaths,
@@ -319,6 +319,11 @@ class Problem:
         """Return a vector of the problem before `with_tolerated` as one after it, with present values, (size,)."""
         count, present = len(self.parameters), [parameter.expected or 0.0 for parameter in tolerated]
         return np.concatenate((values[:count], present, values[count:]))
+
+    def without(self, rows: BoolArray) -> "Problem":
+        """Return the problem with the parameters in `rows` (size,) fixed at their present values."""
+        kept = tuple(one for one, leaves in zip(self.parameters, rows.tolist(), strict=False) if not leaves)
+        return replace(self, parameters=kept)
 
     @cached_property
     def tolerance_prior(self) -> TolerancePrior:

@@ -47,6 +47,11 @@ class Parameter:
         """The name in results: `x`, `reflectance:shelving`, `heading@B01`."""
         return self.quantity.name + (f":{self.of}" if self.of else "") + (f"@{self.label}" if self.label else "")
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The bounds; for an angle without bounds, those of a full circle."""
+        return (self.lower, self.upper) if math.isfinite(self.upper - self.lower) else (-math.pi, math.pi)
+
 
 def free_parameters(free: Sequence[str], scans: Sequence[str], room: Room, board: Board) -> tuple[Parameter, ...]:
     """Return the parameters of words such as `position`, `offset` or `reflectance:shelving`.

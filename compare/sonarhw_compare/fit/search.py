@@ -37,6 +37,9 @@ _WORST = -1e12  # replaces -inf
 _FLATTEST = 0.01  # smallest curvature over a width; a normal distribution has 1
 _HIDDEN = 0.2  # of a direction; a normal distribution is lower by 0.5 at 1
 _WIDEST = 30.0  # steps, largest width, for a flat likelihood
+# Shares of the range between the bounds at which a value is tried; irregular, because rooms are symmetric
+_TRIED = np.append(np.arange(1, 9) * ((math.sqrt(5) - 1) / 2) % 1, (0.0, 1.0))
+_ROUNDING = 1e-9  # of the log-likelihood; the sum over a scan is rounded to about 1e-12
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def refined(
     rows = [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.moves_paths]
     for noise in stages:
         movable = np.append(
-            np.ones(parameters, np.bool_) if free is None else free, [noise is None] * len(problem.noises)
+            np.ones(parameters, np.bool_) if free is None else free, np.full(len(problem.noises), noise is None)
         )
         values = values if noise is None else problem.with_noise(values, noise)
         for _ in range(searches):
@@ -109,9 +112,10 @@ def refined(
 def climb(objective: Objective, values: FloatArray, movable: BoolArray, iterations: int = _ITERATIONS) -> FloatArray:
     """Return the values at the maximum of an objective near `values`; only those `movable` (size,) change.
 
-    Powell's method needs no derivatives, and its line searches pass over small steps of the likelihood.
+    Powell's method needs no derivatives, and its line searches pass over small steps of the likelihood. Values without
+    effect do not change: a line search over equal numbers would follow their rounding.
     """
-    rows = np.flatnonzero(movable)
+    rows = np.flatnonzero(movable & ~without_effect(objective, values))
     if not len(rows):
         return values
     lower, upper = objective.problem.bounds
@@ -130,6 +134,21 @@ def climb(objective: Objective, values: FloatArray, movable: BoolArray, iteratio
         options={"maxiter": iterations, "ftol": _ENOUGH, "xtol": _NARROW},
     )
     return at(np.asarray(found.x)) if found.fun < loss(np.zeros(len(rows))) else values
+
+
+def without_effect(objective: Objective, values: FloatArray, least: float = _ROUNDING) -> BoolArray:
+    """Return which parameters without a normal prior have no effect on the objective, (size,).
+
+    Each of them is tried alone within its bounds, and changes the log-likelihood by less than `least`.
+    """
+    idle, best = np.zeros(len(values), np.bool_), objective(values)
+    for row, parameter in enumerate(objective.problem.parameters):
+        if parameter.expected is None and math.isfinite(best):
+            tried = np.tile(values, (len(_TRIED), 1))
+            lower, upper = parameter.limits
+            tried[:, row] = lower + _TRIED * (upper - lower)
+            idle[row] = bool((np.abs(objective.many(tried) - best) < least).all())
+    return idle
 
 
 def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
@@ -439,6 +458,7 @@ _STEPS = {
 }
 _MARGINAL_SEARCHES, _MARGINAL_ITERATIONS = 2, 4  # of a refinement of all values
 _MARGINAL_CLIMBS = 4  # most further refinements
+_SAYS_NOTHING = 0.01  # of the log-likelihood, less than that of any value of a parameter
 _NORMAL_INTERVAL = 1.96  # standard deviations, half the 95 % interval of a normal distribution
 
 
@@ -464,12 +484,28 @@ class Marginals:
 
 
 def marginals_of(problem: Problem, values: FloatArray, options: FitOptions, tick: Callable[[float], None]) -> Marginals:
-    """Return the posterior near the best `values` (size,) of a problem without tolerated values."""
+    """Return the posterior near the best `values` (size,) of a problem without tolerated values.
+
+    A parameter that the scans say nothing about has the distribution of its prior, around its value before the fit.
+    """
     tolerated = tolerated_at(problem, values, options)
     whole = problem.with_tolerated(tolerated)
     top = problem.with_values_of(tolerated, values)
     if tolerated:
         top = _maximum(whole, _swept(whole, top))
+    idle = without_effect(whole.near(top), top, _SAYS_NOTHING)
+    known = _of_known(whole.without(idle), tolerated, top[~idle], options, tick)
+    return _with_priors(known, whole, idle, options) if idle.any() else known
+
+
+def _of_known(
+    whole: Problem,
+    tolerated: tuple[Parameter, ...],
+    top: FloatArray,
+    options: FitOptions,
+    tick: Callable[[float], None],
+) -> Marginals:
+    """Return the posterior near its maximum `top` (size,)."""
     start = averaged(top, covariance_of(whole.near(top), top), whole.tolerance_prior)
     if not options.samples:
         reach = _NORMAL_INTERVAL * whole.widenings * np.sqrt(np.diag(start.covariance))
@@ -482,15 +518,45 @@ def marginals_of(problem: Problem, values: FloatArray, options: FitOptions, tick
     return _marginals(whole, tolerated, middle, np.percentile(samples, CREDIBLE_INTERVAL, axis=0), narrow, samples)
 
 
+def _with_priors(known: Marginals, whole: Problem, idle: BoolArray, options: FitOptions) -> Marginals:
+    """Return the posterior of `whole` from that without its parameters in `idle` (size,), whose priors are uniform."""
+    rows = np.flatnonzero(idle)
+    limits = np.array([whole.parameters[row].limits for row in rows]).T
+    draws = np.random.RandomState(options.seed).uniform(limits[0], limits[1], (len(known.samples), len(rows)))
+
+    def joined(of_known: FloatArray, of_idle: FloatArray) -> FloatArray:
+        both = np.empty((*of_known.shape[:-1], whole.size))
+        both[..., ~idle], both[..., idle] = of_known, of_idle
+        return both
+
+    def spread(covariance: FloatArray) -> FloatArray:
+        both = np.diag(joined(np.zeros(len(covariance)), (limits[1] - limits[0]) ** 2 / 12))
+        both[np.ix_(~idle, ~idle)] = covariance
+        return both
+
+    lower, upper = (limits[0] + (limits[1] - limits[0]) * percent / 100 for percent in CREDIBLE_INTERVAL)
+    return Marginals(
+        whole,
+        known.tolerated,
+        joined(known.middle, whole.start()[idle]),
+        joined(known.lower, lower),
+        joined(known.upper, upper),
+        spread(known.covariance),
+        spread(known.narrow),
+        joined(known.samples, draws),
+    )
+
+
 def _swept(problem: Problem, values: FloatArray) -> FloatArray:
     """Return the best of several combinations of heading and tolerated values of the board, with moderate noise.
 
     A wrong beam width or turntable shifts the heading by several readings, and a maximisation would not find back.
     """
     objective = problem.near(values)
+    idle = without_effect(objective, values)
     best = problem.with_noise(values, MODERATE)
     for words in _SWEEPS:
-        grids = [(rows, _STEPS[word]) for word in words if (rows := _rows_named(problem, word))]
+        grids = [(rows, _STEPS[word]) for word in words if (rows := _rows_named(problem, word, idle))]
         combinations = list(product(*(steps for _, steps in grids)))
         candidates = np.tile(best, (1 + len(combinations), 1))
         for (rows, _), shifts in zip(grids, zip(*combinations, strict=True), strict=True):
@@ -509,8 +575,11 @@ def _maximum(problem: Problem, values: FloatArray) -> FloatArray:
     return repeated(peak_at(problem, top), refine, _MARGINAL_CLIMBS)[-1].values
 
 
-def _rows_named(problem: Problem, name: str) -> list[int]:
-    return [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.name == name]
+def _rows_named(problem: Problem, name: str, idle: BoolArray) -> list[int]:
+    """Return the rows of a quantity, without those in `idle` (size,)."""
+    return [
+        row for row, parameter in enumerate(problem.parameters) if parameter.quantity.name == name and not idle[row]
+    ]
 
 
 def _marginals(

@@ -2,21 +2,25 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 from sonarhw_compare.fit import FitOptions, FitResult, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.fit.fitting import _estimate, _redundancies, _starts, _turns
-from sonarhw_compare.fit.objective import Problem
+from sonarhw_compare.fit.fitting import _estimate, _redundancies, _starts, _turns, is_unconstrained
+from sonarhw_compare.fit.objective import Objective, Problem
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.quantities import HEADING, WORDS, X
 from sonarhw_compare.fit.starting import ScoredValues
 from sonarhw_sim.air import Receiver
-from sonarhw_sim.room.room import Place
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.room import Place, parse_room
 
 from sonarhw.errors import Cancelled
+from sonarhw.readings import FloatArray, Reading
 from tests.unit.compare.fit.test_starting_poses import BOARD, ROOM, exact_scan, problem_at
 
 (THRESHOLD,) = WORDS["threshold"]
@@ -112,6 +116,57 @@ def test_a_quick_fit_of_an_exact_scan_ends_at_its_place_with_symmetric_intervals
     assert [share for share, _ in shares] == sorted(share for share, _ in shares)
     assert {step for _, step in shares} == {"refining", "sampling"}
     assert shares[-1] == (1.0, "sampling")
+
+
+def with_noisy_rounding(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """Change the last digits of objective and eigenvectors, and the basis of equal eigenvalues, as processors do."""
+    random, many, eigh = np.random.default_rng(seed), Objective.many, np.linalg.eigh
+
+    def noisy(objective: Objective, values: FloatArray) -> FloatArray:
+        exact = many(objective, values)
+        return exact * (1 + 1e-13 * random.uniform(-1, 1, exact.shape))
+
+    def other(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values, vectors = eigh(matrix)
+        for value in values if matrix.ndim == 2 else ():
+            same = np.abs(values - value) < 1e-6
+            turn = np.linalg.qr(random.normal(size=(same.sum(), same.sum())))[0]
+            vectors[..., same] = vectors[..., same] @ turn
+        return values, vectors * (1 + 1e-12 * random.uniform(-1, 1, vectors.shape))
+
+    monkeypatch.setattr(Objective, "many", noisy)
+    monkeypatch.setattr(np.linalg, "eigh", other)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("samples", [0, 200])
+def test_values_without_effect_have_their_prior_whatever_the_rounding(
+    seed: int, samples: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No sound reaches the walls of carpet and felt."""
+    arena = Path("rooms/arena.toml").read_text(encoding="utf-8")
+    for name, x, reflectance in (("carpet", -1.0, 0.7), ("felt", -2.0, 0.4)):
+        arena += f'[[walls]]\nname = "{name}"\nmaterial = "{name}"\npoints = [[{x}, 0.0], [{x}, 1.68]]\n'
+        arena += f"[materials.{name}]\nreflectance = {reflectance}\n"
+    room, board = parse_room(arena, "arena"), replace(load_board("polaroid-6500"), max_range=0.9)
+    place, angles = room.place("p3"), np.radians(np.arange(0.0, 360.0, 15.0))
+    ranges, speed = predict_scan(room, place, board, board.heading_at(angles, 0.0)).ranges, room.air.speed_of_sound
+    readings = [
+        Reading(k, 0, 0, angle, 0.1 * k, () if math.isnan(one) else (2 * one / speed,), speed)
+        for k, (angle, one) in enumerate(zip(angles.tolist(), ranges.tolist(), strict=True))
+    ]
+    free = free_parameters(["offset", "reflectance"], [""], room, board)
+    with_noisy_rounding(monkeypatch, seed)
+    options = FitOptions(samples=samples, global_search=False, exact=True)
+    result = fit_scans([PlacedScan(readings, place)], room, board, free, options=options)
+    determined = [one.name for one in free if not is_unconstrained(one, result.estimates[one.name])]
+    assert determined == ["offset", "reflectance:board"]
+    for name, value in (("carpet", 0.7), ("felt", 0.4)):
+        found = result.estimates[f"reflectance:{name}"]
+        assert (found.value, found.deviation) == (value, pytest.approx(0.8 / math.sqrt(12)))
+        assert (found.lower, found.upper) == pytest.approx((0.22, 0.98))
+    assert result.correlations[2:, :2].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert result.samples.shape[1] == 4
 
 
 def test_a_cancelled_fit_raises_at_its_next_step() -> None:

@@ -6,7 +6,17 @@ from typing import cast
 import numpy as np
 import pytest
 from sonarhw_compare.fit.objective import Objective, Problem
-from sonarhw_compare.fit.search import climb, covariance_of, directions_of, refined, underestimated, widths_of
+from sonarhw_compare.fit.parameters import Parameter
+from sonarhw_compare.fit.quantities import OFFSET
+from sonarhw_compare.fit.search import (
+    climb,
+    covariance_of,
+    directions_of,
+    refined,
+    underestimated,
+    widths_of,
+    without_effect,
+)
 
 from sonarhw.readings import FloatArray
 
@@ -24,8 +34,10 @@ class Normal:
 
     def __init__(self, covariance: FloatArray = COVARIANCE, lower: FloatArray = TOP - 1e3) -> None:
         self.precision = np.linalg.inv(covariance)
+        upper = TOP + 1e3
+        parameters = [Parameter(OFFSET, name, None, *ends) for name, *ends in zip("abc", lower, upper, strict=True)]
         self.problem = SimpleNamespace(
-            bounds=(lower, TOP + 1e3), steps=np.full(3, 0.5), parameters=("a", "b", "c"), near=lambda _: self
+            bounds=(lower, upper), steps=np.full(3, 0.5), parameters=parameters, near=lambda _: self
         )
 
     def __call__(self, values: FloatArray) -> float:
@@ -87,7 +99,9 @@ def test_a_climb_ends_at_the_maximum_within_the_bounds() -> None:
 def test_paths_are_searched_again_until_the_sensor_moves_less_than_half_a_step(away: float) -> None:
     """The climb ends at the maximum at once, so the second search of each stage is the last."""
     target = Normal()
-    moving, still = (SimpleNamespace(quantity=SimpleNamespace(moves_paths=moves)) for moves in (True, False))
+    moving, still = (
+        SimpleNamespace(quantity=SimpleNamespace(moves_paths=moves), expected=0.0) for moves in (True, False)
+    )
     target.problem.parameters, target.problem.noises = (moving, still, still), ()
     target.problem.near = lambda _values, _prediction: target
     target.problem.with_noise = lambda values, _noise: values
@@ -120,7 +134,7 @@ def test_values_that_can_change_together_by_twice_as_much_as_their_covariance_al
 ) -> None:
     """At six of the given deviations, the loss is 18 over the square of `along`; the limit is 4.5."""
     stated = np.linalg.inv(ridge(1.0).precision)
-    assert underestimated(cast(Problem, ridge(along).problem), TOP, stated) == found
+    assert [one.of for one in underestimated(cast(Problem, ridge(along).problem), TOP, stated)] == [*found]
 
 
 def test_no_ridge_is_found_among_independent_values_outside_bounds_or_without_deviations() -> None:
@@ -133,4 +147,14 @@ def test_no_ridge_is_found_among_independent_values_outside_bounds_or_without_de
     narrow.problem.bounds = TOP - 2.4, TOP + 2.4
     assert underestimated(cast(Problem, narrow.problem), TOP, stated) == ()
     narrow.problem.bounds = TOP - 2.4, TOP + 2.6
-    assert underestimated(cast(Problem, narrow.problem), TOP, stated) == ("a", "b")
+    assert [one.of for one in underestimated(cast(Problem, narrow.problem), TOP, stated)] == ["a", "b"]
+
+
+def test_a_value_without_effect_is_known_and_not_changed() -> None:
+    flat = Normal()
+    flat.precision[2] = flat.precision[:, 2] = 0.0
+    assert without_effect(flat.objective, TOP).tolist() == [False, False, True]
+    found = climb(flat.objective, off_top(1.0, 1.0, 3.0), ALL)
+    assert found == pytest.approx(off_top(0.0, 0.0, 3.0), abs=0.05)
+    assert found[2] == TOP[2] + 3.0
+    assert not without_effect(Normal().objective, TOP).any()
