@@ -43,6 +43,7 @@ _STRAY = 0.05  # likelihood of a reading without a matching candidate; an exact 
 _LOST = 0.05  # likelihood of no echo where one is certain
 _APART = math.radians(15)  # between chosen poses
 _FAR_APART = math.radians(45)  # between local maxima
+_EQUAL = 9  # decimals of scores and errors that are compared; those of symmetric poses differ in their last digits
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ def best_apart(scores: Scores, most: int) -> list[tuple[float, float, float]]:
     They are starts for a search. Unlike `local_maxima`, they include poses on the slope of a better one, from which
     the search may climb elsewhere.
     """
-    order = np.argsort(scores.scores, axis=None)[::-1]
+    order = np.argsort(scores.scores.round(_EQUAL), axis=None, kind="stable")[::-1]
     chosen: list[tuple[float, float, float]] = []
     for row, column in zip(*np.unravel_index(order[: 400 * most], scores.scores.shape), strict=True):
         if len(chosen) == most or not math.isfinite(scores.scores[row, column]):
@@ -193,12 +194,13 @@ def local_maxima(scores: Scores, most: int, hopeless: float) -> list[tuple[float
     None is worse than the best by `hopeless` or more. They show in which other poses the scan fits, too.
     """
     width = 2 * round(_FAR_APART / (math.tau / scores.scores.shape[1])) + 1
-    nearby = maximum_filter1d(scores.scores, width, axis=1, mode="wrap")
-    least, found = float(scores.scores.max()) - hopeless, []
+    compared = scores.scores.round(_EQUAL)
+    nearby = maximum_filter1d(compared, width, axis=1, mode="wrap")
+    least, found = float(compared.max()) - hopeless, []
     for row, position in enumerate(scores.positions):
         near = np.hypot(*(scores.positions - position).T) < 2.5 * scores.spacing
-        is_best = (scores.scores[row] == nearby[near].max(axis=0)) & (scores.scores[row] > least)
-        found += [(float(scores.scores[row, column]), row, int(column)) for column in np.flatnonzero(is_best)]
+        is_best = (compared[row] == nearby[near].max(axis=0)) & (compared[row] > least)
+        found += [(float(compared[row, column]), row, int(column)) for column in np.flatnonzero(is_best)]
     return [
         (*scores.positions[row].tolist(), float(scores.headings[column]))
         for _, row, column in sorted(found, reverse=True)[:most]
@@ -239,7 +241,7 @@ def starting_poses(problem: Problem, scan: int, tick: Tick) -> list[ScoredValues
     rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.shifts_place]
     alone = _alone(problem, scan, rows)
     starts = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
-    scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(starts)), reverse=True)
+    scored = sorted(((round(alone.near(one, QUICK)(one), _EQUAL), k) for k, one in enumerate(starts)), reverse=True)
     found: list[ScoredValues] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)
@@ -486,14 +488,14 @@ def _chosen(counts: FloatArray, means: FloatArray, offsets: FloatArray, echoes: 
     count is the same within a standard error: a reading or two near the limit of 5 cm does not justify a wrong place.
     """
     apart = np.broadcast_to(np.abs(offsets), counts.shape).ravel()
-    best = int(np.lexsort((apart, means.ravel(), -counts.ravel()))[0])
+    best = int(np.lexsort((apart, means.ravel().round(_EQUAL), -counts.ravel()))[0])
     most, mean = float(counts.flat[best]), float(means.flat[best])
     alike = max(1.0, math.sqrt(most * (1 - most / echoes)))
     closer = (counts >= most - alike) & (means < mean * _CLOSER)
     if closer.any():
         # each reading that does not match has an error of 5 cm or more
         errors = np.where(closer, counts * means + (echoes - counts) * TOLERANCE, np.inf)
-        best = int(np.lexsort((apart, errors.ravel()))[0])
+        best = int(np.lexsort((apart, errors.ravel().round(_EQUAL)))[0])
     place, turn, offset = np.unravel_index(best, counts.shape)
     return int(place), int(turn), int(offset)
 

@@ -346,7 +346,7 @@ def _middle(away: FloatArray, own: NDArray[np.bool_], measured: FloatArray) -> f
     """
     if own.sum() < _LEAST_READINGS:
         return None
-    order = np.argsort(away)
+    order = np.argsort(away, kind="stable")
     rows = np.flatnonzero(own[order])
     beside = order[[rows[0] - 1, (rows[-1] + 1) % len(order)]]
     if (measured[beside] < np.median(measured[own]) + TOLERANCE).any():  # False where there is no echo

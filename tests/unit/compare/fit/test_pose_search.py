@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_compare.fit.likelihood import ScanArrays
-from sonarhw_compare.fit.starting import HEADINGS, Scores, best_apart, lattice, local_maxima, score_positions
+from sonarhw_compare.fit.starting import HEADINGS, Scores, _chosen, best_apart, lattice, local_maxima, score_positions
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.readings import FloatArray
@@ -101,3 +101,19 @@ def test_local_maxima_are_not_beside_better_poses_and_not_hopeless() -> None:
     assert found == [(0.0, 0.0, headings[35]), (0.0, 0.0, headings[20]), (1.0, 0.0, 0.0)]
     assert local_maxima(scores, 2, 60.0) == found[:2]
     assert len(local_maxima(scores, 5, 62.0)) == 4
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_which_of_equal_poses_come_first_does_not_depend_on_rounding(seed: int) -> None:
+    """Four poses of a symmetric room have the same score, but for its last digits."""
+    positions = np.array([(x, y) for x in range(4) for y in range(4)], dtype=np.float64)
+    equal = np.zeros((16, HEADINGS))
+    equal[[5, 6, 9, 10], [0, 45, 90, 135]] = 3.0
+    headings = np.arange(HEADINGS) * (math.tau / HEADINGS)
+    noise = 1e-12 * np.random.default_rng(seed).uniform(-1, 1, equal.shape)
+    exact, noisy = (Scores(positions, headings, scores, 0.3) for scores in (equal, equal + noise))
+    assert best_apart(noisy, 6) == best_apart(exact, 6)
+    assert local_maxima(noisy, 4, 1.0) == local_maxima(exact, 4, 1.0)
+    counts, means = np.full((2, 3, 1), 7.0), np.full((2, 3, 1), 0.01)
+    by = 1e-15 * np.random.default_rng(seed).uniform(-1, 1, means.shape)
+    assert _chosen(counts, means + by, np.zeros(1), 10) == (0, 0, 0)
