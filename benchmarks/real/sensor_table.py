@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from sonarhw_compare.calibration.room import calibrate_board_and_room
+from sonarhw_compare.calibration.room import calibrate_in_room
 from sonarhw_compare.drawings import laid_out, new_figure
 from sonarhw_compare.edits import Z95
 from sonarhw_compare.fit.quantities import REFLECTANCE
@@ -95,7 +95,7 @@ class Job:
 def calibrated(scans: Sequence[RealScan]) -> Calibrated:
     """Return the generic profile calibrated on scans, together with the reflectance of the arena."""
     placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name, scan.name) for scan in scans]
-    found = calibrate_board_and_room(load_board(GENERIC), placed, ROOM)
+    found = calibrate_in_room(load_board(GENERIC), placed, ROOM, reflectances=True)
     (walls,) = found.reflectances
     return Calibrated(found.board, REFLECTANCE.value(found.room, WALLS), (walls.value - walls.low) / Z95)
 

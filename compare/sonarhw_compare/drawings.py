@@ -23,7 +23,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin
-from sonarhw_compare.calibration.room import RoomCalibration, ScanFigures
+from sonarhw_compare.calibration.room import RoomCalibration
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import NEAR, Located, Pose
 from sonarhw_compare.map import Arc, Layer, RoomMap, direction, headings_and_ranges, judged_readings
@@ -331,18 +331,20 @@ MOST_SCANS = 8  # in one picture
 _SILENT = -0.12  # of the largest range: where readings without an echo are drawn
 
 
-def draw_calibration(found: RoomCalibration, scans: Sequence[PlacedScan]) -> Figure:
+def draw_calibration(found: RoomCalibration) -> Figure:
     """Return a figure with a row for each of the first 8 scans: range by heading, before and after."""
-    shown = min(len(scans), MOST_SCANS)
+    shown = min(len(found.scans), MOST_SCANS)
     figure = new_figure(12, 0.8 + 2.1 * shown, 100)
     axes = figure.subplots(shown, 2, squeeze=False, sharex=True, sharey=True)
     for row in range(shown):
-        for column, (when, figures) in enumerate((("before", found.before[row]), ("after", found.after[row]))):
-            _draw(axes[row, column], figures)
-            summary = figures.comparison.summary()
+        for column, (when, comparison) in enumerate((("before", found.before[row]), ("after", found.after[row]))):
+            _draw(axes[row, column], comparison)
+            summary = comparison.summary()
             share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.0%} of echoes within 5 cm"
             silence = summary.no_echo_agreement
-            title = f"{scans[row].name}, {when}: {share}" + ("" if silence is None else f", silence {silence:.0%}")
+            title = f"{found.scans[row].name}, {when}: {share}" + (
+                "" if silence is None else f", silence {silence:.0%}"
+            )
             axes[row, column].set_title(picture_text(title), fontsize=9, loc="left")
         axes[row, 0].set_ylabel("range (m)")
     axes[0, 0].yaxis.set_major_formatter(lambda value, _: f"{value:g}" if value >= 0 else "")  # shared by all
@@ -355,8 +357,7 @@ def draw_calibration(found: RoomCalibration, scans: Sequence[PlacedScan]) -> Fig
     return laid_out(figure)
 
 
-def _draw(axes: Axes, figures: ScanFigures) -> None:
-    comparison = figures.comparison
+def _draw(axes: Axes, comparison: Comparison) -> None:
     named = f"{comparison.origin.value} (grey band: no echo)"
     quiet = _SILENT * comparison.prediction.board.max_range
     headings = np.degrees(comparison.prediction.headings) % 360

@@ -1,16 +1,12 @@
 """Edits of the text of a room file and of a board profile, which keep comments and layout."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import count
 from typing import Any
 
 import tomlkit
-from sonarhw_sim.board.profile import Board, OwnBodyPart, parse_board
 from sonarhw_sim.room.room import Room
 from sonarhw_sim.room.room_writing import Document, changed_room, like_array, remove_table, with_corners
-from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array
 
 from sonarhw.errors import InputError
@@ -199,84 +195,6 @@ def _append(document: Document, kind: str, values: dict[str, Any]) -> None:
 
 
 Z95 = 1.96  # standard deviations to each side of a 95 % interval
-
-
-@dataclass(frozen=True)
-class CalibratedValue:
-    """A value of a profile that a calibration has determined."""
-
-    key: str  # of the profile
-    value: float
-    low: float  # 95 % interval
-    high: float
-    before: float
-    unit: str
-
-    @property
-    def text(self) -> str:
-        """The value with the decimals of its interval."""
-        return f"{self.value:z.{self._digits}f}"
-
-    @property
-    def interval_text(self) -> str:
-        """The 95 % interval with the decimals of its width, and the unit."""
-        return f"{self.low:z.{self._digits}f} to {self.high:z.{self._digits}f} {self.unit}".rstrip()
-
-    @property
-    def _digits(self) -> int:
-        """The decimals with which the interval has two significant digits."""
-        return max(0, 1 - math.floor(math.log10((self.high - self.low) / 2)))
-
-
-def calibrated_profile(
-    start: Board,
-    name: str,
-    header: Sequence[str],
-    values: Sequence[CalibratedValue],
-    kept: Mapping[str, str],
-    own_body: Sequence[OwnBodyPart] = (),
-) -> Board:
-    """Return the profile `start` with another name and these values; an empty own body stays.
-
-    Comments state the 95 % intervals and the former values. The `header` and the reasons for the `kept` keys are at the
-    top. Raises InputError if the text of the profile cannot be changed.
-    """
-
-    def change(profile: Any) -> None:
-        for one in values:
-            set_marked(profile, one.key, float(one.text), one.before, f"calibrated, 95 % {one.interval_text}")
-        if own_body:
-            profile["own_body"] = _tables(own_body)
-
-    lines = [*header, *(f"# Kept: {key}; {reason}." for key, reason in kept.items())]
-    return parse_board(below_header(lines, _changed_text(start, name, change), start.name), f"profile {name!r}")
-
-
-def changed_profile(start: Board, name: str, change: Callable[[Any], None]) -> Board:
-    """Return the profile `start` with another name after `change` of its TOML document.
-
-    Raises InputError if the text of the profile cannot be changed.
-    """
-    return parse_board(_changed_text(start, name, change), f"profile {name!r}")
-
-
-def _changed_text(start: Board, name: str, change: Callable[[Any], None]) -> str:
-    try:
-        profile: Any = tomlkit.parse(start.text)
-        profile["name"] = name
-        change(profile)
-        return tomlkit.dumps(profile)
-    except TOMLKitError as error:
-        raise InputError(f"the board profile cannot be changed: {error}; choose another profile") from error
-
-
-def _tables(own_body: Sequence[OwnBodyPart]) -> Any:
-    parts = tomlkit.aot()
-    for part in own_body:
-        table = tomlkit.table()
-        table.update(part.model_dump())
-        parts.append(table)
-    return parts
 
 
 def set_marked(table: Any, key: str, value: float, before: float, mark: str) -> None:

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,35 +17,34 @@ from sonarhw_sim.board.signal import RATE, own_burst
 from sonarhw_sim.predict.room_echoes import plate_echo
 
 from sonarhw.errors import NoPlate, harmless
-from sonarhw.readings import BoolArray, FloatArray
+from sonarhw.readings import BoolArray, FloatArray, Reading
+from sonarhw_compare.calibration.outcome import Calibration, Measured
 from sonarhw_compare.calibration.plate_readings import (
+    FEWEST,
     WIDEST,
     EchoPulse,
+    FacedPlate,
     PlateLevels,
     PlateReadings,
+    air_of,
+    faced_plate,
     peak_of,
     plate_envelopes,
     plate_levels,
+    plate_readings,
 )
-from sonarhw_compare.edits import Z95, CalibratedValue, calibrated_profile
+from sonarhw_compare.edits import Z95
 
-# Keys of a profile that the levels of a plate's echo determine.
-
-
-class LevelKey(StrEnum):
-    """Keys of a profile that levels determine."""
-
-    APERTURE = "aperture_radius"
-    GAIN_STEP = "gain_step_db"
-    THRESHOLD = "threshold_db"
+# keys of a profile that the levels of a plate's echo determine
+_LEVEL_KEYS = _APERTURE, _GAIN_STEP, _THRESHOLD = "aperture_radius", "gain_step_db", "threshold_db"
 
 
-def changed_board(board: Board, changes: Mapping[LevelKey, float]) -> Board:
+def _changed_board(board: Board, changes: Mapping[str, float]) -> Board:
     """Return the board with these changes. That of the aperture is the logarithm of a ratio."""
     values = {}
     for key, change in changes.items():
         before = float(getattr(board, key))
-        values[str(key)] = before * math.exp(change) if key is LevelKey.APERTURE else before + change
+        values[key] = before * math.exp(change) if key == _APERTURE else before + change
     return board.with_numbers(values)
 
 
@@ -82,19 +81,11 @@ _FIRST_SPREADS = (0.3, 0.7)  # of ln σ and ln s
 class LevelPrior:
     """What is known before hearing: a normal distribution of the keys, and one of the turn of each plate."""
 
-    keys: tuple[LevelKey, ...]
+    keys: tuple[str, ...]
     mean: FloatArray  # (k,), changes from the board; of the aperture, ln of its ratio
     covariance: FloatArray  # (k, k)
     turns: FloatArray  # (s,), rad, from the middle of the echo
     turn_deviations: FloatArray  # (s,), rad
-
-
-@dataclass(frozen=True)
-class LevelPosterior:
-    """Mean and standard deviation of each key, as changes from the board."""
-
-    mean: FloatArray  # (k,)
-    deviations: FloatArray  # (k,)
 
 
 def level_posterior(
@@ -102,13 +93,12 @@ def level_posterior(
     scans: Sequence[PlateReadings],
     counted: Sequence[BoolArray],
     prior: LevelPrior,
-    start: FloatArray,
     covariance: FloatArray,
-) -> LevelPosterior:
-    """Return the posterior of the keys of `prior`.
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation of the keys of `prior`, (k,) each, as changes from the board.
 
-    `counted` are the headings of each scan whose hearing is used. `start` (k,) and `covariance` (k, k) are those of a
-    first fit, where the samples begin.
+    `counted` are the headings of each scan whose hearing is used. The samples begin at the board, which is that of a
+    first fit, with its `covariance` (k, k).
     """
     hearing = [
         _Hearing(board, scan, used, prior.keys, turn, deviation)
@@ -130,8 +120,8 @@ def level_posterior(
     first = np.zeros((count + 2, count + 2))
     first[:count, :count] = covariance * min(1.0, _MOST_START**2 / float(np.diag(covariance).max()))
     first[count:, count:] = np.diag(np.square(_FIRST_SPREADS))
-    mean, found = _moments(log_density, np.concatenate((start, (lowest + highest) / 2)), first)
-    return LevelPosterior(mean[:count], np.sqrt(np.diag(found)[:count]))
+    mean, found = _moments(log_density, np.concatenate((np.zeros(count), (lowest + highest) / 2)), first)
+    return mean[:count], np.sqrt(np.diag(found)[:count])
 
 
 @dataclass(frozen=True)
@@ -150,7 +140,7 @@ class _Hearing:
     board: Board
     scan: PlateReadings
     used: BoolArray  # (n,)
-    keys: tuple[LevelKey, ...]
+    keys: tuple[str, ...]
     turn: float  # rad
     turn_deviation: float  # rad
     levels: dict[tuple[int, int], PlateLevels] = field(default_factory=dict)
@@ -158,8 +148,8 @@ class _Hearing:
     def log_likelihood(self, changes: FloatArray, scatter: float, error: float) -> float:
         """Return the logarithm of the likelihood, with the turn of the plate integrated."""
         values = dict(zip(self.keys, changes.tolist(), strict=True))
-        threshold = self.board.threshold_db + values[LevelKey.THRESHOLD]
-        level = self._detected(values[LevelKey.APERTURE], values.get(LevelKey.GAIN_STEP, 0.0))
+        threshold = self.board.threshold_db + values[_THRESHOLD]
+        level = self._detected(values[_APERTURE], values.get(_GAIN_STEP, 0.0))
         heard = ndtr((level - threshold) / scatter)
         at_errors = np.array([np.interp(_ANGLES + error * one, _ANGLES, heard) for one in _ERRORS])
         of_headings = self._headings
@@ -198,8 +188,8 @@ class _Hearing:
 
     def _node(self, row: int, column: int) -> PlateLevels:
         if (row, column) not in self.levels:
-            changes = {LevelKey.APERTURE: row * _APERTURE_NODE, LevelKey.GAIN_STEP: column * _GAIN_NODE}
-            board = replace(changed_board(self.board, changes), threshold_db=0.0)
+            changes = {_APERTURE: row * _APERTURE_NODE, _GAIN_STEP: column * _GAIN_NODE}
+            board = replace(_changed_board(self.board, changes), threshold_db=0.0)
             self.levels[row, column] = plate_levels(board, self.scan.speed_of_sound, self.scan.distance)
         return self.levels[row, column]
 
@@ -288,33 +278,36 @@ class LevelFit:
     """The fitted board, and the standard deviation of each fitted value."""
 
     board: Board
-    deviations: dict[LevelKey, float]  # in the unit of the key
+    deviations: dict[str, float]  # in the unit of the key
     trace_level_db: float  # level of a perfect wall in the traces, dB of full scale; without traces, 0
-    turns: FloatArray  # (s,), rad, turntable angle of each plate's perpendicular
     disturbed: float  # share of headings whose hearing differs so much that it is left out
     misfit_db: float  # largest median difference of one log's peaks to the fit; 0 without traces
 
 
 @dataclass(frozen=True)
-class _Unknowns:
-    """The unknowns, as changes from the start: keys, ln σ, level of the traces, turn of each plate."""
+class _Problem:
+    """What is compared: peaks of some headings of each scan, and hearing.
 
-    keys: tuple[LevelKey, ...]
-    scans: int
+    The unknowns are changes from the start: keys, ln σ, level of the traces, turn of each plate.
+    """
+
+    start: Board
+    scans: tuple[PlateReadings, ...]
+    keys: tuple[str, ...]
+    used: tuple[BoolArray, ...]  # headings of each scan whose peak is used
+    counted: BoolArray  # headings of all scans whose hearing is used
+    deviation: float  # dB, of a peak
+    scatter: float | None  # dB; None: it is an unknown
 
     @property
     def limits(self) -> FloatArray:
         """Largest change of each unknown, to either side, (u,)."""
-        of_keys = [_FAR if key is LevelKey.APERTURE else _FAR_DB for key in self.keys]
-        return np.array([*of_keys, 3.0, _FAR_DB, *[_FAR_TURN] * self.scans])
+        of_keys = [_FAR if key == _APERTURE else _FAR_DB for key in self.keys]
+        return np.array([*of_keys, 3.0, _FAR_DB, *[_FAR_TURN] * len(self.scans)])
 
-    def board(self, start: Board, values: FloatArray) -> Board:
-        """Return the board with these values. The aperture is the logarithm of a ratio."""
-        return changed_board(start, dict(zip(self.keys, values.tolist(), strict=False)))
-
-    def scatter(self, values: FloatArray) -> float:
-        """Return σ of hearing, dB."""
-        return float(np.clip(math.exp(values[len(self.keys)]), *SCATTERS))
+    def board(self, values: FloatArray) -> Board:
+        """Return the board with these values."""
+        return _changed_board(self.start, dict(zip(self.keys, values.tolist(), strict=False)))
 
     def trace_level(self, values: FloatArray) -> float:
         """Return the level of a perfect wall in the traces, dB of full scale."""
@@ -323,19 +316,6 @@ class _Unknowns:
     def turns(self, values: FloatArray) -> FloatArray:
         """Return the direction of each plate relative to the middle of its echo, rad, (s,)."""
         return values[len(self.keys) + 2 :]
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """What is compared: peaks of some headings of each scan, and hearing."""
-
-    start: Board
-    scans: tuple[PlateReadings, ...]
-    unknowns: _Unknowns
-    used: tuple[BoolArray, ...]  # headings of each scan whose peak is used
-    counted: BoolArray  # headings of all scans whose hearing is used
-    deviation: float  # dB, of a peak
-    scatter: float | None  # dB; None: it is an unknown
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """Return all residuals that are used, in standard deviations, (k,)."""
@@ -349,7 +329,7 @@ class _Problem:
 
     def expected_peaks(self, values: FloatArray) -> list[FloatArray]:
         """Return the expected peak at every heading of each scan, dB of full scale, (n,) each."""
-        level = self.unknowns.trace_level(values)
+        level = self.trace_level(values)
         return [
             levels.peaks_at(scan.angles - scan.middle - turn) + level for scan, levels, turn in self._modelled(values)
         ]
@@ -364,14 +344,14 @@ class _Problem:
         return np.concatenate([scan.pings for scan in self.scans]).astype(np.float64)
 
     def _modelled(self, values: FloatArray) -> list[tuple[PlateReadings, PlateLevels, float]]:
-        board, turns = self.unknowns.board(self.start, values), self.unknowns.turns(values).tolist()
+        board, turns = self.board(values), self.turns(values).tolist()
         levels = [plate_levels(board, scan.speed_of_sound, scan.distance) for scan in self.scans]
         return list(zip(self.scans, levels, turns, strict=True))
 
     def _chances(self, values: FloatArray) -> FloatArray:
         """Return the probability of hearing at each heading of all scans."""
-        scatter = self.scatter or self.unknowns.scatter(values)
-        threshold = self.unknowns.board(self.start, values).threshold_db
+        scatter = self.scatter or float(np.clip(math.exp(values[len(self.keys)]), *SCATTERS))
+        threshold = self.board(values).threshold_db
         chances = []
         for scan, levels, turn in self._modelled(values):
             angles = scan.angles - scan.middle - turn
@@ -381,22 +361,21 @@ class _Problem:
 
     def _weak(self, values: FloatArray) -> FloatArray:
         """Return weak prior residuals, so that the deviation of what nothing determines is large, not infinite."""
-        return values / self.unknowns.limits
+        return values / self.limits
 
 
-def free_keys(board: Board, scans: Sequence[PlateReadings]) -> tuple[LevelKey, ...]:
+def free_keys(board: Board, scans: Sequence[PlateReadings]) -> tuple[str, ...]:
     """Return the keys that levels may determine for this board."""
     stepped = bool(board.gain_steps) and board.receiver is Receiver.BOARD
-    return tuple(key for key in LevelKey if key is not LevelKey.GAIN_STEP or (stepped and len(scans) > 1))
+    return tuple(key for key in _LEVEL_KEYS if key != _GAIN_STEP or (stepped and len(scans) > 1))
 
 
-def fit_levels(start: Board, scans: Sequence[PlateReadings], keys: Sequence[LevelKey]) -> LevelFit:
+def fit_levels(start: Board, scans: Sequence[PlateReadings], keys: Sequence[str]) -> LevelFit:
     """Return the fit of these keys to the levels of all scans; other values of `start` are held."""
-    unknowns = _Unknowns(tuple(keys), len(scans))
     used = tuple(_measurable(scan, scan.peaks) & _in_main_lobe(start, scan, scan.middle, _WIDER_LOBE) for scan in scans)
     counted = np.ones(sum(len(scan.angles) for scan in scans), dtype=np.bool_)
-    problem = _Problem(start, tuple(scans), unknowns, used, counted, _FIRST_DEVIATION, None)
-    values = np.zeros(len(unknowns.limits))
+    problem = _Problem(start, tuple(scans), tuple(keys), used, counted, _FIRST_DEVIATION, None)
+    values = np.zeros(len(problem.limits))
     for scatter in _WIDE:
         values = _solved(replace(problem, scatter=scatter), values)
     for _ in range(_PASSES):
@@ -425,7 +404,7 @@ def _without_outliers(problem: _Problem, values: FloatArray) -> _Problem:
     one side.
     """
     expected = problem.expected_peaks(values)
-    board, turns = problem.unknowns.board(problem.start, values), problem.unknowns.turns(values).tolist()
+    board, turns = problem.board(values), problem.turns(values).tolist()
     used = tuple(
         _measurable(scan, levels) & _in_main_lobe(board, scan, scan.middle + turn)
         for scan, levels, turn in zip(problem.scans, expected, turns, strict=True)
@@ -444,7 +423,7 @@ def _without_outliers(problem: _Problem, values: FloatArray) -> _Problem:
 
 
 def _solved(problem: _Problem, values: FloatArray) -> FloatArray:
-    limits = problem.unknowns.limits
+    limits = problem.limits
 
     def derivatives(at: FloatArray) -> FloatArray:
         return _derivatives(problem.residuals, at)
@@ -480,25 +459,22 @@ def _deviance_roots(heard: FloatArray, pings: FloatArray, chances: FloatArray) -
 
 
 def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
-    unknowns, board, count = problem.unknowns, problem.unknowns.board(problem.start, values), len(problem.unknowns.keys)
-    found = level_posterior(
+    board, count = problem.board(values), len(problem.keys)
+    mean, spread = level_posterior(
         board,
         problem.scans,
         np.split(problem.counted, np.cumsum([len(scan.angles) for scan in problem.scans])[:-1]),
         _prior_of_peaks(problem, values),
-        np.zeros(count),
         _covariance(problem, values)[:count, :count],
     )
-    changes = dict(zip(unknowns.keys, found.mean.tolist(), strict=True))
-    board = changed_board(board, changes)
-    deviations = dict(zip(unknowns.keys, found.deviations.tolist(), strict=True))
-    deviations[LevelKey.APERTURE] *= board.aperture_radius
+    board = _changed_board(board, dict(zip(problem.keys, mean.tolist(), strict=True)))
+    deviations = dict(zip(problem.keys, spread.tolist(), strict=True))
+    deviations[_APERTURE] *= board.aperture_radius
     residuals = [one for one in problem.peak_residuals(values) if len(one)]
     return LevelFit(
         board,
         deviations,
-        unknowns.trace_level(values),
-        np.array([scan.middle for scan in problem.scans]) + unknowns.turns(values),
+        problem.trace_level(values),
         float(1 - problem.counted.mean()),
         max((abs(float(np.median(one))) for one in residuals), default=0.0),
     )
@@ -506,15 +482,15 @@ def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
 
 def _prior_of_peaks(problem: _Problem, values: FloatArray) -> LevelPrior:
     """Return what the peaks alone determine, relative to the fit `values`; without traces, hardly anything."""
-    count = len(problem.unknowns.keys)
+    count = len(problem.keys)
     peaks = replace(problem, counted=np.zeros_like(problem.counted), scatter=1.0)
     solved = _solved(peaks, values)
     covariance = _covariance(peaks, solved) * _widening(peaks, solved)
     return LevelPrior(
-        problem.unknowns.keys,
+        problem.keys,
         (solved - values)[:count],
         covariance[:count, :count],
-        problem.unknowns.turns(values),
+        problem.turns(values),
         np.sqrt(np.diag(covariance))[count + 2 :],
     )
 
@@ -538,46 +514,41 @@ def _widening(problem: _Problem, values: FloatArray) -> float:
 # The end of blanking, from the first echoes that a board reports.
 
 
-TOGETHER = 20e-6  # s: first echoes within this are reported when blanking ends
-FEWEST = 5  # such echoes in one log
+_TOGETHER = 20e-6  # s: first echoes within this are reported when blanking ends
 _LATE = 0.1e-3  # s, later than the board detects the echo of a near plate
 _WITHIN = 1e-3  # s, after the echo of a plate begins, in which it still sounds
+_TICK = 2e-6  # s, of the clock that counts echo times
 
 
-@dataclass(frozen=True)
-class BlankingEnd:
-    """The end of blanking, or why it is unknown."""
-
-    time: float | None  # s by the board's clock; None: the readings do not show it
-    reason: str = ""
-
-
-def blanking_end(board: Board, scans: Sequence[PlateReadings]) -> BlankingEnd:
-    """Return the end of blanking: the time at which many first echoes are reported, though their sound came before.
+def find_blanking(found: Calibration, scans: Sequence[PlateReadings]) -> None:
+    """Find the end of blanking: the time at which many first echoes are reported, though their sound came before.
 
     If a plate is so near that its echo begins within blanking and ends after it, the board reports the echo at the
-    moment at which blanking ends, at all headings. `board` gives the time that it needs to detect an echo.
+    moment at which blanking ends, at all headings. The profile gives the time that it needs to detect an echo.
     """
+    board, key = found.start, "blanking" if found.start.blanking_inhibit is None else "blanking_inhibit"
     first = min((float(scan.first_times.min()) for scan in scans if len(scan.first_times)), default=math.inf)
     for scan in scans:
         begins = 2 * scan.distance / scan.speed_of_sound
-        air = Air(Air().temperature_at(scan.speed_of_sound) or Air().temperature_c)
-        detected = begins + 2 * plate_echo(board, air, scan.distance).delay / scan.speed_of_sound
-        together = int((scan.first_times <= first + TOGETHER).sum())
+        delay = plate_echo(board, air_of(scan.speed_of_sound), scan.distance).delay
+        detected = begins + 2 * delay / scan.speed_of_sound
+        together = int((scan.first_times <= first + _TOGETHER).sum())
         if together < FEWEST or not detected + _LATE < first < begins + _WITHIN:
             continue
-        if first <= scan.blanked_until + TOGETHER:
+        if first > scan.blanked_until + _TOGETHER:
+            found.add(key, first, first - _TOGETHER, first + _TICK, "s")
+        else:
             blanked = f"{scan.blanked_until * 1000:.3g} ms"
-            return BlankingEnd(None, f"the scanner ignored all echoes before {blanked}; scan with less blanking")
-        return BlankingEnd(first)
-    return BlankingEnd(None, "no plate is so near that its echo begins while the board is blanked")
+            found.kept[key] = f"the scanner ignored all echoes before {blanked}; scan with less blanking"
+        return
+    found.kept[key] = "no plate is so near that its echo begins while the board is blanked"
 
 
 # Fit of swelling and ring-down to the shape of plate echoes in traces, and of the own burst to their beginning.
 
 
-MOST_PULSES = 32  # whose shape is fitted
-FEWEST_PULSES = 5
+_MOST_PULSES = 32  # whose shape is fitted
+_FEWEST_PULSES = 5
 _LIMITED = 0.9  # of the largest sample; louder ones may be limited
 _FAINT = 0.1  # of the largest sample; the shape of fainter echoes is rough
 _RING_FAINT = 0.03  # amplitude; fainter samples of the ring-down may be noise
@@ -590,60 +561,39 @@ _LEAST_RING_DB = 0.3  # least deviation of the own burst, likewise
 _MOST_SLOPE = 1.5  # ratio of ring-down to swelling, from which on they differ
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A value with its standard deviation."""
+def pulse_shape(board: Board, scans: Sequence[PlateReadings]) -> tuple[Measured, Measured | None] | None:
+    """Return swelling and ring-down, cycles, as medians of fits to single echoes; None if too few are suitable.
 
-    value: float
-    deviation: float
-
-
-@dataclass(frozen=True)
-class PulseShape:
-    """Time constants of the echo of a plate, cycles."""
-
-    rise: Measured  # `rise_cycles`
-    ring: Measured | None  # `ring_cycles`; None: the ring-down does not differ from the swelling
-
-
-def pulse_shape(board: Board, scans: Sequence[PlateReadings], turns: FloatArray) -> PulseShape | None:
-    """Return the medians of fits to single echoes; None if too few are suitable.
-
-    `turns` (s,) rad are the turntable angles of the perpendiculars of the plates. If swelling and ring-down are alike,
-    one value for both is fitted, which is more accurate.
+    If swelling and ring-down are alike, one value for both is fitted, which is more accurate, and the second is None.
     """
-    suitable = [one for scan, turn in zip(scans, turns.tolist(), strict=True) for one in _suitable(scan, turn, scans)]
-    if len(suitable) < FEWEST_PULSES:
+    suitable = [pulse for scan in scans for pulse in _suitable(scan, len(scans))]
+    if len(suitable) < _FEWEST_PULSES:
         return None
     rises, rings = np.array([_shape_of(board, *one, own_ring=True) for one in suitable]).T
     if 1 / _MOST_SLOPE <= float(np.median(rings / rises)) <= _MOST_SLOPE:
         rises, _ = np.array([_shape_of(board, *one, own_ring=False) for one in suitable]).T
-        return PulseShape(_median(rises), None)
-    return PulseShape(_median(rises), _median(rings))
+        return _median(rises), None
+    return _median(rises), _median(rings)
 
 
-def _suitable(
-    scan: PlateReadings, turn: float, scans: Sequence[PlateReadings]
-) -> list[tuple[PlateReadings, EchoPulse, float]]:
-    """Return echoes of a scan that are loud and not limited; those nearest to the perpendicular."""
-    loud = [one for one in scan.pulses if _FAINT <= peak_of(one.samples) / scan.largest <= _LIMITED]
+def _suitable(scan: PlateReadings, count: int) -> list[tuple[PlateReadings, EchoPulse]]:
+    """Return echoes of one of `count` scans that are loud and not limited; those nearest to the perpendicular."""
+    loud = [pulse for pulse in scan.pulses if _FAINT <= peak_of(pulse.samples) / scan.largest <= _LIMITED]
     # there, the beam delays least
-    loud.sort(key=lambda one: abs(one.angle - turn))
-    return [(scan, one, turn) for one in loud[: math.ceil(MOST_PULSES / len(scans))]]
+    loud.sort(key=lambda pulse: abs(pulse.angle - scan.middle))
+    return [(scan, pulse) for pulse in loud[: math.ceil(_MOST_PULSES / count)]]
 
 
 def _median(values: FloatArray) -> Measured:
     # as an interval of a normal distribution
-    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values)) * float(student.ppf(0.975, len(values) - 1)) / 1.96
+    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values)) * float(student.ppf(0.975, len(values) - 1)) / Z95
     value = float(np.median(values))
     return Measured(value, math.hypot(spread, _LEAST_SHARE * value))
 
 
-def _shape_of(
-    board: Board, scan: PlateReadings, pulse: EchoPulse, turn: float, *, own_ring: bool
-) -> tuple[float, float]:
+def _shape_of(board: Board, scan: PlateReadings, pulse: EchoPulse, *, own_ring: bool) -> tuple[float, float]:
     """Return swelling and ring-down, cycles, with which an echo of the plate fits best; amplitude and time are free."""
-    angles = np.array([pulse.angle - turn])
+    angles = np.array([pulse.angle - scan.middle])
 
     def residuals(values: FloatArray) -> FloatArray:
         amplitude, later, rise, *ring = values.tolist()
@@ -664,24 +614,13 @@ def _shape_of(
     return float(fitted.x[2]), float(fitted.x[-1])
 
 
-@dataclass(frozen=True)
-class RingDown:
-    """The ring-down of the transmit burst."""
+def ring_down(
+    board: Board, deviation: float, scans: Sequence[PlateReadings], trace_level_db: float
+) -> tuple[Measured, float] | None:
+    """Return the level of the transmit burst's ring-down, dB over full scale, and the time constant of its decay.
 
-    level: Measured  # dB over full scale, by which a profile states it
-    cycles: float  # time constant of this ring-down, which that of echoes should explain
-
-    def explained_by(self, cycles: float) -> bool:
-        """Return whether the burst decays as fast as echoes do."""
-        return 1 / _MOST_SLOPE <= self.cycles / cycles <= _MOST_SLOPE
-
-
-def ring_down(board: Board, deviation: float, scans: Sequence[PlateReadings], trace_level_db: float) -> RingDown | None:
-    """Return the ring-down in the traces of all scans; None if they do not show it.
-
-    The board has the measured time constants. The standard `deviation` (cycles) of that of the decay widens that of
-    the level.
-    `trace_level_db` is the level of a perfect wall in the traces.
+    None if the traces do not show it. The board has the measured time constants. The standard `deviation` (cycles) of
+    that of the decay widens that of the level. `trace_level_db` is the level of a perfect wall in the traces.
     """
     begins = [(scan, scan.begin) for scan in scans if scan.begin is not None]
     shown = [(scan, _decaying(one, scan.largest)) for scan, one in begins]
@@ -700,7 +639,7 @@ def ring_down(board: Board, deviation: float, scans: Sequence[PlateReadings], tr
     slower, faster = (float(levels(max(measured + by, _CYCLES[0])).mean()) for by in (deviation, -deviation))
     spread = math.hypot(float(here.std()) / math.sqrt(len(shown)), (slower - faster) / 2, _LEAST_RING_DB)
     best = minimize_scalar(lambda cycles: float(levels(cycles).var()), bounds=_CYCLES, method="bounded")
-    return RingDown(Measured(float(here.mean()) - trace_level_db, spread), float(best.x))
+    return Measured(float(here.mean()) - trace_level_db, spread), float(best.x)
 
 
 def _decaying(begin: EchoPulse, largest: float) -> EchoPulse:
@@ -725,50 +664,79 @@ _MOST_APERTURE = 0.05
 # least standard deviations: humidity and temperature of the air, and the reflectance of the plate are assumed
 _LEAST_DB = 0.1
 _LEAST_APERTURE = 0.0025
-_TICK = 2e-6  # s, of the clock that counts echo times
 _MOST_DISTURBED = 0.02  # share of headings; outliers of a plate that stands alone are rarer
 _MISFIT_DB = 1.0  # from which on the gain does not explain the levels at all distances
+_LEVEL_DB = 5.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
-@dataclass(frozen=True)
-class PlateCalibration:
-    """The result: what was found, what stays as it was and why, and doubts."""
+@dataclass
+class PlateCalibration(Calibration):
+    """The calibration of a board with a plate."""
 
-    board: Board  # with the values found
-    findings: tuple[CalibratedValue, ...]
-    kept: dict[str, str]  # reason by key
-    doubts: tuple[str, ...]
+    faced: FacedPlate | None = None  # the plate that the scanner faces; None: logs of plates in any direction
+
+    @property
+    def no_traces(self) -> str:
+        """The reason why a value that needs traces stays."""
+        return "the scan has no traces" if self.faced else "the logs contain no traces"
+
+    def lines(self) -> list[str]:
+        """Return what was found, and what stays and why, in words."""
+        return [*([self.faced.line] if self.faced else []), *super().lines()]
+
+    def figures(self) -> dict[str, Any]:
+        """Return the same, as for JSON."""
+        return super().figures() | ({"plate": asdict(self.faced)} if self.faced else {})
 
 
-def calibrate_with_plates(start: Board, scans: Sequence[PlateReadings]) -> PlateCalibration:
-    """Return the calibration of a board from scans of a plate, beginning with the profile `start`."""
-    result = _Result(start)
-    _find_blanking(result, scans)
-    shape = _find_pulse_shape(result, scans)
-    levels = _find_levels(result, _after_blanking(result.board, scans))
-    _find_ring_down(result, scans, shape, levels)
+def calibrate_facing_plate(
+    start: Board, readings: Sequence[Reading], distance: float, direction: float
+) -> PlateCalibration:
+    """Return the calibration of a board from one scan of a plate that faces it, beginning with the profile `start`.
+
+    Distance, m, and `direction`, the turntable angle that faces the plate, rad, count as exact. So the scan gives range
+    offset and home angle, and then what a log of a plate gives. Raises NoPlate if it does not show a flat plate there.
+    """
+    faint, usual, loud = (plate_echo(start, Air(), distance, louder) for louder in (-_LEVEL_DB, 0.0, _LEVEL_DB))
+    faced = faced_plate(readings, distance, direction, (faint.early_arc, loud.arc), usual.delay)
+    scan = plate_readings("the scan", readings, distance, direction, start, start.blanking_end)
+    return calibrate_with_plates(start, [scan], faced)
+
+
+def calibrate_with_plates(
+    start: Board, scans: Sequence[PlateReadings], faced: FacedPlate | None = None
+) -> PlateCalibration:
+    """Return the calibration of a board from scans of a plate, beginning with the profile `start`.
+
+    `faced` is what the only scan shows of a plate that the scanner faces. Raises NoPlate if blanking hides all plates.
+    """
+    found = PlateCalibration(start, start, faced=faced)
+    if faced:
+        offset = Measured(faced.range_offset, faced.range_spread)
+        home = Measured(math.degrees(faced.home_angle), math.degrees(faced.home_uncertainty))
+        found.add_measured("range_offset", offset, "m", 5, "m, measured minus true")
+        found.add_measured("home_angle_deg", home, "degrees", 3, "direction of the turntable's zero")
+    find_blanking(found, scans)
+    deviation = _find_pulse_shape(found, scans)
+    levels = _find_levels(found, _after_blanking(found.board, scans))
+    _find_ring_down(found, scans, deviation, levels)
     if levels.misfit_db > _MISFIT_DB:
-        result.doubts.append(
+        found.doubts.append(
             f"the peaks of one log differ by {levels.misfit_db:.1f} dB from the gain of this profile; "
             "check the distances, and that the plate is large enough"
         )
     if levels.disturbed > _MOST_DISTURBED:
-        result.doubts.append(
+        found.doubts.append(
             f"{levels.disturbed:.0%} of the headings have echoes that a plate alone does not give; the intervals "
             "may be too narrow; remove what stands near the plate, and scan again"
         )
-    return PlateCalibration(result.board, tuple(result.findings), result.kept, tuple(result.doubts))
-
-
-def plate_profile(start: Board, found: PlateCalibration, scans: Sequence[PlateReadings], name: str) -> Board:
-    """Return the profile `start` with another name and the values found. Its header names the scans.
-
-    Raises InputError if the text of the profile cannot be changed.
-    """
-    keys = ", ".join(finding.key for finding in found.findings)
-    header = [f"# Calibrated by `sonarhw calibrate` with a plate, beginning with profile {start.name!r}: {keys}."]
-    header += [f"#   {harmless(scan.name)}: plate at {scan.distance:g} m" for scan in scans]
-    return calibrated_profile(start, name, header, found.findings, found.kept)
+    if not faced:
+        keys = ", ".join(finding.key for finding in found.findings)
+        found.header = [
+            f"# Calibrated by `sonarhw calibrate` with a plate, beginning with profile {start.name!r}: {keys}.",
+            *(f"#   {harmless(scan.name)}: plate at {scan.distance:g} m" for scan in scans),
+        ]
+    return found
 
 
 def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateReadings]:
@@ -782,98 +750,61 @@ def _after_blanking(board: Board, scans: Sequence[PlateReadings]) -> list[PlateR
     return kept
 
 
-class _Result:
-    """The result so far."""
-
-    def __init__(self, start: Board) -> None:
-        self.start = self.board = start
-        self.findings: list[CalibratedValue] = []
-        self.kept: dict[str, str] = {}
-        self.doubts: list[str] = []
-
-    def add(self, key: str, found: Measured, unit: str) -> None:
-        """Add a value with its 95 % interval."""
-        half = Z95 * found.deviation
-        self.add_between(key, found.value, found.value - half, found.value + half, unit)
-
-    def add_between(self, key: str, value: float, low: float, high: float, unit: str) -> None:
-        """Add a value with this interval."""
-        # without `ring_cycles`, the ring-down is that of `rise_cycles`
-        before = getattr(self.start, key)
-        before = float(self.start.rise_cycles if before is None else before)
-        self.findings.append(CalibratedValue(key, value, low, high, before, unit))
-        self.board = self.board.with_numbers({key: value})
+def _find_pulse_shape(found: PlateCalibration, scans: Sequence[PlateReadings]) -> float:
+    """Find swelling and ring-down, and return the standard deviation of the time constant of the decay, cycles."""
+    if not any(scan.pulses for scan in scans):
+        found.kept["rise_cycles"] = found.no_traces
+        return 0.0
+    shape = pulse_shape(found.start, scans)
+    if shape is None:
+        found.kept["rise_cycles"] = "too few echoes of the plate are loud without being limited"
+        return 0.0
+    rise, ring = shape
+    found.add_measured("rise_cycles", rise, "cycles")
+    if ring is not None or found.start.ring_cycles is not None:
+        found.add_measured("ring_cycles", ring or rise, "cycles")
+    return (ring or rise).deviation
 
 
-def _find_blanking(result: _Result, scans: Sequence[PlateReadings]) -> None:
-    key = "blanking" if result.start.blanking_inhibit is None else "blanking_inhibit"
-    found = blanking_end(result.start, scans)
-    if found.time is None:
-        result.kept[key] = found.reason
-    else:
-        result.add_between(key, found.time, found.time - TOGETHER, found.time + _TICK, "s")
-
-
-def _find_pulse_shape(result: _Result, scans: Sequence[PlateReadings]) -> PulseShape | None:
-    found = pulse_shape(result.start, scans, np.array([scan.middle for scan in scans]))
-    if found is None:
-        traces = any(scan.pulses for scan in scans)
-        result.kept["rise_cycles"] = (
-            "too few echoes of the plate are loud without being limited" if traces else "the logs contain no traces"
-        )
-        return None
-    result.add("rise_cycles", found.rise, "cycles")
-    if found.ring is not None or result.start.ring_cycles is not None:
-        result.add("ring_cycles", found.ring or found.rise, "cycles")
-    return found
-
-
-def _find_levels(result: _Result, scans: Sequence[PlateReadings]) -> LevelFit:
+def _find_levels(found: PlateCalibration, scans: Sequence[PlateReadings]) -> LevelFit:
     """Fit the levels. Keys that they do not determine stay, and count as unknown in the intervals of the others."""
-    keys = free_keys(result.start, scans)
-    if LevelKey.GAIN_STEP not in keys:
-        result.kept[LevelKey.GAIN_STEP] = (
-            "one log shows the gain at one time only" if result.start.gain_steps else "this profile has no gain steps"
+    keys = free_keys(found.start, scans)
+    if _GAIN_STEP not in keys:
+        one = "scan" if found.faced else "log"
+        found.kept[_GAIN_STEP] = (
+            f"one {one} shows the gain at one time only" if found.start.gain_steps else "this profile has no gain steps"
         )
-    fit = fit_levels(result.board, scans, keys)
+    fit = fit_levels(found.board, scans, keys)
     for key in keys:
-        if _share(fit, key) > 1:
-            result.kept[key] = f"the scans determine it to ± {_half_text(fit, key)} only"
-            continue
-        aperture = key is LevelKey.APERTURE
-        value = float(getattr(fit.board, key))
-        least = _LEAST_APERTURE * value if aperture else _LEAST_DB
-        result.add(key, Measured(value, math.hypot(fit.deviations[key], least)), "m" if aperture else "dB")
+        value, deviation = float(getattr(fit.board, key)), fit.deviations[key]
+        unit, most, least = (
+            ("m", _MOST_APERTURE * value, _LEAST_APERTURE * value) if key == _APERTURE else ("dB", _MOST_DB, _LEAST_DB)
+        )
+        half = Z95 * deviation
+        if half > most:
+            text = f"{half / value:.0%}" if key == _APERTURE else f"{half:.1f} dB"
+            found.kept[key] = f"the scans determine it to ± {text} only"
+        else:
+            found.add_measured(key, Measured(value, math.hypot(deviation, least)), unit)
     return fit
 
 
-def _share(fit: LevelFit, key: LevelKey) -> float:
-    """Return half of the 95 % interval of a value, as a share of the most with which it counts as determined."""
-    most = _MOST_APERTURE * fit.board.aperture_radius if key is LevelKey.APERTURE else _MOST_DB
-    return Z95 * fit.deviations[key] / most
-
-
-def _half_text(fit: LevelFit, key: LevelKey) -> str:
-    half = Z95 * fit.deviations[key]
-    return f"{half / fit.board.aperture_radius:.0%}" if key is LevelKey.APERTURE else f"{half:.1f} dB"
-
-
 def _find_ring_down(
-    result: _Result, scans: Sequence[PlateReadings], shape: PulseShape | None, levels: LevelFit
+    found: PlateCalibration, scans: Sequence[PlateReadings], deviation: float, levels: LevelFit
 ) -> None:
     if not any(scan.pulses for scan in scans):
-        result.kept["own_burst_db"] = "the logs contain no traces"
+        found.kept["own_burst_db"] = found.no_traces
         return
-    deviation = 0.0 if shape is None else (shape.ring or shape.rise).deviation
-    found = ring_down(result.board, deviation, scans, levels.trace_level_db)
-    if found is None:
-        result.kept["own_burst_db"] = "the traces do not show how the burst decays"
+    shown = ring_down(found.board, deviation, scans, levels.trace_level_db)
+    if shown is None:
+        found.kept["own_burst_db"] = "the traces do not show how the burst decays"
         return
-    cycles = result.board.ring_cycles or result.board.rise_cycles
-    if not found.explained_by(cycles):
-        result.kept["own_burst_db"] = (
-            f"the burst decays with {found.cycles:.1f} cycles, and the echoes with {cycles:.1f}; "
+    level, decay = shown
+    cycles = found.board.ring_cycles or found.board.rise_cycles
+    if 1 / _MOST_SLOPE <= decay / cycles <= _MOST_SLOPE:
+        found.add_measured("own_burst_db", level, "dB")
+    else:
+        found.kept["own_burst_db"] = (
+            f"the burst decays with {decay:.1f} cycles, and the echoes with {cycles:.1f}; "
             "a profile has one value for both"
         )
-        return
-    result.add("own_burst_db", found.level, "dB")

@@ -1,9 +1,13 @@
-"""What readings show of a flat plate: where it was heard, how loud, and the beginning of each trace."""
+"""Scans of a flat plate: the signal that a board receives from it, and what the readings of a scan contain about it.
+
+A scan at a known distance shows where the plate is heard, how loud, and the beginning of each trace. If the plate also
+faces the scanner in a known direction, it shows the range offset and the zero of the turntable (`faced_plate`).
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +26,11 @@ from sonarhw_sim.board.signal import (
     pulses,
     uncompensated_db,
 )
+from sonarhw_sim.predict.room_echoes import ARC_MIDDLE, RIM
 
 from sonarhw.errors import NoPlate, counted
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_compare.pictures import envelope_of
+from sonarhw_compare.pictures import envelope_of, in_db
 
 # The signal that a board receives from a large flat plate, by the angle between transducer and plate.
 #
@@ -57,19 +62,25 @@ class PlateLevels:
 
     def slopes_at(self, angles: FloatArray) -> FloatArray:
         """Return the change of `detected_at` with the angle, dB/rad, same shape."""
-        return np.asarray(np.interp(angles, self.angles, self._slopes))
-
-    @cached_property
-    def _slopes(self) -> FloatArray:
-        return np.asarray(np.gradient(self.detected, self.angles))
+        return np.asarray(np.interp(angles, self.angles, np.gradient(self.detected, self.angles)))
 
 
 @dataclass(frozen=True)
 class PlateEnvelopes:
-    """Envelopes of a plate's echo after the gain, one row for each angle."""
+    """Envelopes of a plate's echo, one row for each angle."""
 
-    times: FloatArray  # (n, k), s since the start of transmission
-    samples: FloatArray  # (n, k); 1 is a perfect wall straight ahead after the ideal gain
+    rows: NDArray[np.intp]  # (n, k), numbers of the samples
+    samples: FloatArray  # (n, k); after the gain, 1 is a perfect wall straight ahead after the ideal gain
+
+    @property
+    def times(self) -> FloatArray:
+        """Times of the samples, s since the start of transmission, (n, k)."""
+        return self.rows / RATE
+
+    def after_gain(self, board: Board) -> "PlateEnvelopes":
+        """Return the envelopes after the gain of a board."""
+        gains = gain_at_samples(int(self.rows.max()) + 1, board, board.receiver)
+        return replace(self, samples=self.samples * gains[self.rows])
 
 
 def plate_levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels:
@@ -82,13 +93,12 @@ def plate_levels(board: Board, speed_of_sound: float, distance: float) -> PlateL
 def _levels(board: Board, speed_of_sound: float, distance: float) -> PlateLevels:
     computed = _computed_angles(board)
     # likewise, the gain acts on pulses that do not depend on its steps
-    pulse = _kept_pulses(replace(board, gain_step_db=0.0), speed_of_sound, distance)
-    envelopes = pulse.sizes * _gain(pulse, board)
-    peaks = _decibels(envelopes.max(axis=1))
+    envelopes = _kept_pulses(replace(board, gain_step_db=0.0), speed_of_sound, distance).after_gain(board).samples
+    peaks = in_db(envelopes.max(axis=1), FAINTEST_DB)
     if board.receiver is Receiver.BOARD:
         kept = kept_charge(board)
         charges = lfilter([1.0 - kept], [1.0, -kept], envelopes, axis=1).max(axis=1)
-        detected = _decibels(charges / charge_of_burst(board, speed_of_sound))
+        detected = in_db(charges / charge_of_burst(board, speed_of_sound), FAINTEST_DB)
     else:
         detected = _carrier_levels(board, speed_of_sound, distance, computed)
     if len(computed) < len(_ANGLES):
@@ -103,42 +113,18 @@ def _computed_angles(board: Board) -> FloatArray:
 
 def plate_envelopes(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> PlateEnvelopes:
     """Return the envelopes at `angles` (n,) rad from the perpendicular of the plate to the heading."""
-    pulse = _pulses_of_plate(board, speed_of_sound, distance, angles)
-    return PlateEnvelopes(pulse.at / RATE, pulse.sizes * _gain(pulse, board))
-
-
-@dataclass(frozen=True)
-class _Pulses:
-    """Envelopes before the gain, one row for each angle."""
-
-    at: NDArray[np.intp]  # (n, k), numbers of the samples
-    sizes: FloatArray  # (n, k)
+    return _before_gain(board, speed_of_sound, distance, angles).after_gain(board)
 
 
 @lru_cache(maxsize=_KEPT // 2)
-def _kept_pulses(board: Board, speed_of_sound: float, distance: float) -> _Pulses:
-    return _pulses_of_plate(board, speed_of_sound, distance, _computed_angles(board))
+def _kept_pulses(board: Board, speed_of_sound: float, distance: float) -> PlateEnvelopes:
+    return _before_gain(board, speed_of_sound, distance, _computed_angles(board))
 
 
-def _pulses_of_plate(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> _Pulses:
-    arrivals = _arrivals(board, speed_of_sound, distance, angles)
-    signals, first = pulses(
-        before_gain(arrivals, board, speed_of_sound, board.receiver),
-        board,
-        burst_of(board, speed_of_sound),
-        speed_of_sound,
-    )
-    return _Pulses(np.maximum(first[:, None] + np.arange(signals.shape[1]), 0), np.abs(signals))
-
-
-def _gain(pulse: _Pulses, board: Board) -> FloatArray:
-    """Return the gain at each sample, (n, k)."""
-    return np.asarray(gain_at_samples(int(pulse.at.max()) + 1, board, board.receiver)[pulse.at])
-
-
-def echo_times(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> FloatArray:
-    """Return the time of arrival at `angles` (n,) rad, s, (n,)."""
-    return _arrivals(board, speed_of_sound, distance, angles).times
+def _before_gain(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> PlateEnvelopes:
+    arrivals = before_gain(_arrivals(board, speed_of_sound, distance, angles), board, speed_of_sound, board.receiver)
+    signals, first = pulses(arrivals, board, burst_of(board, speed_of_sound), speed_of_sound)
+    return PlateEnvelopes(np.maximum(first[:, None] + np.arange(signals.shape[1]), 0), np.abs(signals))
 
 
 def _arrivals(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> Arrivals:
@@ -151,29 +137,22 @@ def _arrivals(board: Board, speed_of_sound: float, distance: float, angles: Floa
     leaving = (ways * headings).sum(axis=1) / lengths
     # the way back, seen from the receiver, is the way there reflected in the plate
     arriving = (ways * (1.0, -1.0) * headings).sum(axis=1) / lengths
-    air = _air(speed_of_sound)
+    air = air_of(speed_of_sound)
     return Arrivals(lengths / speed_of_sound, 10 ** (-uncompensated_db(lengths, board, air) / 20), leaving, arriving)
 
 
 def _carrier_levels(board: Board, speed_of_sound: float, distance: float, angles: FloatArray) -> FloatArray:
     """Return the levels at the detector of the paper's receiver, which weighs the carrier alone, (n,) dB."""
-    arrivals, air = _arrivals(board, speed_of_sound, distance, angles), _air(speed_of_sound)
+    arrivals, air = _arrivals(board, speed_of_sound, distance, angles), air_of(speed_of_sound)
     ka = board.wavenumber(air) * board.aperture_radius
     beams = [beam_gain(np.arccos(np.clip(one, -1, 1)), ka) for one in (arrivals.leaving, arrivals.arriving)]
-    return _decibels(np.abs(arrivals.amplitudes) * beams[0] * beams[1])
+    return in_db(np.abs(arrivals.amplitudes) * beams[0] * beams[1], FAINTEST_DB)
 
 
-def _air(speed_of_sound: float) -> Air:
+def air_of(speed_of_sound: float) -> Air:
     """Return air of 50 % humidity with this speed of sound; 20 °C if no temperature has it."""
     temperature = Air().temperature_at(speed_of_sound)
     return Air() if temperature is None else Air(temperature)
-
-
-def _decibels(amplitudes: FloatArray) -> FloatArray:
-    return np.asarray(20 * np.log10(np.maximum(amplitudes, 10 ** (FAINTEST_DB / 20))))
-
-
-# What the readings of one log contain about a plate: where it was heard, how loud, and the beginning of each trace.
 
 
 NEARER, FARTHER = 0.10, 0.12  # m from the stated distance; echoes in between are those of the plate
@@ -398,21 +377,20 @@ def _check(found: PlateReadings) -> None:
 # offset.
 
 
-GATE = 0.30  # m; ranges further from the stated distance are not from the plate
+_GATE = 0.30  # m; ranges further from the stated distance are not from the plate
 MOST_OFFSET = 0.10  # m; the offset of such a board is a few centimetres
-MOST_PLATE_TURN = math.radians(10.0)  # between the perpendicular of the plate and the direction that it should face
+MOST_HOME_ANGLE = math.radians(10.0)  # between the perpendicular of the plate and the direction that it should face
 MOST_SPREAD = 0.010  # m, standard deviation of the ranges in the middle
 MOST_SLOPE = 0.010  # m, change of the range over the middle
 _JUMP = 0.015  # m; from one heading to the next, ranges of a plate differ less
-_RIM = 0.004  # m; ranges that exceed the median of the arc by more are those of a rim
 _SCATTERED = 2  # headings in a row with such ranges are not a rim, but scatter
-_MIDDLE_OF_PLATE = 0.5  # share of the arc in which the echo is strong enough to be detected without delay
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """The result of a scan of a plate."""
+class FacedPlate:
+    """What a scan shows of a plate that faces the scanner in a stated direction."""
 
+    distance: float  # m, stated
     range_offset: float  # m, measured minus true, without the delay of the receiver
     range_spread: float  # m, standard deviation of the ranges in the middle of the arc
     home_angle: float  # rad, actual minus intended direction of the turntable's zero, counter-clockwise
@@ -420,32 +398,45 @@ class Calibration:
     arc: float  # rad, width of the arc at which the plate was detected
     headings: int  # number of headings that detected the plate
 
+    @property
+    def line(self) -> str:
+        """The same in words."""
+        return (
+            f"plate at {self.distance:g} m: range offset {self.range_offset * 1000:+.1f} mm "
+            f"(spread {self.range_spread * 1000:.1f} mm), home angle {math.degrees(self.home_angle):+.2f} degrees "
+            f"(± {math.degrees(self.home_uncertainty):.2f}); echo over {math.degrees(self.arc):.1f} degrees, "
+            f"{counted(self.headings, 'heading')}"
+        )
 
-def calibrate(
+
+def faced_plate(
     readings: Sequence[Reading],
     distance: float,
     direction: float,
-    gate: float = GATE,
     arcs: tuple[float, float] = (0.0, math.tau),
     delay: float = 0.0,
-) -> Calibration:
-    """Return the calibration from readings of a plate, `distance` m from the transducer.
+) -> FacedPlate:
+    """Return what readings show of a plate, `distance` m from the transducer.
 
     The face of the plate is perpendicular to `direction` (rad), the angle that the turntable should have when it points
-    at the plate. `arcs` (rad) are the smallest and the largest plausible arc of a plate. `delay` (m) is the part of the
-    range that the board's receiver adds and every prediction contains; it is no offset. Raises NoPlate if too few
-    headings detect the plate, if the first or last heading detects it, or if the echoes do not fit a flat plate.
+    at the plate. `arcs` (rad) are the smallest and the largest plausible arc, to which the step of the scan is added.
+    `delay` (m) is the part of the range that the board's receiver adds and every prediction contains; it is no offset.
+    Raises NoPlate if too few headings detect the plate, if the first or last heading detects it, or if the echoes do
+    not fit a flat plate.
     """
-    angles, ranges = _by_heading(readings, distance, gate)
+    angles, rows = np.unique(np.round([reading.angle for reading in readings], 9), return_inverse=True)
+    near = [[echo for echo in reading.echo_ranges if abs(echo - distance) <= _GATE] for reading in readings]
+    ranges = [np.array([near[k][0] for k in np.flatnonzero(rows == row) if near[k]]) for row in range(len(angles))]
     hits = _longest_arc(ranges)
     _check_hits(hits, angles, distance, readings)
     step = float(np.median(np.diff(angles)))
-    shares = np.array([len(found) for found in ranges]) / _pings(readings, angles)
+    shares = np.array([len(found) for found in ranges]) / np.bincount(rows)
     _check_flatness([ranges[k] for k in _central(hits, angles, shares, step)])
     hits = _without_rims(hits, ranges)
     middle, arc = _arc_of(hits, angles, shares, step)
     measured = np.concatenate([ranges[k] for k in _central(hits, angles, shares, step)])
-    found = Calibration(
+    found = FacedPlate(
+        distance=distance,
         range_offset=float(np.median(measured)) - distance - delay,
         range_spread=float(np.std(measured)),
         # + 0.0 turns -0.0 into 0.0
@@ -455,7 +446,8 @@ def calibrate(
         arc=arc,
         headings=len(hits),
     )
-    _check_plate(found, distance, middle, arcs)
+    # the ends of an arc are known within a step
+    _check_plate(found, middle, (arcs[0] - step, arcs[1] + step))
     return found
 
 
@@ -504,13 +496,13 @@ def _arc_of(hits: NDArray[np.intp], angles: FloatArray, shares: FloatArray, step
 def _central(hits: NDArray[np.intp], angles: FloatArray, shares: FloatArray, step: float) -> NDArray[np.intp]:
     """Return the headings in the middle of an arc."""
     middle, arc = _arc_of(hits, angles, shares, step)
-    return hits[np.abs(angles[hits] - middle) <= _MIDDLE_OF_PLATE * arc / 2]
+    return hits[np.abs(angles[hits] - middle) <= ARC_MIDDLE * arc / 2]
 
 
 def _without_rims(hits: NDArray[np.intp], ranges: Sequence[FloatArray]) -> NDArray[np.intp]:
     """Return the longest row of the consecutive `hits` (n,) without a rim, which may join a side lobe to the arc."""
     medians = np.array([float(np.median(ranges[k])) for k in hits])
-    plate = hits[medians <= np.median(medians) + _RIM]
+    plate = hits[medians <= np.median(medians) + RIM]
     row = max(np.split(plate, np.flatnonzero(np.diff(plate) > _SCATTERED + 1) + 1), key=len)
     return np.asarray(hits[(hits >= row[0]) & (hits <= row[-1])])
 
@@ -527,19 +519,19 @@ def _check_flatness(central: Sequence[FloatArray]) -> None:
         )
 
 
-def _check_plate(found: Calibration, distance: float, middle: float, arcs: tuple[float, float]) -> None:
+def _check_plate(found: FacedPlate, middle: float, arcs: tuple[float, float]) -> None:
     """Raise NoPlate unless distance, direction and strength of the echo are plausible."""
     if abs(found.range_offset) > MOST_OFFSET:
         raise NoPlate(
-            f"the echo comes from {distance + found.range_offset:.3f} m, expected {distance:g} m within "
+            f"the echo comes from {found.distance + found.range_offset:.3f} m, expected {found.distance:g} m within "
             f"{MOST_OFFSET * 100:g} cm; check that a plate stands there, and measure its distance from the face of the "
             "transducer"
         )
-    if abs(found.home_angle) > MOST_PLATE_TURN:
+    if abs(found.home_angle) > MOST_HOME_ANGLE:
         intended = math.degrees(middle + found.home_angle)
         raise NoPlate(
             f"the middle of the echo is at {math.degrees(middle):.1f} degrees, expected {intended:.4g} degrees within "
-            f"{math.degrees(MOST_PLATE_TURN):g}; turn the plate so that it faces the scanner, or change the direction"
+            f"{math.degrees(MOST_HOME_ANGLE):g}; turn the plate so that it faces the scanner, or change the direction"
         )
     if not arcs[0] <= found.arc <= arcs[1]:
         low, high = map(math.degrees, arcs)
@@ -548,20 +540,3 @@ def _check_plate(found: Calibration, distance: float, middle: float, arcs: tuple
             "flat plate and this board profile; use a flat plate of at least 30 cm, no post or corner; if it is one, "
             "correct threshold_db of the profile"
         )
-
-
-def _by_heading(readings: Sequence[Reading], distance: float, gate: float) -> tuple[FloatArray, list[FloatArray]]:
-    """Return the headings, (n,) rad, and at each the ranges, m, of the pings that detected something in the gate."""
-    angles = np.unique([round(reading.angle, 9) for reading in readings]).astype(np.float64)
-    ranges: list[list[float]] = [[] for _ in angles]
-    for reading in readings:
-        near = [value for value in reading.echo_ranges if abs(value - distance) <= gate]
-        if near:
-            ranges[int(np.searchsorted(angles, round(reading.angle, 9)))].append(near[0])
-    return angles, [np.array(found) for found in ranges]
-
-
-def _pings(readings: Sequence[Reading], angles: FloatArray) -> FloatArray:
-    """Return the number of pings at each heading, (n,)."""
-    places = np.searchsorted(angles, [round(reading.angle, 9) for reading in readings])
-    return np.bincount(places, minlength=len(angles)).astype(np.float64)

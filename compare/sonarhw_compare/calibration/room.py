@@ -1,13 +1,14 @@
 """The calibration of a board from scans of a known room: values, intervals, what stays and why.
 
 First the carrier's own body, then geometry and reflectances, then threshold and aperture by the rule for echoes and
-silence, then the spreads of threshold and range. `calibrate_in_room` returns a profile that belongs to the room as it
-is, `calibrate_board_and_room` one that belongs to the room with the reflectances found.
+silence, then the spreads of threshold and range. The profile belongs to the room as it is, or to the room with the
+reflectances found.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import BoolArray, FloatArray, Reading
-from sonarhw_compare.edits import Z95, CalibratedValue, calibrated_profile
+from sonarhw_compare.calibration.outcome import Calibration, Finding, Measured
+from sonarhw_compare.edits import Z95
 from sonarhw_compare.fit.objective import MODERATE, Objective, Problem, make_problem
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.quantities import (
@@ -38,7 +40,7 @@ from sonarhw_compare.fit.quantities import (
 )
 from sonarhw_compare.fit.result import PlacedScan, Progress, check_given_once
 from sonarhw_compare.fit.search import climb, covariance_of, refined
-from sonarhw_compare.fit.starting import all_round, best_agreement, places_near
+from sonarhw_compare.fit.starting import all_round, best_agreement, fit_scan, places_near
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, compare_readings, drawn_blocks
 from sonarhw_compare.regions import angles_and_ranges, mean_run
 
@@ -58,13 +60,12 @@ APERTURES = 1.1 ** np.arange(-5.0, 6.0)  # relative to the given profile
 THRESHOLDS = np.arange(-8.0, 11.0)  # dB, likewise
 _OF_DRAWS = (2.5, 97.5)  # percentiles
 _NEAREST_FIRST = 1e-5  # per step of the grid: of equal pairs, that of the given profile
-_AS_GOOD = 1.96  # standard errors of the difference from the best score
+_AS_GOOD = Z95  # standard errors of the difference from the best score
 
 _STEPS_AWAY = np.abs(np.log(APERTURES) / np.log(1.1))[:, None] + np.abs(THRESHOLDS)  # (a, t), from the given profile
 
 
-@dataclass(frozen=True)
-class Between:
+class Between(NamedTuple):
     """A value with its 95 % interval."""
 
     value: float
@@ -213,17 +214,12 @@ _FINEST = math.radians(1.0)
 IntArray = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class ScanAtPlace:
-    """The readings of a scan that the room does not explain, silence included, and where it was made."""
+def find_own_body(scans: Sequence[PlacedScan]) -> tuple[OwnBodyPart, ...]:
+    """Return the parts of the carrier's body that the scans show, by turntable angle; none from fewer than 2 places.
 
-    readings: Sequence[Reading]
-    position: tuple[float, float]  # m
-
-
-def find_own_body(scans: Sequence[ScanAtPlace]) -> tuple[OwnBodyPart, ...]:
-    """Return the parts of the carrier's body that the scans show, by turntable angle; none from fewer than 2 places."""
-    places = place_numbers([scan.position for scan in scans])
+    The scans have the readings that the room does not explain, silence included.
+    """
+    places = place_numbers([scan.place.position for scan in scans])
     if len(set(places.tolist())) < 2:
         return ()
     step = max(_FINEST, *(_step(scan.readings) for scan in scans))
@@ -478,19 +474,11 @@ SHARED: tuple[tuple[BoardQuantity, float | None], ...] = (
 
 
 @dataclass(frozen=True)
-class SharedValue:
-    """A value with its standard deviation, in the units of the profile."""
-
-    value: float
-    deviation: float
-
-
-@dataclass(frozen=True)
 class TurntableFit:
     """The geometry that explains all scans best."""
 
-    shared: dict[str, SharedValue]  # by key of the profile
-    reflectances: dict[str, SharedValue]  # by material; those with a table, or outside the bounds of `fit`, stay
+    shared: dict[str, Measured]  # by key of the profile
+    reflectances: dict[str, Measured]  # by material; those with a table, or outside the bounds of `fit`, stay
     places: tuple[Place, ...]  # of the scans, with the actual heading of the turntable's zero
 
 
@@ -509,12 +497,12 @@ def fit_turntable(
     values = refined(problem, values, None, (MODERATE, None), tick=tick, searches=_SEARCHES, iterations=_ITERATIONS)
     deviations = np.sqrt(np.diag(covariance_of(problem.near(values), values))) * problem.widenings
     shared = {
-        quantity.key: SharedValue(quantity.read(quantity.put(board, float(values[row]))), float(deviations[row]))
+        quantity.key: Measured(quantity.read(quantity.put(board, float(values[row]))), float(deviations[row]))
         for row, parameter in enumerate(problem.parameters)
         if isinstance(quantity := parameter.quantity, BoardQuantity)
     }
     reflectances = {
-        problem.parameters[row].of: SharedValue(float(values[row]), float(deviations[row]))
+        problem.parameters[row].of: Measured(float(values[row]), float(deviations[row]))
         for row in problem.rows_of(REFLECTANCE)
     }
     # between the steps of the likelihood the curvature along the scale is that of the prior
@@ -561,7 +549,7 @@ def readings_per_independent(scan: PlacedScan, board: Board) -> float:
 
 def spreads(
     scans: Sequence[PlacedScan], room: Room, board: Board, places: Sequence[Place], tick: Callable[[], None]
-) -> tuple[SharedValue, SharedValue]:
+) -> tuple[Measured, Measured]:
     """Return the spreads of range, m, and threshold, dB, of readings, with board and poses (actual headings) given."""
     tick()
     board = replace(board, home_angle_deg=0.0)
@@ -576,7 +564,7 @@ def spreads(
     logarithms = values[1:]
     deviations: FloatArray = np.sqrt(np.diag(covariance_of(objective, values)))[1:]
     return tuple(
-        SharedValue(math.exp(logarithms[row]), math.exp(logarithms[row]) * float(deviations[row]))
+        Measured(math.exp(logarithms[row]), math.exp(logarithms[row]) * float(deviations[row]))
         for row in (_RANGE, _LEVEL)
     )  # type: ignore[return-value]
 
@@ -600,20 +588,17 @@ def _top(objective: Objective, values: FloatArray, movable: BoolArray) -> FloatA
 _LEAST_HALF = 0.005  # of an interval; one at a bound has no curvature
 
 
-def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[CalibratedValue, ...]:
+def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[Finding, ...]:
     """Return the reflectances that scans give, with 95 % intervals; `before` is the value of the room file."""
-    found = []
-    for material, one in fitted.reflectances.items():
-        half = max(Z95 * one.deviation, _LEAST_HALF)
-        found.append(
-            CalibratedValue(
-                material, one.value, one.value - half, min(one.value + half, 1.0), reflectance_of(room, material), ""
-            )
-        )
-    return tuple(found)
+    findings = []
+    for material, measured in fitted.reflectances.items():
+        value, half = measured.value, max(Z95 * measured.deviation, _LEAST_HALF)
+        before = reflectance_of(room, material)
+        findings.append(Finding(material, value, value - half, min(value + half, 1.0), before, ""))
+    return tuple(findings)
 
 
-def with_reflectances(room: Room, found: Sequence[CalibratedValue]) -> Room:
+def with_reflectances(room: Room, found: Sequence[Finding]) -> Room:
     """Return the room with these reflectances, also in its text. Raises InputError if there are none."""
     if not found:
         raise InputError(
@@ -633,26 +618,15 @@ def gained_by_reflection(before: Room, after: Room) -> float:
     return float(np.average(20 * np.log10(np.where(old > 0, new / np.maximum(old, 1e-9), 1.0)), weights=lengths))
 
 
-def is_contradicted(found: CalibratedValue) -> bool:
+def is_contradicted(found: Finding) -> bool:
     """Return whether the value of the room file is outside the 95 % interval of the scans."""
     return not found.low <= found.before <= found.high
 
 
-def reflectance_text(found: CalibratedValue) -> str:
+def reflectance_text(found: Finding) -> str:
     """Return material, reflectance, interval, and the value of the room file, in words."""
     name = harmless(found.key)
     return f"reflectance of {name!r}: {found.text}, 95 % {found.interval_text}; the room file says {found.before:g}"
-
-
-def with_provenance(room: Room, found: Sequence[CalibratedValue], profile: str, scans: Sequence[str]) -> Room:
-    """Return the room with a header that names the `profile` to which it belongs, and the scans."""
-    header = [
-        f"# Reflectances found by `sonarhw calibrate`, together with board profile {harmless(profile)!r}. "
-        "All else is as before.",
-        *(f"#   {reflectance_text(one).replace('the room file says', 'before:')}" for one in found),
-        f"#   from {', '.join(harmless(scan) for scan in scans)}",
-    ]
-    return parse_room("\n".join([*header, room.text]), f"room {room.name!r}")
 
 
 _UNITS = {"range_offset": "m", "clock_error": "", "turntable_scale": "", "axis_x": "m", "axis_y": "m"}
@@ -664,154 +638,116 @@ _FEWEST_SCANS = 3  # for the rule to be sure
 _LONE_RUN = 3  # neighbouring readings, at least, that are proposed as own body if there is only one place
 
 
-@dataclass(frozen=True)
-class ScanFigures:
-    """How well a profile explains one scan at its pose: echoes within 5 cm, and silence."""
+@dataclass(kw_only=True)
+class RoomCalibration(Calibration):
+    """The calibration of a board in a known room."""
 
-    comparison: Comparison
-
-    @property
-    def line(self) -> str:
-        """The figures in words."""
-        summary = self.comparison.summary()
-        share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.0%} of the echoes within 5 cm"
-        agreement = summary.no_echo_agreement
-        return share if agreement is None else f"{share}, balanced accuracy of silence {agreement:.3f}"
-
-
-@dataclass(frozen=True)
-class RoomCalibration:
-    """The result: what was found, what stays as it was and why, doubts, and the scans before and after."""
-
-    board: Board  # with the values found
-    room: Room  # to which the profile belongs: the given one, or with the reflectances found
-    reflectances: tuple[CalibratedValue, ...]  # of the materials, by these scans
-    room_is_changed: bool  # whether the room has these reflectances
-    findings: tuple[CalibratedValue, ...]
-    own_body: tuple[OwnBodyPart, ...]  # found; empty if none, or if it stays
-    own_echoes: int  # readings of the own body
-    kept: dict[str, str]  # reason by key
-    proposals: tuple[str, ...]  # own body that one place cannot prove
-    doubts: tuple[str, ...]
-    before: tuple[ScanFigures, ...]
-    after: tuple[ScanFigures, ...]
-
-
-@dataclass(frozen=True)
-class _Begun:
-    """A calibration after the searches that need no decision on the reflectances."""
-
-    start: Board
     scans: Sequence[PlacedScan]
-    room: Room  # the given one
-    first: StartingTurntable
-    before: tuple[ScanFigures, ...]
-    fitted: TurntableFit
-    result: "_Result"
+    given: Room
+    room: Room  # to which the profile belongs: the given one, or with the reflectances found
+    reflectances: tuple[Finding, ...] = ()  # of the materials, by these scans
+    before: tuple[Comparison, ...] = ()  # of the scans, with the profile `start`
+    after: tuple[Comparison, ...] = ()
 
     @property
-    def reflectances(self) -> tuple[CalibratedValue, ...]:
-        """Those of the materials, by the scans."""
-        return reflectances_of(self.room, self.fitted)
+    def contradictions(self) -> list[str]:
+        """The reflectances of the room file that the scans contradict, if the profile belongs to the room file."""
+        return [
+            f"the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}; add --room-out "
+            "FILE.toml to calibrate it too, and to write the room with it"
+            for one in self.reflectances
+            if self.room is self.given and is_contradicted(one)
+        ]
+
+    def lines(self) -> list[str]:
+        """Return what was found, what stays and why, and how well the scans are explained, in words."""
+        used = "not used; the profile belongs to the room file"
+        if self.room is not self.given:
+            used = "used, and written with the room"
+        return [
+            *super().lines(),
+            *(f"{reflectance_text(one)}; {used}" for one in self.reflectances),
+            *(
+                f"{scan.name}: {when} {_explained(one)}"
+                for scan, *both in zip(self.scans, self.before, self.after, strict=True)
+                for when, one in zip(("before", "after"), both, strict=True)
+            ),
+        ]
+
+    def own_body_lines(self) -> list[str]:
+        """Return the parts of the own body, and how many readings of it are left out, in words."""
+        own = sum(row.kind is Kind.OWN_BODY for one in self.after for row in one.rows)
+        left_out = [f"own body: {counted(own, 'reading')} left out"] if self.own_body else []
+        return [*super().own_body_lines(), *left_out]
+
+    def figures(self) -> dict[str, Any]:
+        """Return the same, as for JSON."""
+        scans = zip(self.scans, self.before, self.after, strict=True)
+        return super().figures() | {
+            "reflectances": [one.figures for one in self.reflectances],
+            "room_is_changed": self.room is not self.given,
+            "scans": [
+                {"name": scan.name, "before": asdict(before.summary()), "after": asdict(after.summary())}
+                for scan, before, after in scans
+            ],
+        }
+
+    def room_with_header(self, profile: str) -> Room:
+        """Return the room with a header that names the `profile` to which it belongs, and the scans."""
+        header = [
+            f"# Reflectances found by `sonarhw calibrate`, together with board profile {harmless(profile)!r}. "
+            "All else is as before.",
+            *(f"#   {reflectance_text(one).replace('the room file says', 'before:')}" for one in self.reflectances),
+            f"#   from {', '.join(harmless(scan.title) for scan in self.scans)}",
+        ]
+        return parse_room("\n".join([*header, self.room.text]), f"room {self.room.name!r}")
 
 
 def calibrate_in_room(
-    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
+    start: Board,
+    scans: Sequence[PlacedScan],
+    room: Room,
+    progress: Progress = lambda _share, _doing: None,
+    *,
+    reflectances: bool = False,
 ) -> RoomCalibration:
     """Return the calibration of a board from scans of a known room, beginning with the profile `start`.
 
-    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. Raises
-    InputError for a ring of sensors, a scan without an echo, or a scan that is given twice.
+    The place of each scan is right within some 3 cm. Headings of the places are searched in the full circle. With
+    `reflectances`, the room of the result has those that the scans give. Raises InputError for a ring of sensors, a
+    scan without an echo, or a scan that is given twice; with `reflectances`, also if the scans have no silence, or if
+    the room has no reflectance to find.
     """
-    _check(start, scans)
-    return _finished(_begun(start, scans, room, progress), room, progress)
-
-
-def calibrate_board_and_room(
-    start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress = lambda _share, _doing: None
-) -> RoomCalibration:
-    """Return the calibration of a board, as `calibrate_in_room` does, and of the reflectances of the room.
-
-    Raises InputError as `calibrate_in_room` does, and if the scans have no silence, or the room has no reflectance to
-    find.
-    """
-    _check(start, scans)
-    if all(reading.range is not None for scan in scans for reading in scan.readings):
-        raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
-    begun = _begun(start, scans, room, progress)
-    return _finished(begun, _reflecting_as_found(begun.result, room, begun.reflectances), progress)
-
-
-def _begun(start: Board, scans: Sequence[PlacedScan], room: Room, progress: Progress) -> _Begun:
-    """Find headings, the carrier's own body, geometry and reflectances."""
+    _check(start, scans, reflectances)
     progress(0.0, "searching headings")
     first = starting_turntable(scans, room, start, lambda share: progress(0.25 * share, "searching headings"))
-    before = _compared(scans, room, start, replace(first, scale=start.turntable_scale))
-    result = _Result(replace(start, turntable_scale=first.scale))
-    _find_own_body(result, scans, room, first, start)
+    found = RoomCalibration(start, replace(start, turntable_scale=first.scale), scans=scans, given=room, room=room)
+    found.before = _compared(found, start)
+    _find_own_body(found, first)
     searches = iter(range(1000))
     fitted = fit_turntable(
-        scans, room, result.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
+        scans, room, found.board, first, lambda: progress(min(0.25 + 0.06 * next(searches), 0.5), "fitting geometry")
     )
-    return _Begun(start, scans, room, first, before, fitted, result)
-
-
-def _finished(begun: _Begun, room: Room, progress: Progress) -> RoomCalibration:
-    """Return the calibration for `room`: the given one, or with the reflectances found."""
-    result, scans, start = begun.result, begun.scans, begun.start
-    _find_geometry(result, begun.fitted, start)
-    _find_home(result, scans, begun.fitted, start)
-    places = begun.fitted.places
-    _find_detection(
-        result,
-        scans,
-        room,
-        places,
-        start,
-        lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture"),
-    )
-    _find_spreads(result, scans, room, places, start, lambda: progress(0.87, "finding spreads"))
+    found.reflectances = reflectances_of(room, fitted)
+    if reflectances:
+        _reflect_as_found(found)
+    _find_geometry(found, fitted)
+    _find_home(found, fitted)
+    _find_detection(found, fitted.places, lambda share: progress(0.5 + 0.35 * share, "choosing threshold and aperture"))
+    _find_spreads(found, fitted.places, lambda: progress(0.87, "finding spreads"))
     progress(0.93, "comparing")
-    after = _compared(scans, room, result.board, replace(begun.first, scale=result.board.turntable_scale))
+    found.after = _compared(found, found.board)
     progress(1.0, "comparing")
-    return RoomCalibration(
-        board=result.board,
-        room=room,
-        reflectances=begun.reflectances,
-        room_is_changed=room is not begun.room,
-        findings=tuple(result.findings),
-        own_body=result.own_body,
-        own_echoes=sum(row.kind is Kind.OWN_BODY for one in after for row in one.comparison.rows),
-        kept=result.kept,
-        proposals=tuple(result.proposals),
-        doubts=_doubts(scans),
-        before=begun.before,
-        after=after,
-    )
+    if len(scans) < _FEWEST_SCANS:
+        found.doubts.append(
+            f"{counted(len(scans), 'scan')}: values may be those of this place alone; "
+            f"expected at least {_FEWEST_SCANS} places"
+        )
+    found.header = _header(found)
+    return found
 
 
-def room_profile(start: Board, found: RoomCalibration, scans: Sequence[PlacedScan], room: str, name: str) -> Board:
-    """Return the profile `start` with another name and what was found. Its header names the scans and the `room`.
-
-    Raises InputError if the text of the profile cannot be changed.
-    """
-    keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
-    which = "with these reflectances" if found.room_is_changed else "as in its file"
-    header = [
-        f"# Calibrated by `sonarhw calibrate` in room {harmless(room)!r}, beginning with profile {start.name!r}: "
-        f"{', '.join(keys)}.",
-        "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
-        "# Spreads are those of readings, as they are in the logs.",
-        f"# The profile belongs to the room {which}. The scans give:",
-        *(f"#   {reflectance_text(one)}" for one in found.reflectances),
-    ]
-    for scan, after in zip(scans, found.after, strict=True):
-        x, y = scan.place.position
-        header.append(f"#   {harmless(scan.title)}: at {x:g}, {y:g} m; {after.line}")
-    return calibrated_profile(start, name, header, found.findings, found.kept, found.own_body)
-
-
-def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
+def _check(start: Board, scans: Sequence[PlacedScan], reflectances: bool) -> None:
     """Raise InputError if no calibration is possible with this board and these scans."""
     if start.ring is not None:
         raise InputError(f"board {start.name!r} is a ring of sensors and has no turntable to calibrate")
@@ -819,61 +755,64 @@ def _check(start: Board, scans: Sequence[PlacedScan]) -> None:
     for scan in scans:
         if all(reading.range is None for reading in scan.readings):
             raise InputError(f"{scan.title}: no reading has an echo; it cannot calibrate a board")
+    if reflectances and all(reading.range is not None for scan in scans for reading in scan.readings):
+        raise InputError("the logs have no silence, so they determine no reflectance; calibrate the board only")
 
 
-class _Result:
-    """The result so far."""
-
-    def __init__(self, board: Board) -> None:
-        self.board = board
-        self.findings: list[CalibratedValue] = []
-        self.own_body: tuple[OwnBodyPart, ...] = ()
-        self.kept: dict[str, str] = {}
-        self.proposals: list[str] = []
-
-    def add(self, key: str, found: Between, before: float, unit: str) -> None:
-        """Add a value with its 95 % interval."""
-        self.findings.append(CalibratedValue(key, found.value, found.low, found.high, before, unit))
-        self.board = self.board.with_numbers({key: found.value})
-
-    def add_measured(self, key: str, found: SharedValue, before: float, unit: str) -> None:
-        """Add a value with its standard deviation."""
-        half = Z95 * found.deviation
-        self.add(key, Between(found.value, found.value - half, found.value + half), before, unit)
-
-
-def _compared(
-    scans: Sequence[PlacedScan], room: Room, board: Board, first: StartingTurntable
-) -> tuple[ScanFigures, ...]:
+def _compared(found: RoomCalibration, board: Board) -> tuple[Comparison, ...]:
     """Return each scan beside its prediction, with heading, offset and position within 3 cm as fit it best."""
-    from sonarhw_compare.fit.starting import fit_scan
-
-    figures = []
-    for scan in scans:
-        fit = fit_scan(scan.readings, room, scan.place, board, frozenset({"heading", "offset", "position"}))
-        figures.append(ScanFigures(compare_readings(scan.readings, room, fit.place, board, offset=fit.offset)))
-    return tuple(figures)
+    comparisons = []
+    for scan in found.scans:
+        fit = fit_scan(scan.readings, found.room, scan.place, board, frozenset({"heading", "offset", "position"}))
+        comparisons.append(compare_readings(scan.readings, found.room, fit.place, board, offset=fit.offset))
+    return tuple(comparisons)
 
 
-def _find_own_body(
-    result: _Result, scans: Sequence[PlacedScan], room: Room, first: StartingTurntable, start: Board
-) -> None:
-    """Find the carrier's body among the echoes that the room does not explain, and apply it."""
-    board = replace(start, own_body=(), turntable_scale=first.scale)
-    compared = [
-        compare_readings(scan.readings, room, place, board) for scan, place in zip(scans, first.places, strict=True)
+def _explained(comparison: Comparison) -> str:
+    """Return how well a profile explains a scan at its pose, echoes within 5 cm and silence, in words."""
+    summary = comparison.summary()
+    share = "no echo" if summary.within_5cm is None else f"{summary.within_5cm:.0%} of the echoes within 5 cm"
+    agreement = summary.no_echo_agreement
+    return share if agreement is None else f"{share}, balanced accuracy of silence {agreement:.3f}"
+
+
+def _header(found: RoomCalibration) -> list[str]:
+    """Return the header of the profile, which names the room and the scans."""
+    keys = [finding.key for finding in found.findings] + (["own_body"] if found.own_body else [])
+    which = "as in its file" if found.room is found.given else "with these reflectances"
+    header = [
+        f"# Calibrated by `sonarhw calibrate` in room {harmless(found.given.name)!r}, beginning with profile "
+        f"{found.start.name!r}: {', '.join(keys)}.",
+        "# Threshold and aperture: most echoes within 5 cm, counted three times, and silence, counted once.",
+        "# Spreads are those of readings, as they are in the logs.",
+        f"# The profile belongs to the room {which}. The scans give:",
+        *(f"#   {reflectance_text(one)}" for one in found.reflectances),
     ]
-    positions = [scan.place.position for scan in scans]
-    if place_numbers(positions).max() == 0:
-        result.kept["own_body"] = "all logs are from one place; scan from another place"
-        result.proposals += _lone_runs(compared)
+    for scan, after in zip(found.scans, found.after, strict=True):
+        x, y = scan.place.position
+        header.append(f"#   {harmless(scan.title)}: at {x:g}, {y:g} m; {_explained(after)}")
+    return header
+
+
+def _find_own_body(found: RoomCalibration, first: StartingTurntable) -> None:
+    """Find the carrier's body among the echoes that the room does not explain, and apply it."""
+    board = replace(found.start, own_body=(), turntable_scale=first.scale)
+    compared = [
+        compare_readings(scan.readings, found.room, place, board)
+        for scan, place in zip(found.scans, first.places, strict=True)
+    ]
+    if place_numbers([scan.place.position for scan in found.scans]).max() == 0:
+        found.kept["own_body"] = "all logs are from one place; scan from another place"
+        found.doubts += _lone_runs(compared)
         return
     unexplained = [[row.reading for row in one.rows if row.path is None] for one in compared]
-    result.own_body = find_own_body([ScanAtPlace(*both) for both in zip(unexplained, positions, strict=True)])
-    if result.own_body:
-        result.board = replace(result.board, own_body=result.own_body)
-    elif start.own_body:
-        result.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
+    found.own_body = find_own_body(
+        [replace(scan, readings=readings) for scan, readings in zip(found.scans, unexplained, strict=True)]
+    )
+    if found.own_body:
+        found.board = replace(found.board, own_body=found.own_body)
+    elif found.start.own_body:
+        found.kept["own_body"] = "no other echoes have the same turntable angle and range at all places"
 
 
 def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
@@ -899,95 +838,70 @@ def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
     return lines
 
 
-def _reflecting_as_found(result: _Result, room: Room, found: Sequence[CalibratedValue]) -> Room:
-    """Return the room with the reflectances found, and move the threshold with the level of one reflection.
+def _reflect_as_found(found: RoomCalibration) -> None:
+    """Give the room the reflectances found, and move the threshold with the level of one reflection.
 
     This level is what profile and room file state together. It stays until the scans contradict it, by the rule for
     threshold and aperture. Echoes with more reflections determine the reflectances.
     """
-    changed = with_reflectances(room, found)
-    moved = result.board.threshold_db + gained_by_reflection(room, changed)
-    result.board = replace(result.board, threshold_db=min(moved, 0.0))
-    return changed
+    found.room = with_reflectances(found.given, found.reflectances)
+    moved = found.board.threshold_db + gained_by_reflection(found.given, found.room)
+    found.board = replace(found.board, threshold_db=min(moved, 0.0))
 
 
-def _find_geometry(result: _Result, fitted: TurntableFit, start: Board) -> None:
+def _find_geometry(found: RoomCalibration, fitted: TurntableFit) -> None:
     """Add what the scans show to be other than before; the rest stays."""
     for key, unit in _UNITS.items():
-        found, before = fitted.shared[key], float(getattr(start, key))
-        if abs(found.value - before) > _CONTRADICTED * found.deviation:
-            result.add_measured(key, found, before, unit)
+        measured, before = fitted.shared[key], float(getattr(found.start, key))
+        if abs(measured.value - before) > _CONTRADICTED * measured.deviation:
+            found.add_measured(key, measured, unit)
         else:
-            half = f"{found.value:.2g} ± {_CONTRADICTED * found.deviation:.2g} {unit}".rstrip()
-            result.kept[key] = f"the scans do not contradict it (99 %: {half})"
-            result.board = result.board.with_numbers({key: before})
-    result.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
+            half = f"{measured.value:.2g} ± {_CONTRADICTED * measured.deviation:.2g} {unit}".rstrip()
+            found.kept[key] = f"the scans do not contradict it (99 %: {half})"
+            found.board = found.board.with_numbers({key: before})
+    found.kept["mount.ahead"] = "only its sum with range_offset shows in a room; measure it with a ruler"
 
 
-def _find_home(result: _Result, scans: Sequence[PlacedScan], fitted: TurntableFit, start: Board) -> None:
+def _find_home(found: RoomCalibration, fitted: TurntableFit) -> None:
     """Add the direction of the zero, if it is the same in all logs."""
     turns = np.array(
         [
             math.remainder(place.heading - scan.place.heading, math.tau)
-            for scan, place in zip(scans, fitted.places, strict=True)
+            for scan, place in zip(found.scans, fitted.places, strict=True)
         ]
     )
     middle = float(np.angle(np.exp(1j * turns).mean()))
     away = np.angle(np.exp(1j * (turns - middle)))
     if np.abs(away).max() > _SAME_ZERO:
-        result.kept["home_angle_deg"] = (
+        found.kept["home_angle_deg"] = (
             f"the zero differs by up to {math.degrees(float(np.ptp(away))):.0f} degrees between the logs; "
             "give the heading of each place"
         )
         return
     # at least the uncertainty of one heading
     spread = max(float(np.std(away, ddof=1)) if len(away) > 1 else 0.0, math.radians(1.0)) / math.sqrt(len(away))
-    degrees = SharedValue(math.degrees(middle), math.degrees(spread))
-    result.add_measured("home_angle_deg", degrees, start.home_angle_deg, "degrees")
+    found.add_measured("home_angle_deg", Measured(math.degrees(middle), math.degrees(spread)), "degrees")
 
 
-def _find_detection(
-    result: _Result,
-    scans: Sequence[PlacedScan],
-    room: Room,
-    places: Sequence[Place],
-    start: Board,
-    tick: Callable[[float], None],
-) -> None:
+def _find_detection(found: RoomCalibration, places: Sequence[Place], tick: Callable[[float], None]) -> None:
     """Add threshold and aperture by the rule for echoes and silence; a threshold that no silence bounds stays."""
-    redundancy = float(np.mean([readings_per_independent(scan, result.board) for scan in scans]))
-    chosen = choose_detection(scans, room, result.board, places, redundancy, tick)
+    redundancy = float(np.mean([readings_per_independent(scan, found.board) for scan in found.scans]))
+    chosen = choose_detection(found.scans, found.room, found.board, places, redundancy, tick)
     if chosen.is_determined:
-        result.add("threshold_db", chosen.threshold_db, start.threshold_db, "dB")
+        found.add("threshold_db", *chosen.threshold_db, "dB")
     else:
-        result.kept["threshold_db"] = "the logs have no silence, or no echo"
-    result.add("aperture_radius", chosen.aperture_radius, start.aperture_radius, "m")
+        found.kept["threshold_db"] = "the logs have no silence, or no echo"
+    found.add("aperture_radius", *chosen.aperture_radius, "m")
 
 
-def _find_spreads(
-    result: _Result,
-    scans: Sequence[PlacedScan],
-    room: Room,
-    places: Sequence[Place],
-    start: Board,
-    tick: Callable[[], None],
-) -> None:
+def _find_spreads(found: RoomCalibration, places: Sequence[Place], tick: Callable[[], None]) -> None:
     """Add the standard deviations of range and threshold; one that the profile states stays until contradicted."""
-    of_range, of_threshold = spreads(scans, room, result.board, places, tick)
-    for key, found, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
-        low, high = max(found.value - Z95 * found.deviation, 0.0), found.value + Z95 * found.deviation
-        before = float(getattr(start, key))
+    of_range, of_threshold = spreads(found.scans, found.room, found.board, places, tick)
+    for key, measured, unit in (("threshold_sd_db", of_threshold, "dB"), ("range_sd", of_range, "m")):
+        half, before = Z95 * measured.deviation, float(getattr(found.start, key))
+        low, high = max(measured.value - half, 0.0), measured.value + half
         # the spread of a population holds until the scans contradict it; 0 states none
         if before and low <= before <= high:
-            result.kept[key] = f"the 95 % interval of the scans, {low:.2g} to {high:.2g} {unit}, contains it"
+            found.kept[key] = f"the 95 % interval of the scans, {low:.2g} to {high:.2g} {unit}, contains it"
         else:
-            result.add(key, Between(found.value, low, high), before, unit)
-
-
-def _doubts(scans: Sequence[PlacedScan]) -> tuple[str, ...]:
-    if len(scans) >= _FEWEST_SCANS:
-        return ()
-    return (
-        f"{counted(len(scans), 'scan')}: values may be those of this place alone; "
-        f"expected at least {_FEWEST_SCANS} places",
-    )
+            found.add(key, measured.value, low, high, unit)

@@ -218,8 +218,8 @@ def with_furniture(room: Room, position: tuple[float, float], random: np.random.
 
 
 _ANGLES = np.linspace(0.0, math.pi / 2, 1801)  # rad from the axis, 0.05° apart
-_MIDDLE = 0.5  # share of the arc in which a calibration measures the range
-_LATE = 0.004  # m; a calibration takes ranges that exceed those of the middle by more for those of a rim
+ARC_MIDDLE = 0.5  # share of the arc in which a calibration measures the range
+RIM = 0.004  # m; a calibration takes ranges that exceed those of the middle by more for those of a rim
 
 
 @dataclass(frozen=True)
@@ -238,8 +238,8 @@ def plate_echo(board: Board, air: Air, distance: float, stronger_db: float = 0.0
     arc = _before_first(np.isnan(delays))
     if arc == 0:
         return PlateEcho(0.0, 0.0, 0.0)
-    delay = float(np.median(delays[: max(1, round(_MIDDLE * arc))]))
-    early = _before_first(~(delays <= delay + _LATE))
+    delay = float(np.median(delays[: max(1, round(ARC_MIDDLE * arc))]))
+    early = _before_first(~(delays <= delay + RIM))
     return PlateEcho(2 * float(_ANGLES[arc]), 2 * float(_ANGLES[early]), delay)
 
 

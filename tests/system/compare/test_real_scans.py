@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sonarhw_compare.calibration.room as calibration
-from sonarhw_compare.calibration.room import StartingTurntable
+from sonarhw_compare.calibration.room import RoomCalibration, StartingTurntable
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.starting import fit_scan
 from sonarhw_sim.air import Model
@@ -122,8 +122,8 @@ def test_the_carrier_is_found_without_any_one_place(scans: list[RealScan], left_
     fits = [fit_scan(scan.readings, ROOM, ROOM.place(scan.spot), BOARD, NEARBY) for scan in kept]
     placed = [PlacedScan(scan.readings, Place(scan.name, (scan.x, scan.y)), scan.name) for scan in kept]
     places = tuple(fit.place for fit in fits)
-    result = calibration._Result(BOARD)
-    calibration._find_own_body(result, placed, ROOM, StartingTurntable(1.0, 0.01, BOARD.threshold_db, places), BOARD)
+    result = RoomCalibration(BOARD, BOARD, scans=placed, given=ROOM, room=ROOM)
+    calibration._find_own_body(result, StartingTurntable(1.0, 0.01, BOARD.threshold_db, places))
     assert [part.spans(math.radians(degrees)) for part in result.own_body for degrees in (93, 216)] == [
         True,
         False,

@@ -3,8 +3,10 @@
 import math
 
 import pytest
-from sonarhw_compare.calibration.room import gained_by_reflection, is_contradicted, with_provenance, with_reflectances
-from sonarhw_compare.edits import CalibratedValue
+from sonarhw_compare.calibration.outcome import Finding
+from sonarhw_compare.calibration.room import RoomCalibration, gained_by_reflection, is_contradicted, with_reflectances
+from sonarhw_compare.fit.result import PlacedScan
+from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Room, load_room, parse_room
 
 from sonarhw.errors import InputError
@@ -29,8 +31,8 @@ position = [1.0, 1.0]
 """
 
 
-def found(material: str, value: float, before: float) -> CalibratedValue:
-    return CalibratedValue(material, value, value - 0.1, value + 0.1, before, "")
+def found(material: str, value: float, before: float) -> Finding:
+    return Finding(material, value, value - 0.1, value + 0.1, before, "")
 
 
 def changed() -> tuple[Room, Room]:
@@ -51,8 +53,14 @@ def test_one_reflection_is_louder_by_the_mean_along_the_walls() -> None:
 
 
 def test_the_text_names_profile_and_scans_and_stays_a_room() -> None:
-    _, other = changed()
-    written = with_provenance(other, [found("board", 0.72, 0.9)], "mine", ["a.mcap", "b\n.mcap"])
+    room, other = changed()
+    board, scans = (
+        load_board("lego-nxt"),
+        [PlacedScan([], room.place("a"), file=name) for name in ("a.mcap", "b\n.mcap")],
+    )
+    reflectances = (found("board", 0.72, 0.9),)
+    result = RoomCalibration(board, board, scans=scans, given=room, room=other, reflectances=reflectances)
+    written = result.room_with_header("mine")
     head, _, rest = written.text.partition("\n\n")
     assert "board profile 'mine'" in head
     assert "#   reflectance of 'board': 0.72, 95 % 0.62 to 0.82; before: 0.9" in head

@@ -5,10 +5,16 @@ from dataclasses import replace
 
 import pytest
 import sonarhw_compare.calibration.room as calibration
-from sonarhw_compare.calibration.room import SharedValue, TurntableFit
+from sonarhw_compare.calibration.outcome import Measured
+from sonarhw_compare.calibration.room import RoomCalibration, TurntableFit
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, load_room
+
+
+def begun(start: Board, board: Board) -> RoomCalibration:
+    room = load_room("arena")
+    return RoomCalibration(start, board, scans=(), given=room, room=room)
 
 
 @pytest.mark.parametrize(
@@ -24,13 +30,13 @@ def test_a_stated_spread_stays_if_the_scans_do_not_contradict_it(
 ) -> None:
     def found(
         _scans: Sequence[PlacedScan], _room: object, _board: Board, _places: Sequence[Place], _tick: Callable[[], None]
-    ) -> tuple[SharedValue, SharedValue]:
-        return SharedValue(0.014, 0.001), SharedValue(2.6, 0.8)
+    ) -> tuple[Measured, Measured]:
+        return Measured(0.014, 0.001), Measured(2.6, 0.8)
 
     monkeypatch.setattr(calibration, "spreads", found)
     start = replace(load_board("lego-nxt"), threshold_sd_db=stated, range_sd=0.0)
-    result = calibration._Result(start)
-    calibration._find_spreads(result, (), load_room("arena"), (), start, lambda: None)
+    result = begun(start, start)
+    calibration._find_spreads(result, (), lambda: None)
     assert result.board.threshold_sd_db == expected
     assert result.board.range_sd == 0.014
     assert ("threshold_sd_db" in result.kept) is is_kept
@@ -49,12 +55,12 @@ def test_a_stated_spread_stays_if_the_scans_do_not_contradict_it(
 def test_a_geometry_stays_if_the_scans_do_not_contradict_it(scale: float, deviation: float, expected: float) -> None:
     start = load_board("lego-nxt")
     shared = {
-        key: SharedValue(float(getattr(start, key)), 0.01)
+        key: Measured(float(getattr(start, key)), 0.01)
         for key in ("range_offset", "clock_error", "turntable_scale", "axis_x", "axis_y")
     }
-    fitted = TurntableFit(shared | {"turntable_scale": SharedValue(scale, deviation)}, {}, ())
-    result = calibration._Result(replace(start, turntable_scale=1.03))  # where the search began
-    calibration._find_geometry(result, fitted, start)
+    fitted = TurntableFit(shared | {"turntable_scale": Measured(scale, deviation)}, {}, ())
+    result = begun(start, replace(start, turntable_scale=1.03))  # where the search began
+    calibration._find_geometry(result, fitted)
     assert result.board.turntable_scale == expected
     assert ("turntable_scale" in result.kept) is (expected == 1.0)
     assert result.board.range_offset == start.range_offset

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sonarhw_compare.calibration.room as calibration
-from sonarhw_compare.calibration.room import ScanAtPlace, StartingTurntable, find_own_body, place_numbers
+from sonarhw_compare.calibration.room import RoomCalibration, StartingTurntable, find_own_body, place_numbers
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_sim.board.profile import load_board
@@ -28,7 +28,7 @@ def scan_at(
     zero: float = 0.0,
     others: np.random.Generator | None = None,
     whole: bool = False,
-) -> ScanAtPlace:
+) -> PlacedScan:
     """Return what the room does not explain: echoes at 20 to 22 cm at the turntable angles `body`, and silence.
 
     With `others`, one angle in seven has an echo from 0.1 to 2.5 m that is not in the room. With `whole`, return all
@@ -42,12 +42,12 @@ def scan_at(
         ranges[strange] = others.uniform(0.1, 2.5, strange.sum())
     ranges[np.isin(angles, body)] = 0.20 + 0.02 * whole + 0.02 * (angles[np.isin(angles, body)] % 2)
     times = [() if math.isnan(one) else (2 * one / SPEED,) for one in ranges.tolist()]
-    return ScanAtPlace(
+    return PlacedScan(
         [
             Reading(k, 0, 0, math.radians(float(angles[k])), 0.1 * k, times[k], SPEED)
             for k in np.flatnonzero(whole | ~(np.abs(ranges - predicted) <= TOLERANCE)).tolist()
         ],
-        position,
+        Place("", position),
     )
 
 
@@ -109,8 +109,8 @@ def test_a_wall_in_front_of_three_of_four_places_does_not_hide_the_body() -> Non
     ]
     places = tuple(scan.place for scan in scans)
     first = StartingTurntable(1.0, 0.01, NXT.threshold_db, places)
-    result = calibration._Result(NXT)
-    calibration._find_own_body(result, scans, ROOM, first, NXT)
+    result = RoomCalibration(NXT, NXT, scans=scans, given=ROOM, room=ROOM)
+    calibration._find_own_body(result, first)
     assert [(part.from_deg, part.to_deg) for part in result.own_body] == [
         (pytest.approx(82.5, abs=3.1), pytest.approx(97.5, abs=3.1)),
         (pytest.approx(202.5, abs=3.1), pytest.approx(226.5, abs=3.1)),

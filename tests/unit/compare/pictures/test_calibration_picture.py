@@ -2,7 +2,7 @@
 
 import math
 
-from sonarhw_compare.calibration.room import RoomCalibration, ScanFigures
+from sonarhw_compare.calibration.room import RoomCalibration
 from sonarhw_compare.drawings import draw_calibration
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.match import compare_readings
@@ -19,9 +19,10 @@ def test_readings_of_a_fake_scanner_are_not_called_measured_and_silence_has_no_r
         Reading(k, 0, 0, math.radians(10 * k), 0.0, () if k > 30 else (0.004,), 344.0, origin=Origin.FAKE)
         for k in range(36)
     ]
-    shown = ScanFigures(compare_readings(readings, room, place, board))
-    found = RoomCalibration(board, room, (), False, (), (), 0, {}, (), (), (shown,), (shown,))
-    figure = draw_calibration(found, [PlacedScan(readings, place, "a")])
+    shown = (compare_readings(readings, room, place, board),)
+    scans = [PlacedScan(readings, place, "a")]
+    found = RoomCalibration(board, board, scans=scans, given=room, room=room, before=shown, after=shown)
+    figure = draw_calibration(found)
     figure.draw_without_rendering()
     assert [text.get_text() for text in figure.legends[0].texts] == ["predicted", "fake (grey band: no echo)"]
     axes = figure.axes[0]

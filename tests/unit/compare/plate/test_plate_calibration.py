@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from sonarhw_compare.calibration.plate import blanking_end, calibrate_with_plates, plate_profile
+from sonarhw_compare.calibration.outcome import Calibration
+from sonarhw_compare.calibration.plate import calibrate_with_plates, find_blanking
 from sonarhw_compare.calibration.plate_readings import plate_readings
 from sonarhw_sim.board.profile import load_board
 
@@ -31,7 +32,7 @@ def test_all_hidden_constants_are_found_from_traces() -> None:
         assert one.value == pytest.approx(CONSTANTS[one.key], abs=TOLERANCES[one.key]), one.key
         assert one.low <= CONSTANTS[one.key] <= one.high, one.key
         assert one.high - one.low < 4 * TOLERANCES[one.key], one.key
-    text = plate_profile(start, found, scans, "mine").text
+    text = found.profile("mine").text
     assert "#   0.25 m: plate at 0.25 m" in text
     assert "beginning with profile 'polaroid-6500'" in text
     lines = {line.split(" = ")[0]: line for line in text.splitlines() if " = " in line}
@@ -84,10 +85,13 @@ def test_what_the_scans_hardly_determine_stays() -> None:
 
 def test_blanking_by_the_scanner_hides_that_of_the_board() -> None:
     seen = plates(hidden_board(), distances=(0.25,), traces=False)
-    assert blanking_end(start_board(), seen).time == pytest.approx(CONSTANTS["blanking"], abs=TOLERANCES["blanking"])
-    scans = [replace(scan, blanked_until=CONSTANTS["blanking"]) for scan in seen]
-    reason = "the scanner ignored all echoes before 1.7 ms; scan with less blanking"
-    assert blanking_end(start_board(), scans).reason == reason
+    found = Calibration(start_board(), start_board())
+    find_blanking(found, seen)
+    assert found.board.blanking == pytest.approx(CONSTANTS["blanking"], abs=TOLERANCES["blanking"])
+    found = Calibration(start_board(), start_board())
+    find_blanking(found, [replace(scan, blanked_until=CONSTANTS["blanking"]) for scan in seen])
+    assert found.kept == {"blanking": "the scanner ignored all echoes before 1.7 ms; scan with less blanking"}
+    assert found.board == start_board()
 
 
 def test_a_plate_elsewhere_is_refused() -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.calibration.plate_readings import calibrate
+from sonarhw_compare.calibration.plate_readings import faced_plate
 
 from sonarhw.errors import NoPlate
 from sonarhw.readings import Reading
@@ -34,7 +34,7 @@ def scan(distance: float, direction: float, offset: float, *, step: float = 0.5,
 @pytest.mark.parametrize("offset", [-0.02, 0.0, 0.013])
 @pytest.mark.parametrize("degrees", [-3.7, 0.0, 2.3])
 def test_offset_and_home_angle_are_found(offset: float, degrees: float) -> None:
-    found = calibrate(scan(1.5, math.radians(degrees), offset), 1.5, 0.0)
+    found = faced_plate(scan(1.5, math.radians(degrees), offset), 1.5, 0.0)
     assert found.range_offset == pytest.approx(offset, abs=0.001)
     assert math.degrees(found.home_angle) == pytest.approx(-degrees, abs=0.26)
     assert found.arc == pytest.approx(2 * BEAM, abs=math.radians(1.0))
@@ -45,7 +45,7 @@ def test_finer_steps_reduce_the_error_and_the_uncertainty_of_the_zero() -> None:
     for step in (2.0, 0.5, 0.1):
         errors = []
         for degrees in np.linspace(-1.0, 1.0, 21):
-            found = calibrate(scan(1.5, math.radians(degrees), 0.0, step=step), 1.5, 0.0)
+            found = faced_plate(scan(1.5, math.radians(degrees), 0.0, step=step), 1.5, 0.0)
             errors.append(found.home_angle + math.radians(degrees))
         assert np.std(errors) < 2 * found.home_uncertainty
         assert found.home_uncertainty < math.radians(step)
@@ -57,16 +57,16 @@ def test_echoes_of_other_objects_are_left_out() -> None:
         Reading(**{**vars(reading), "echo_times": tuple(sorted((*reading.echo_times, 2 * 2.5 / SPEED)))})
         for reading in readings
     ]
-    assert calibrate(cluttered, 1.5, 0.0) == calibrate(readings, 1.5, 0.0)
+    assert faced_plate(cluttered, 1.5, 0.0) == faced_plate(readings, 1.5, 0.0)
 
 
 def test_a_plate_without_echoes_or_filling_the_sector_is_refused() -> None:
     with pytest.raises(NoPlate, match="detected at 0 headings"):
-        calibrate(scan(1.5, 0.0, 0.0), 3.0, 0.0)
+        faced_plate(scan(1.5, 0.0, 0.0), 3.0, 0.0)
     with pytest.raises(NoPlate, match="end of the sector"):
-        calibrate(scan(1.5, 0.0, 0.0, width=10.0), 1.5, 0.0)
+        faced_plate(scan(1.5, 0.0, 0.0, width=10.0), 1.5, 0.0)
     with pytest.raises(NoPlate, match="detected at 0 headings"):
-        calibrate([], 1.5, 0.0)
+        faced_plate([], 1.5, 0.0)
 
 
 def readings_of(rows: list[tuple[float, float | None]]) -> list[Reading]:
@@ -80,7 +80,7 @@ def readings_of(rows: list[tuple[float, float | None]]) -> list[Reading]:
 def test_late_detection_at_the_rims_of_the_arc_does_not_change_the_offset() -> None:
     """Ranges are 1.51 m over the middle half of the arc, and up to 20 cm more outside it."""
     rows = [(float(k), 1.51 + 0.02 * max(0, abs(k) - 5) if abs(k) <= 10 else None) for k in range(-20, 21)]
-    found = calibrate(readings_of(rows), 1.5, 0.0)
+    found = faced_plate(readings_of(rows), 1.5, 0.0)
     assert found.range_offset == pytest.approx(0.01, abs=1e-9)
     assert found.range_spread == pytest.approx(0.0, abs=1e-9)
 
@@ -88,7 +88,7 @@ def test_late_detection_at_the_rims_of_the_arc_does_not_change_the_offset() -> N
 def test_offset_is_the_median_and_spread_the_standard_deviation_of_the_middle() -> None:
     middle = [1.500, 1.508, 1.502, 1.514, 1.505, 1.501, 1.507]
     rows = [(float(k), middle[k + 3] if abs(k) <= 3 else 1.515 if abs(k) <= 6 else None) for k in range(-10, 11)]
-    found = calibrate(readings_of(rows), 1.5, 0.0)
+    found = faced_plate(readings_of(rows), 1.5, 0.0)
     assert found.range_offset == pytest.approx(0.005)
     assert found.range_spread == pytest.approx(float(np.std(middle)))
 
@@ -98,7 +98,7 @@ def test_headings_at_the_rims_count_by_the_share_of_their_pings_that_detect_the_
     rows = [
         (float(k), 1.5 if abs(k) <= 5 or (k == 6 and ping == 0) else None) for k in range(-9, 10) for ping in range(4)
     ]
-    found = calibrate(readings_of(rows), 1.5, 0.0)
+    found = faced_plate(readings_of(rows), 1.5, 0.0)
     assert math.degrees(found.arc) == pytest.approx(11.25)
     assert math.degrees(found.home_angle) == pytest.approx(-0.125, abs=0.01)
     assert found.headings == 12
@@ -110,17 +110,17 @@ def test_a_plate_at_five_headings_is_enough_and_at_four_too_little() -> None:
     for count, enough in ((5, True), (4, False)):
         rows = [(float(k), 1.5 if 0 <= k < count else None) for k in range(-3, 9)]
         if enough:
-            assert calibrate(readings_of(rows), 1.5, 0.0).headings == count
+            assert faced_plate(readings_of(rows), 1.5, 0.0).headings == count
             continue
         with pytest.raises(NoPlate, match="detected at 4 headings"):
-            calibrate(readings_of(rows), 1.5, 0.0)
+            faced_plate(readings_of(rows), 1.5, 0.0)
 
 
 @pytest.mark.parametrize("first", [True, False])
 def test_a_plate_at_one_end_of_the_sector_is_refused(first: bool) -> None:
     rows = [(float(k), 1.5 if (k < 8 if first else k >= 12) else None) for k in range(20)]
     with pytest.raises(NoPlate, match=f"m reach {0 if first else 19} degrees"):
-        calibrate(readings_of(rows), 1.5, 0.0)
+        faced_plate(readings_of(rows), 1.5, 0.0)
 
 
 def test_only_ranges_within_the_gate_are_from_the_plate() -> None:
@@ -128,60 +128,60 @@ def test_only_ranges_within_the_gate_are_from_the_plate() -> None:
         rows = [(float(k), far if abs(k) <= 5 else None) for k in range(-9, 10)]
         # within the gate, the error states the distance that was measured
         with pytest.raises(NoPlate, match=f"comes from {far:.3f} m, expected 1.5 m" if found else "0 headings"):
-            calibrate(readings_of(rows), 1.5, 0.0)
+            faced_plate(readings_of(rows), 1.5, 0.0)
 
 
 @pytest.mark.parametrize("offset", [-0.11, -0.09, 0.09, 0.11])
 def test_an_offset_of_more_than_10_cm_is_refused(offset: float) -> None:
     readings = scan(1.5, 0.0, offset)
     if abs(offset) < 0.1:
-        assert calibrate(readings, 1.5, 0.0).range_offset == pytest.approx(offset, abs=0.001)
+        assert faced_plate(readings, 1.5, 0.0).range_offset == pytest.approx(offset, abs=0.001)
         return
     with pytest.raises(NoPlate, match=rf"comes from {1.5 + offset:.2f}\d m, expected 1.5 m within 10 cm"):
-        calibrate(readings, 1.5, 0.0)
+        faced_plate(readings, 1.5, 0.0)
 
 
 @pytest.mark.parametrize("degrees", [-11.0, -9.0, 9.0, 11.0])
 def test_a_plate_turned_by_more_than_10_degrees_is_refused(degrees: float) -> None:
     readings = scan(1.5, math.radians(degrees), 0.0)
     if abs(degrees) < 10:
-        assert math.degrees(calibrate(readings, 1.5, 0.0).home_angle) == pytest.approx(-degrees, abs=0.26)
+        assert math.degrees(faced_plate(readings, 1.5, 0.0).home_angle) == pytest.approx(-degrees, abs=0.26)
         return
     with pytest.raises(NoPlate, match=rf"is at {degrees:.0f}\.\d degrees, expected 0 degrees within 10"):
-        calibrate(readings, 1.5, 0.0)
+        faced_plate(readings, 1.5, 0.0)
 
 
 def test_ranges_that_depend_on_the_angle_or_scatter_are_refused() -> None:
     for slope, even in ((0.0005, True), (0.002, False), (-0.002, False)):
         rows = [(float(k), 1.5 + slope * k if abs(k) <= 8 else None) for k in range(-12, 13)]
         if even:
-            assert calibrate(readings_of(rows), 1.5, 0.0).headings == 17
+            assert faced_plate(readings_of(rows), 1.5, 0.0).headings == 17
             continue
         with pytest.raises(NoPlate, match=r"change by 16\.0 mm from one side to the other"):
-            calibrate(readings_of(rows), 1.5, 0.0)
+            faced_plate(readings_of(rows), 1.5, 0.0)
     rows = [(float(k), 1.5 + 0.012 * (k % 2) if abs(k) <= 8 else None) for k in range(-12, 13) for _ in range(1)]
-    assert calibrate(readings_of(rows), 1.5, 0.0).range_spread == pytest.approx(0.006, abs=1e-4)
+    assert faced_plate(readings_of(rows), 1.5, 0.0).range_spread == pytest.approx(0.006, abs=1e-4)
     scattered = [
         (float(k), 1.5 + (0.03 if ping == 2 else 0) if abs(k) <= 8 else None)
         for k in range(-12, 13)
         for ping in range(3)
     ]
     with pytest.raises(NoPlate, match=r"standard deviation of 14\.1 mm"):
-        calibrate(readings_of(scattered), 1.5, 0.0)
+        faced_plate(readings_of(scattered), 1.5, 0.0)
 
 
 def test_an_arc_that_is_too_narrow_or_too_wide_for_the_board_is_refused() -> None:
     readings = scan(1.5, 0.0, 0.0)
-    arc = calibrate(readings, 1.5, 0.0).arc
+    arc = faced_plate(readings, 1.5, 0.0).arc
     step = math.radians(0.5)
-    assert calibrate(readings, 1.5, 0.0, arcs=(arc - step, arc + step)).arc == arc
-    for arcs in ((arc + step, math.tau), (0.0, arc - step)):
+    assert faced_plate(readings, 1.5, 0.0, arcs=(arc - step / 2, arc + step / 2)).arc == arc
+    for arcs in ((arc + 1.5 * step, math.tau), (0.0, arc - 1.5 * step)):
         with pytest.raises(NoPlate, match=r"over 22\.5 degrees, expected"):
-            calibrate(readings, 1.5, 0.0, arcs=arcs)
+            faced_plate(readings, 1.5, 0.0, arcs=arcs)
 
 
 def test_echoes_of_a_rim_on_one_side_do_not_turn_the_zero() -> None:
     rows = [(float(k), 1.5 if abs(k) <= 10 else 1.55 if 10 < k <= 16 else None) for k in range(-25, 26)]
-    found = calibrate(readings_of(rows), 1.5, 0.0)
+    found = faced_plate(readings_of(rows), 1.5, 0.0)
     assert found.home_angle == pytest.approx(0.0, abs=1e-9)
     assert math.degrees(found.arc) == pytest.approx(21)
