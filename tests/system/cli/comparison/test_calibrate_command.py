@@ -74,6 +74,13 @@ def test_bad_usage_is_one_line_and_leaves_no_profile(
     assert not out.exists()
 
 
+def test_a_ring_of_sensors_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ring = tmp_path / "ring.toml"
+    ring.write_text(f"{load_board('hc-sr04').text}\n[ring]\nsensors = 4\nradius = 0.1\n")
+    assert calibrated(tmp_path / "bench.toml", "--board", str(ring)) == 2
+    assert "has a ring of sensors; a plate calibrates a head on a turntable" in capsys.readouterr().err
+
+
 def test_a_sector_of_too_few_headings_is_refused_before_the_turntable_moves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

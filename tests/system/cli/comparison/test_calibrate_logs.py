@@ -1,5 +1,6 @@
 """`sonarhw calibrate LOG…`: from scans of the fake scanner to a profile, and errors of one line."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,35 @@ def test_the_profile_contains_the_constants_of_the_scanner(folder: Path, capsys:
     assert found.blanking == pytest.approx(HIDDEN["blanking"], abs=20e-6)
     assert found.max_range == load_board("polaroid-6500").max_range
     assert "#   middle.mcap: plate at 0.5 m" in found.text
+
+
+def test_a_plate_scanned_now_gives_what_a_log_of_the_same_scan_gives(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = {"aperture_radius": 0.0178, "threshold_db": -36.5}
+    (folder / "other.toml").write_text(changed(board))
+    url = f"fake:{folder / 'wall.toml'}?place=far&board={folder / 'other.toml'}&pace=max&seed=1"
+    sector = ["--from", "-30", "--to", "30", "--step", "0.5", "--pings", "3"]
+    log, out = str(folder / "now.mcap"), folder / "now.toml"
+    assert run(["scan", url, *sector, "--out", log]) == 0
+    capsys.readouterr()
+    results = []
+    for source in (url, log):
+        options = ["--distance", "1", "--board", "polaroid-6500", "--out", str(out), "--force", "--json"]
+        assert run(["calibrate", source, *options]) == 0
+        results.append(json.loads(capsys.readouterr().out))
+    now, later = ({one["key"]: one for one in result["findings"]} for result in results)
+    assert results[0]["plate"]["headings"] > 20
+    assert now.pop("range_offset")["value"] == pytest.approx(results[0]["plate"]["range_offset"], abs=1e-5)
+    assert now.pop("home_angle_deg")["low"] < 0.3
+    assert now == later
+    assert (
+        results[0]["kept"].keys()
+        == results[1]["kept"].keys()
+        == {"blanking", "rise_cycles", "gain_step_db", "own_burst_db"}
+    )
+    for key, value in board.items():
+        assert now[key]["low"] <= value <= now[key]["high"]
 
 
 @pytest.mark.parametrize(
