@@ -22,7 +22,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Finding:
+class CalibratedValue:
     """A value that a calibration has determined, with its 95 % interval."""
 
     key: str  # of the profile, or a material of the room
@@ -68,7 +68,7 @@ class Calibration:
 
     start: Board
     board: Board  # with the values found
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[CalibratedValue] = field(default_factory=list)
     own_body: tuple[OwnBodyPart, ...] = ()  # found; empty if none, or if it stays
     kept: dict[str, str] = field(default_factory=dict)  # reason by key
     doubts: list[str] = field(default_factory=list)
@@ -81,7 +81,7 @@ class Calibration:
         # without `ring_cycles`, the ring-down is that of `rise_cycles`
         before = getattr(self.start, key)
         before = float(self.start.rise_cycles if before is None else before)
-        self.findings.append(Finding(key, value, low, high, before, unit, decimals, mark))
+        self.findings.append(CalibratedValue(key, value, low, high, before, unit, decimals, mark))
         self.board = self.board.with_numbers({key: value})
 
     def add_measured(self, key: str, found: Measured, unit: str, decimals: int | None = None, mark: str = "") -> None:

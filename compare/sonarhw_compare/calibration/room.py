@@ -19,7 +19,7 @@ from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import BoolArray, FloatArray, Reading
-from sonarhw_compare.calibration.outcome import Calibration, Finding, Measured
+from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration, Measured
 from sonarhw_compare.edits import Z95
 from sonarhw_compare.fit.objective import MODERATE, Objective, Problem, make_problem
 from sonarhw_compare.fit.parameters import Parameter
@@ -588,17 +588,17 @@ def _top(objective: Objective, values: FloatArray, movable: BoolArray) -> FloatA
 _LEAST_HALF = 0.005  # of an interval; one at a bound has no curvature
 
 
-def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[Finding, ...]:
+def reflectances_of(room: Room, fitted: TurntableFit) -> tuple[CalibratedValue, ...]:
     """Return the reflectances that scans give, with 95 % intervals; `before` is the value of the room file."""
     findings = []
     for material, measured in fitted.reflectances.items():
         value, half = measured.value, max(Z95 * measured.deviation, _LEAST_HALF)
         before = reflectance_of(room, material)
-        findings.append(Finding(material, value, value - half, min(value + half, 1.0), before, ""))
+        findings.append(CalibratedValue(material, value, value - half, min(value + half, 1.0), before, ""))
     return tuple(findings)
 
 
-def with_reflectances(room: Room, found: Sequence[Finding]) -> Room:
+def with_reflectances(room: Room, found: Sequence[CalibratedValue]) -> Room:
     """Return the room with these reflectances, also in its text. Raises InputError if there are none."""
     if not found:
         raise InputError(
@@ -618,12 +618,12 @@ def gained_by_reflection(before: Room, after: Room) -> float:
     return float(np.average(20 * np.log10(np.where(old > 0, new / np.maximum(old, 1e-9), 1.0)), weights=lengths))
 
 
-def is_contradicted(found: Finding) -> bool:
+def is_contradicted(found: CalibratedValue) -> bool:
     """Return whether the value of the room file is outside the 95 % interval of the scans."""
     return not found.low <= found.before <= found.high
 
 
-def reflectance_text(found: Finding) -> str:
+def reflectance_text(found: CalibratedValue) -> str:
     """Return material, reflectance, interval, and the value of the room file, in words."""
     name = harmless(found.key)
     return f"reflectance of {name!r}: {found.text}, 95 % {found.interval_text}; the room file says {found.before:g}"
@@ -645,7 +645,7 @@ class RoomCalibration(Calibration):
     scans: Sequence[PlacedScan]
     given: Room
     room: Room  # to which the profile belongs: the given one, or with the reflectances found
-    reflectances: tuple[Finding, ...] = ()  # of the materials, by these scans
+    reflectances: tuple[CalibratedValue, ...] = ()  # of the materials, by these scans
     before: tuple[Comparison, ...] = ()  # of the scans, with the profile `start`
     after: tuple[Comparison, ...] = ()
 

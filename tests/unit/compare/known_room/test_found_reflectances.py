@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sonarhw_compare.calibration.outcome import Finding
+from sonarhw_compare.calibration.outcome import CalibratedValue
 from sonarhw_compare.calibration.room import RoomCalibration, gained_by_reflection, is_contradicted, with_reflectances
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_sim.board.profile import load_board
@@ -31,8 +31,8 @@ position = [1.0, 1.0]
 """
 
 
-def found(material: str, value: float, before: float) -> Finding:
-    return Finding(material, value, value - 0.1, value + 0.1, before, "")
+def found(material: str, value: float, before: float) -> CalibratedValue:
+    return CalibratedValue(material, value, value - 0.1, value + 0.1, before, "")
 
 
 def changed() -> tuple[Room, Room]:
