@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from shlex import quote
@@ -75,7 +76,7 @@ def gui(
 def show_demo() -> int:
     """Open the window on a fake scanner in the demo room."""
     with _collector_held():
-        return _scan(demo_url(), _NOTHING)
+        return _scan(demo_url(), _NOTHING, follows=True)
 
 
 @contextmanager
@@ -102,7 +103,7 @@ def _open(sources: list[str], room: str | None, place: str | None, board: str | 
         return _scan(source, request)
     if room_named is not None:
         return _show_room(room_named, request)
-    return _scan(demo_url(), request, resume=request == _NOTHING)
+    return _scan(demo_url(), request, resume=request == _NOTHING, follows=True)
 
 
 def _source_and_room(sources: list[str], room: str | None) -> tuple[str | None, str | None]:
@@ -189,7 +190,8 @@ def _used(room: str | None) -> tuple[Path, ...]:
     return (Path(room),) if room is not None and is_file(room) else ()
 
 
-def _scan(url: str, request: _Request, resume: bool = False) -> int:
+def _scan(url: str, request: _Request, resume: bool = False, follows: bool = False) -> int:
+    """Open the window on a scanner; `follows`: a fake one, which takes room and place of the plan for each scan."""
     from sonarhw_compare.one_call import is_fake
     from sonarhw_gui.window.start import DEMO, check_display
 
@@ -202,10 +204,10 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
 
     # a fake scanner may start at once; a real turntable must not move without a request
     start = WindowStart(scene, url=url, autostart=fake, takes_board=takes_board, resume=resume)
-    return _run(replace(start, used=_used(request.room)))
+    return _run(replace(start, used=_used(request.room)), follows)
 
 
-def _run(start: "WindowStart") -> int:
+def _run(start: "WindowStart", follows: bool = False) -> int:
     """Show the window, with the scanner at its URL if there is one, and let it find others."""
     from sonarhw_gui.session.kept import memory_file
     from sonarhw_gui.window.start import run_window
@@ -213,7 +215,7 @@ def _run(start: "WindowStart") -> int:
     with ExitStack() as exit_stack:
         scanners = _Scanners(exit_stack)
         if start.url:
-            start = replace(start, source=scanners.opener(start.url))
+            start = replace(start, source=scanners.find(start.url, follows))
         return run_window(replace(start, find_scanner=scanners.find, memory=memory_file()))
 
 
@@ -233,8 +235,11 @@ class _Scanners:
     def __init__(self, exit_stack: ExitStack) -> None:
         self._exit_stack = exit_stack
 
-    def find(self, url: str) -> "ScannerTarget":
-        """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL."""
+    def find(self, url: str, follows: bool = False) -> "ScannerTarget":
+        """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL.
+
+        `follows`: it is a fake scanner that scans in the scene that the window shows.
+        """
         from sonarhw_compare.one_call import is_fake
         from sonarhw_gui.session.scanner import ScannerTarget
 
@@ -243,14 +248,17 @@ class _Scanners:
         scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
         if is_plugin(url):
             make_plugin(url)  # an invalid URL is reported before a connection is made
-        return ScannerTarget(url, self.opener(url), scene)
+        return ScannerTarget(url, self.opener(url), scene, partial(self.opener, url) if follows else None)
 
-    def opener(self, url: str) -> "ScannerOpener":
-        """Return a function that opens the scanner at `url`. The function raises LinkError, DeviceError."""
+    def opener(self, url: str, scene: "Scene | None" = None) -> "ScannerOpener":
+        """Return a function that opens the scanner at `url`. The function raises LinkError, DeviceError.
+
+        `scene`: where a fake scanner is, instead of where its URL puts it.
+        """
         found: list[Find] = []
 
         def open_it() -> "Scanner":
-            from sonarhw_compare.one_call import open_scanner
+            from sonarhw_compare.one_call import open_scanner, serve_fake_in
 
             from sonarhw.host.scanner import Scanner
             from sonarhw.plugins.device_plugin import is_plugin
@@ -259,8 +267,12 @@ class _Scanners:
                 return open_scanner(url)
             if not found:
                 self._exit_stack.close()  # ends an earlier fake scanner, whose connection is closed
-                found.append(self._exit_stack.enter_context(resolve(url)))
-            return Scanner.open(url, find=found[0])
+                served = resolve(url)
+                if scene is not None and scene.room is not None and scene.place is not None:
+                    served = serve_fake_in(url, scene.room, scene.place, scene.board)
+                found.append(self._exit_stack.enter_context(served))
+            name = url if scene is None else f"fake:{Path(scene.room_file).stem}?place={scene.pose.name}"
+            return Scanner.open(name, find=found[0])
 
         return open_it
 

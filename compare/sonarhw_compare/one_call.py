@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl
 
 from sonarhw_sim.air import DEFAULT_BOARD, ROOM_TOLERANCE, Air, Model, Receiver
 from sonarhw_sim.board.profile import Board, load_board, without_own_body
@@ -571,18 +571,6 @@ def is_fake(url: str) -> bool:
     return url.startswith(f"{SCHEME}:")
 
 
-def moved_fake_url(url: str, room: str, place: str, board: str, heading: float | None = None) -> str:
-    """Return the URL with another room (name or file), place and shipped board; seed, pace and faults stay.
-
-    `heading`: of the turntable's step 0, rad; None: that of the place.
-    """
-    values = dict(parse_qsl(url.partition("?")[2], keep_blank_values=True)) | {"place": place, "board": board}
-    values.pop("heading", None)
-    if heading is not None:
-        values["heading"] = f"{math.degrees(heading):.9g}"
-    return f"{SCHEME}:{room}?{urlencode(values, safe=',')}"
-
-
 def read_fake_url(url: str) -> FakeUrl:
     """Return the settings in `fake:ROOM?place=NAME&seed=1`. Raises InputError for unknown keys or invalid values."""
     room, _, query = url.removeprefix(f"{SCHEME}:").partition("?")
@@ -614,7 +602,18 @@ def serve_fake(url: str, warn: Callable[[str], None]) -> Iterator[Callable[[], s
         warn(f"{settings.room}: {doubt}")
     for doubt in place_doubts(room, place):
         warn(doubt)
-    device, _ = fake_device(room, place, load_board(settings.board), settings.seed, settings.faults)
+    with serve_fake_in(url, room, place, load_board(settings.board)) as find:
+        yield find
+
+
+@contextmanager
+def serve_fake_in(url: str, room: Room, place: Place, board: Board) -> Iterator[Callable[[], str]]:
+    """Serve the fake scanner of a URL with its seed, pace and faults, but at this place and with this board.
+
+    Yields a function that returns its present URL.
+    """
+    settings = read_fake_url(url)
+    device, _ = fake_device(room, place, board, settings.seed, settings.faults)
     with serve(device, tcp=LOOPBACK, pace=settings.pace) as endpoint:
         yield lambda: endpoint.url
 

@@ -5,9 +5,9 @@ It is a `Device`, without threads, ports or clock.
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from statistics import median
 
 from sonarhw.device.protocol import BYTE_TIME, Line, ProtocolDevice
@@ -177,20 +177,23 @@ class ReplayDevice(ProtocolDevice):
 
 _TOLERANCE = 1e-6  # s; without it, rounding could exclude a reading
 _PAUSE = 1.0  # s between two scans of a log; replaces the recorded pause
+_SAME = 1e-3  # s; a scan that starts within this time of the position is the current one
 _GAP = 5.0  # a wait is a gap if it is longer than _PAUSE and than this multiple of the median wait
 
 
 class Playback:
     """A position in the time of a log. It starts at the end, so that all readings are visible."""
 
-    def __init__(self, log: Log) -> None:
+    def __init__(self, log: Log, changed: "Callable[[Playback], None] | None" = None) -> None:
+        """`changed` is called with the playback after each change."""
         self.log = log
         self.readings = log.readings
-        self.loop = False  # whether it restarts at the end
+        self._changed = changed
+        self._loop = False
         self.playing = False
-        self._times = self._recorded = _schedule(log)
-        self.duration = self._times[-1] if self._times else 0.0  # s
+        self._recorded = _schedule(log)
         self._skip_gaps = False
+        self._set_times()
         self._speed = 1.0
         self._watched = 0.0  # s; sum of the elapsed times that the viewer has passed
         self._anchor = (0.0, self.duration)  # value of `_watched`, and position at that time
@@ -205,7 +208,7 @@ class Playback:
             return self.duration
         # computed from the anchor, so that rounding errors do not add up
         ahead = position + (self._watched - since) * self._speed
-        return ahead % self._lap if self.loop else min(ahead, self.duration)
+        return ahead % self._lap if self._loop else min(ahead, self.duration)
 
     @property
     def speed(self) -> float:
@@ -216,8 +219,19 @@ class Playback:
     def speed(self, speed: float) -> None:
         if not speed > 0:
             raise ValueError(f"speed is {speed}; expected a factor above 0")
-        self.seek(self.position)
+        self._go(self.position)
         self._speed = speed
+        self._emit()
+
+    @property
+    def loop(self) -> bool:
+        """Whether it restarts at the end."""
+        return self._loop
+
+    @loop.setter
+    def loop(self, loop: bool) -> None:
+        self._loop = loop
+        self._emit()
 
     @property
     def skip_gaps(self) -> bool:
@@ -228,15 +242,9 @@ class Playback:
     def skip_gaps(self, skip: bool) -> None:
         made = self.count
         self._skip_gaps = skip
-        self._times = _without_gaps(self._recorded) if skip else self._recorded
-        self.duration = self._times[-1] if self._times else 0.0
-        self.seek(self._times[made - 1] if made else 0.0)
-
-    @property
-    def scan_starts(self) -> tuple[float, ...]:
-        """Time of the first reading of each scan that has readings, s from the beginning."""
-        scans = (scan for scan, recorded in enumerate(self.log.scans) if recorded.readings)
-        return tuple(self._times[self._first_of(scan)] for scan in scans)
+        self._set_times()
+        self._go(self._times[made - 1] if made else 0.0)
+        self._emit()
 
     @property
     def count(self) -> int:
@@ -246,28 +254,54 @@ class Playback:
     def play(self) -> None:
         """Play from the current position, or from the beginning if it is at the end."""
         position = self.position
-        self.seek(0.0 if position >= self.duration else position)
+        self._go(0.0 if position >= self.duration else position)
         self.playing = True
+        self._emit()
 
     def pause(self) -> None:
         """Pause at the current position."""
-        self.seek(self.position)
-        self.playing = False
+        self._pause()
+        self._emit()
+
+    def toggle(self) -> None:
+        """Play, or pause."""
+        if self.playing:
+            self.pause()
+        else:
+            self.play()
 
     def advance(self, elapsed: float) -> bool:
         """Let `elapsed` s of the viewer's time pass. Return whether the position has moved."""
         self._watched += elapsed
         if not self.playing:
             return False
-        if not self.loop and self.position >= self.duration:
-            self.pause()
+        if not self._loop and self.position >= self.duration:
+            self._pause()
+        self._emit()
         return True
+
+    def drop_traces(self) -> None:
+        """Pause, and show the readings without traces, because the log can no longer be read."""
+        self.readings = tuple(replace(reading, trace=None) for reading in self.readings)
+        self.pause()
+
+    def extend(self, log: Log) -> None:
+        """Play the same log with the readings that it has now. A playback at the end stays at the end."""
+        position, at_end, known = self.position, self.position >= self.duration, self.readings
+        self.log, self._recorded = log, _schedule(log)
+        self._set_times()
+        self._go(self.duration if at_end else position)
+        # the same objects as before, so that views draw only what is new
+        same = len(log.readings) >= len(known) and not (known and _differ(log.readings[len(known) - 1], known[-1]))
+        self.readings = (*known, *log.readings[len(known) :]) if same else log.readings
+        self._emit()
 
     # seeking
 
     def seek(self, position: float) -> None:
         """Go to `position`, s from the beginning. Playing continues from there."""
-        self._anchor = (self._watched, min(max(position, 0.0), self.duration))
+        self._go(position)
+        self._emit()
 
     def seek_reading(self, index: int) -> None:
         """Go to the time of that reading of the log. Raises IndexError if there is none."""
@@ -277,6 +311,16 @@ class Playback:
         """Go to the first reading of a scan, counted from 0. Raises IndexError if there is none."""
         self.seek_reading(self._first_of(scan))
 
+    def next_scan(self) -> None:
+        """Go to the start of the next scan, or to the end of the log."""
+        later = (start for start in self.scan_starts if start > self.position + _SAME)
+        self.seek(next(later, self.duration))
+
+    def previous_scan(self) -> None:
+        """Go back to the start of this scan; from there to the start of the previous one."""
+        earlier = (start for start in self.scan_starts if start < self.position - _SAME)
+        self.seek(max(earlier, default=0.0))
+
     def seek_sweep(self, scan: int, sweep: int) -> None:
         """Go to the first reading of a sweep, or of the next one with readings. Raises IndexError if there is none."""
         readings = self.log.scans[scan].readings
@@ -285,11 +329,31 @@ class Playback:
 
     def step(self, by: int) -> None:
         """Pause `by` readings after the current one, or before it if negative. Wraps around only with `loop`."""
-        self.pause()
+        self._pause()
         if self._times:
             wanted = self.count - 1 + by
             last = len(self._times) - 1
-            self.seek_reading(wanted % (last + 1) if self.loop else min(max(wanted, 0), last))
+            self._go(self._times[wanted % (last + 1) if self._loop else min(max(wanted, 0), last)])
+        self._emit()
+
+    def _set_times(self) -> None:
+        """Set the time of each reading, and of the first reading of each scan that has readings, s."""
+        self._times = _without_gaps(self._recorded) if self._skip_gaps else self._recorded
+        self.duration = self._times[-1] if self._times else 0.0
+        sizes = [len(scan.readings) for scan in self.log.scans]
+        firsts = accumulate(sizes, initial=0)
+        self.scan_starts = tuple(self._times[first] for first, size in zip(firsts, sizes, strict=False) if size)
+
+    def _go(self, position: float) -> None:
+        self._anchor = (self._watched, min(max(position, 0.0), self.duration))
+
+    def _pause(self) -> None:
+        self._go(self.position)
+        self.playing = False
+
+    def _emit(self) -> None:
+        if self._changed is not None:
+            self._changed(self)
 
     @property
     def _lap(self) -> float:
@@ -299,6 +363,11 @@ class Playback:
 
     def _first_of(self, scan: int) -> int:
         return sum(len(before.readings) for before in self.log.scans[: range(len(self.log.scans))[scan]])
+
+
+def _differ(one: Reading, other: Reading) -> bool:
+    """Return whether two readings are different pings. Stored traces are never equal."""
+    return (one.time, one.angle, one.echo_times) != (other.time, other.angle, other.echo_times)
 
 
 def _schedule(log: Log) -> list[float]:

@@ -165,14 +165,6 @@ class WatchedFile(StrEnum):
     BOARD = "board"
 
 
-@dataclass(frozen=True)
-class ReloadFile:
-    """An accepted offer to read a changed file again."""
-
-    what: WatchedFile
-    path: Path
-
-
 class FileWatch:
     """Looks at the files once a second, and reports each change once."""
 

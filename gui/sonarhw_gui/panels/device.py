@@ -22,7 +22,6 @@ from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.session.scanner import ScanSettings
 from sonarhw_gui.session.status import (
-    Source,
     Status,
     angle_text,
     identity_text,
@@ -109,7 +108,7 @@ class DevicePanel(QWidget):
         self.hint.setVisible(bool(self.hint.text()))
         self.identity.setText(identity_text(status.link))
         self.temperature.setText(temperature_text(status))
-        self.angle.setText(angle_text(status.angle))
+        self.angle.setText(angle_text(status.job.angle))
         for label, (_, figure, _) in zip(self.figures, link_figures(status.link), strict=True):
             label.setText(figure)
         self.connect_button.setEnabled(status.can_turn and status.link is None)
@@ -118,8 +117,8 @@ class DevicePanel(QWidget):
         self._turntable.setEnabled(status.can_turn and obeys)
         for field in (self.start, self.end, self.step, self.pings, self.traces):
             field.setEnabled(obeys)
-        self._scan.setEnabled(status.can_scan and not status.scanning)
-        if before.scan_settings != status.scan_settings:
+        self._scan.setEnabled(status.can_scan)
+        if before.settings != status.settings:
             self._show_settings()
         self._show_summary()
 
@@ -199,7 +198,7 @@ class DevicePanel(QWidget):
 
     @Slot()
     def _send_settings(self) -> None:
-        scan_settings, order = self._status.scan_settings, self._show_summary()
+        scan_settings, order = self._status.settings, self._show_summary()
         if scan_settings is not None and order is not None:
             limit = self.max_range.value()
             max_range = None if limit == self.max_range.minimum() else self._look.unit.metres(limit)
@@ -220,7 +219,7 @@ class DevicePanel(QWidget):
         self.max_range.setRange(0.0, unit.of(_LONGEST))
         self.max_range.setSuffix(f" {unit.label}")
         self.max_range.setSingleStep(unit.of(0.5))
-        scan_settings = self._status.scan_settings
+        scan_settings = self._status.settings
         if scan_settings is not None:
             self.max_range.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
             self.traces.setChecked(scan_settings.traces)
@@ -257,9 +256,9 @@ class DevicePanel(QWidget):
 
 def _hint(status: Status) -> str:
     """Return why actions are disabled, and what to do."""
-    if status.source is Source.REPLAY:
+    if status.replay is not None:
         return "A log is shown. Leave the replay (Ctrl+W) to turn the scanner. A scan closes the log."
-    if not status.can_scan:
+    if not status.chosen:
         return "Choose a scanner with Connect (Ctrl+K), or start with “sonarhw gui PORT”."
     return ""
 

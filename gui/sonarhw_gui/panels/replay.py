@@ -1,7 +1,6 @@
 """The replay bar and the sound bar: play, pause, step, speed, and a slider of time."""
 
 import math
-from dataclasses import replace
 
 from PySide6.QtCore import QRect, QRectF, QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QIcon, QMouseEvent, QPainter, QPaintEvent
@@ -19,7 +18,7 @@ from PySide6.QtWidgets import (
 
 from sonarhw_gui.model.look import LengthUnit, Look, text_font
 from sonarhw_gui.session.sound import SLOWNESSES, SoundState
-from sonarhw_gui.session.source import SPEEDS, ReplayState
+from sonarhw_gui.session.source import SPEEDS, Replay
 from sonarhw_gui.widgets import (
     GAP,
     NEXT_SCAN,
@@ -63,14 +62,14 @@ class TimeSlider(QSlider):
         self._look = look
         self.update()
 
-    def show_state(self, state: ReplayState) -> None:
+    def show_state(self, state: Replay) -> None:
         """Show the state of the replay."""
         with QSignalBlocker(self):  # not a request to seek
             self.setMaximum(min(round(state.duration * _STEPS_PER_SECOND), _MOST_STEPS))
             self.setPageStep(max(1, self.maximum() // 20))
             self.setValue(round(state.position * _STEPS_PER_SECOND))
-        if state.scans != self._scans:
-            self._scans = state.scans
+        if state.scan_starts != self._scans:
+            self._scans = state.scan_starts
             self.update()
 
     @property
@@ -169,7 +168,7 @@ class ReplayBar(NarrowBar):
         self._show_playing()
         self.hide_what_does_not_fit()
 
-    def show_state(self, state: ReplayState | None) -> None:
+    def show_state(self, state: Replay | None) -> None:
         """Show the state of the replay; None hides the bar."""
         self.setVisible(state is not None)
         commands = self._commands
@@ -184,7 +183,7 @@ class ReplayBar(NarrowBar):
             self._show_playing()
         self.slider.show_state(state)
         self.time.setText(time_text(state))
-        self._widest = time_text(replace(state, position=state.duration, count=state.total))
+        self._widest = _time_text(state.duration, state.duration, len(state.readings), len(state.readings))
         self._reserve_time()
         self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
         commands.loop.setChecked(state.loop)
@@ -246,9 +245,13 @@ def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -
     return button
 
 
-def time_text(state: ReplayState) -> str:
+def time_text(replay: Replay) -> str:
     """Return position and duration of a replay, and the number of readings so far and in total."""
-    return f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}"
+    return _time_text(replay.position, replay.duration, replay.count, len(replay.readings))
+
+
+def _time_text(position: float, duration: float, count: int, total: int) -> str:
+    return f"{clock(position)} / {clock(duration)} · {count} of {total}"
 
 
 def clock(seconds: float) -> str:

@@ -3,7 +3,8 @@
 import hashlib
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
@@ -18,7 +19,7 @@ from sonarhw.files import unfinished_file
 from sonarhw.readings import Reading
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, SceneMemory, room_name
-from sonarhw_gui.session.notices import Notice
+from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Until
 from sonarhw_gui.session.scanner import ScanSettings, free_name
 
 # The state that the window restores at the next start, in a settings file of Qt (INI).
@@ -235,30 +236,15 @@ def write_unsaved(path: Path, text: str) -> None:
 
 
 _SOON = 1.0  # s from a change until it is written; a crash loses this much
-
-
-@dataclass(frozen=True)
-class RestoreRoom:
-    """Request to restore an unsaved room."""
-
-    path: Path
-
-
-@dataclass(frozen=True)
-class DiscardRoom:
-    """Request to discard an unsaved room."""
-
-    path: Path
+_EVERY = 2.0  # s between two looks for changes of the state of the window
 
 
 class UnsavedRooms:
     """Stores the changes of the scene that is shown."""
 
-    def __init__(self, folder: Path | None) -> None:
-        """`folder`: of the files; None: nothing is stored."""
-        self.notices: list[Notice] = []  # questions about unsaved rooms
-        self.messages: list[str] = []
-        self._folder = folder
+    def __init__(self, folder: Path | None, notices: Notices, restore: Callable[[Path], object]) -> None:
+        """`folder`: of the files; None: nothing is stored. `restore` is called with the file of a room to restore."""
+        self._folder, self._notices, self._restore = folder, notices, restore
         self._opened: Scene | None = None
         self._now: Scene | None = None
         self._file: Path | None = None  # with the changes of this scene
@@ -274,14 +260,14 @@ class UnsavedRooms:
         self.write()
         self._opened = self._now = scene
         self._forget_file()
-        self.notices.clear()
+        self._notices.end(Until.SCENE_REPLACED)
         if scene.room is None:
             return
         for path, unsaved in self._unsaved():
             if path == source or unsaved.is_shown_by(scene):
                 self._continue(path, unsaved)
             elif unsaved.is_of(scene):
-                self.notices.append(_question(path, unsaved, scene))
+                self._ask(path, unsaved, scene)
 
     @property
     def changed(self) -> bool:
@@ -310,7 +296,7 @@ class UnsavedRooms:
             else:
                 self._remove()
         except OSError as error:
-            self.messages.append(
+            self._notices.warn(
                 f"{self._folder}: cannot be written: {error.strerror}; save the room or lose its changes"
             )
 
@@ -321,18 +307,26 @@ class UnsavedRooms:
             self._now = scene
             self.write()
 
-    def restored(self, request: RestoreRoom, here: Scene) -> Scene:
+    def restored(self, path: Path, here: Scene) -> Scene:
         """Return the scene `here` with the unsaved changes. Raises InputError if their file is missing or invalid."""
-        return read_unsaved(request.path).applied_to(here)
+        return read_unsaved(path).applied_to(here)
 
-    def discard(self, request: DiscardRoom) -> None:
+    def _discard(self, path: Path) -> None:
         """Remove the file of an unsaved room. Raises OutputError."""
         try:
-            request.path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(
-                f"{request.path}: cannot be removed: {error.strerror}; the window will ask again"
-            ) from error
+            raise OutputError(f"{path}: cannot be removed: {error.strerror}; the window will ask again") from error
+
+    def _ask(self, path: Path, unsaved: UnsavedRoom, scene: Scene) -> None:
+        """Ask whether to restore the changes in a file."""
+        name = unsaved.opened.room_file or unsaved.room_name
+        when = time.strftime("%d %B at %H:%M", time.localtime(unsaved.when)).lstrip("0")
+        text = f"{name} has unsaved changes, made in the window on {when}"
+        if scene.room and scene.room.text != unsaved.opened.room_text:
+            text += "; the file has changed since then"
+        restore, discard = NoticeButton("Restore", self._restore, path), NoticeButton("Discard", self._discard, path)
+        self._notices.add(Notice(text, restore, discard, until=Until.SCENE_REPLACED))
 
     def _unsaved(self) -> list[tuple[Path, UnsavedRoom]]:
         """Return all unsaved rooms with their files, newest first."""
@@ -341,7 +335,7 @@ class UnsavedRooms:
             try:
                 found.append((path, read_unsaved(path)))
             except InputError as error:
-                self.messages.append(str(error))
+                self._notices.warn(str(error))
         return sorted(found, key=lambda one: -one[1].when)
 
     def _continue(self, path: Path, unsaved: UnsavedRoom) -> None:
@@ -378,25 +372,15 @@ class UnsavedRooms:
         return file.exists() and file.read_text(encoding="utf-8", errors="replace") == self._text
 
 
-def _question(path: Path, unsaved: UnsavedRoom, scene: Scene) -> Notice:
-    name = unsaved.opened.room_file or unsaved.room_name
-    when = time.strftime("%d %B at %H:%M", time.localtime(unsaved.when)).lstrip("0")
-    text = f"{name} has unsaved changes, made in the window on {when}"
-    if scene.room and scene.room.text != unsaved.opened.room_text:
-        text += "; the file has changed since then"
-    return Notice(text, "Restore", RestoreRoom(path), "Discard", DiscardRoom(path))
-
-
 # Keeps the notes on readings beside their log. If its folder cannot be written, in a folder of the window.
 
 
 class NoteStore:
     """The notes of one log at a time. Notes are written at once; of a scan without a log they are kept in memory."""
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path | None, notices: Notices) -> None:
         """`folder`: for notes that cannot be written beside their log; None: they are kept in memory."""
-        self.messages: list[str] = []
-        self._folder = folder
+        self._folder, self._notices = folder, notices
         self._stored = NO_NOTES
         self._aside = False  # whether the user knows that notes are not beside the log
 
@@ -406,7 +390,8 @@ class NoteStore:
         if log is None:
             return NO_NOTES
         beside = notes_of_log(log, readings)
-        self.messages += beside.doubts
+        for doubt in beside.doubts:
+            self._notices.warn(doubt)
         aside = placed_notes(self._kept_aside(log), readings, notes_path(log), log)
         self._stored = NoteTexts(dict(sorted({**beside.texts, **aside.texts}.items())))
         return self._stored
@@ -434,7 +419,7 @@ class NoteStore:
 
     def _warn_of_no_log(self) -> None:
         if not self._aside:
-            self.messages.append(
+            self._notices.warn(
                 "this scan has no log, and its notes are lost when the window closes; Copy CSV above the table of "
                 "readings includes them"
             )
@@ -453,7 +438,7 @@ class NoteStore:
             except (SonarError, OSError):
                 kept = False
         if not (self._aside and kept):
-            self.messages.append(f"{problem}; {where}")
+            self._notices.warn(f"{problem}; {where}")
         self._aside = kept
         return kept
 
@@ -462,7 +447,7 @@ class NoteStore:
         try:
             return () if path is None else read_notes(path).notes
         except InputError as error:
-            self.messages.append(str(error))
+            self._notices.warn(str(error))
             return ()
 
     def _aside_path(self, log: Path) -> Path | None:
@@ -470,3 +455,34 @@ class NoteStore:
             return None
         name = str(log.absolute()).encode(errors="surrogateescape")
         return self._folder / f"{log.stem}-{hashlib.sha256(name).hexdigest()[:12]}.notes.csv"
+
+
+class Kept:
+    """The one store of what the next start restores: the state of the window, unsaved rooms, and some notes."""
+
+    def __init__(self, file: Path | None, notices: Notices, restore: Callable[[Path], object]) -> None:
+        """`file`: of the state of the window, beside the folder of the rest; None: nothing is stored.
+
+        `restore` is called with the file of an unsaved room that the user wants back.
+        """
+        folder = None if file is None else file.parent / "unsaved"
+        self.rooms, self.notes = UnsavedRooms(folder, notices, restore), NoteStore(folder, notices)
+        self.state: Callable[[], Memory] | None = None  # returns the state of the window
+        self._file = file
+        self._written: Memory | None = None
+        self._look_at = 0.0  # time of the next look for changes of the state
+
+    def tick(self, now: float) -> None:
+        """Store rooms a second after a change, and the state of the window two seconds after it."""
+        self.rooms.tick(now)
+        if now >= self._look_at:
+            self._look_at = now + _EVERY
+            self.write()
+
+    def write(self) -> None:
+        """Store the state of the window now, if it has changed."""
+        memory = None if self._file is None or self.state is None else self.state()
+        if self._file is not None and memory is not None and memory != self._written:
+            with suppress(OutputError):  # the next window opens with older settings
+                write_memory(self._file, memory)
+                self._written = memory

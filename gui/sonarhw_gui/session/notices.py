@@ -1,22 +1,37 @@
-"""The messages of the banner: the current state, such as a lost cable, and events that were not read yet."""
+"""The one list of messages for the user, and what else the window remembers of small events.
+
+The current state, such as a lost cable, comes first, then errors, then warnings and offers; of each kind the newest
+first.
+"""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Any, NamedTuple
 
-# The messages of the banner: the current state, such as a lost cable, and events that were not read yet.
-#
-# The current state comes first, then errors, then warnings and offers; of each kind the newest first.
+from PySide6.QtCore import QObject, Signal, Slot
 
+from sonarhw.errors import SonarError
 
 _MOST = 20  # a user who has not read the first of them does not need more
+_MOST_NAMES = 10
 
 
 class Until(Enum):
     """What ends a message."""
 
     CONNECTED = auto()  # a scanner is connected
+    SCENE_REPLACED = auto()  # another room or log is opened
     SEARCH_CHANGED = auto()  # the scans or the scene of a search for the room change
+
+
+class NoticeButton(NamedTuple):
+    """A button of a notice."""
+
+    text: str
+    act: Callable[[Any], object]  # is called with `subject`; may raise SonarError
+    subject: object
 
 
 @dataclass(frozen=True)
@@ -24,10 +39,8 @@ class Notice:
     """A message, with up to two buttons."""
 
     text: str
-    accept_text: str = ""  # of a first button; empty: no button
-    accept_value: object = None  # sent when the first button is pressed
-    decline_text: str = ""  # of a second button
-    decline_value: object = None  # sent when the second button is pressed
+    accept: NoticeButton | None = None
+    decline: NoticeButton | None = None
     error: bool = False  # False: a warning or an offer
     until: Until | None = None  # what ends it; None: only the user, or a new scan
 
@@ -35,73 +48,107 @@ class Notice:
 NOTHING = Notice("")
 
 
-class Notices:
+class Notices(QObject):
     """Messages that were not read yet, and which of them is shown. The state disappears when it ends."""
 
-    def __init__(self) -> None:
+    changed = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
         self._state = ""
         self._dismissed = False  # whether the current state was read
         self._events: deque[Notice] = deque(maxlen=_MOST)  # oldest first
         self._place = 0  # of the message shown, among all
 
     @property
-    def shown(self) -> Notice:
-        """The message that is shown; `NOTHING` if there is none."""
-        waiting = self._all()
-        return waiting[self._place % len(waiting)] if waiting else NOTHING
+    def all(self) -> list[Notice]:
+        """All messages, in their order."""
+        state = [Notice(self._state)] if self._state and not self._dismissed else []
+        newest = list(reversed(self._events))
+        errors, others = ([notice for notice in newest if notice.error is kind] for kind in (True, False))
+        return [*state, *errors, *others]
 
     @property
-    def now(self) -> str:
-        """The text of the message that is shown."""
-        return self.shown.text
+    def shown(self) -> Notice:
+        """The message that is shown; `NOTHING` if there is none."""
+        waiting = self.all
+        return waiting[self._place % len(waiting)] if waiting else NOTHING
 
     @property
     def more(self) -> int:
         """The number of other messages."""
-        return max(0, len(self._all()) - 1)
+        return max(0, len(self.all) - 1)
 
-    def add(self, message: str | Notice) -> None:
+    def warn(self, message: str) -> None:
+        """Add a warning."""
+        self.add(Notice(message))
+
+    @Slot(str)
+    def fail(self, message: str, until: Until | None = None) -> None:
+        """Add an error."""
+        self.add(Notice(message, error=True, until=until))
+
+    def add(self, notice: Notice) -> None:
         """Add an event and show the first message; an event that is already waiting becomes the newest."""
-        notice = Notice(message) if isinstance(message, str) else message
         if notice in self._events:
             self._events.remove(notice)
         self._events.append(notice)
         self._place = 0
-
-    def show_next(self) -> None:
-        """Show the next message; after the last, the first."""
-        self._place = (self._place + 1) % max(1, len(self._all()))
+        self.changed.emit()
 
     def set_state(self, message: str) -> None:
         """Set the current state; empty: it has ended. A dismissed state stays dismissed until it ends."""
-        self._dismissed = self._dismissed and bool(message)
         if message != self._state:
-            self._place = 0
-        self._state = message
+            self._dismissed = self._dismissed and bool(message)
+            self._state, self._place = message, 0
+            self.changed.emit()
 
+    def end(self, until: Until) -> None:
+        """Remove the messages that this ends."""
+        self._keep(lambda notice: notice.until is not until)
+
+    def clear(self) -> None:
+        """Remove all events; the current state stays."""
+        self._keep(lambda _: False)
+
+    def _keep(self, kept: Callable[[Notice], bool]) -> None:
+        self._events = deque(filter(kept, self._events), maxlen=_MOST)
+        self.changed.emit()
+
+    # the buttons of the banner
+
+    @Slot()
+    def show_next(self) -> None:
+        """Show the next message; after the last, the first."""
+        self._place = (self._place + 1) % max(1, len(self.all))
+        self.changed.emit()
+
+    @Slot()
     def dismiss(self) -> None:
         """Remove the message that is shown."""
         if self.shown in self._events:
             self._events.remove(self.shown)
         else:
             self._dismissed = bool(self._state)
+        self.changed.emit()
 
-    def end(self, until: Until) -> None:
-        """Remove the messages that this ends."""
-        for notice in [notice for notice in self._events if notice.until is until]:
-            self._events.remove(notice)
+    @Slot()
+    def accept(self) -> None:
+        """Carry out the first offer of the message that is shown."""
+        self._carry_out(self.shown.accept)
 
-    def clear(self) -> None:
-        """Remove all events; the current state stays."""
-        self._events.clear()
+    @Slot()
+    def decline(self) -> None:
+        """Carry out the second offer of the message that is shown."""
+        self._carry_out(self.shown.decline)
 
-    def _all(self) -> list[Notice]:
-        state = [Notice(self._state)] if self._state and not self._dismissed else []
-        newest = list(reversed(self._events))
-        return [*state, *(one for one in newest if one.error), *(one for one in newest if not one.error)]
-
-
-# Progress of the compilation of kernels at the first start, for the status bar.
+    def _carry_out(self, offer: NoticeButton | None) -> None:
+        self.dismiss()
+        if offer is not None:
+            try:
+                offer.act(offer.subject)
+            except SonarError as error:
+                self.fail(str(error))
 
 
 @dataclass(frozen=True)
@@ -113,11 +160,11 @@ class Compiled:
 
 
 class Preparation:
-    """Receives reports from the threads that compile. Implements `sonarhw_sim.compilation.Watcher`."""
+    """Progress of the compilation at the first start. Implements `sonarhw_sim.compilation.Watcher` for its threads."""
 
     def __init__(self) -> None:
         self.progress: Compiled | None = None  # None while nothing is compiled
-        self.messages: list[str] = []
+        self._doubt = ""
 
     def compiling(self, done: int, known: int) -> None:
         """Note the progress."""
@@ -129,15 +176,14 @@ class Preparation:
 
     def not_stored(self, reason: str) -> None:
         """Note that the next start compiles again."""
-        self.messages.append(reason)
+        self._doubt = reason
 
-
-# A short list of recently used names, newest first.
-
-
-MOST = 10
+    def take_doubt(self) -> str:
+        """Return once why the next start compiles again; else empty."""
+        doubt, self._doubt = self._doubt, ""
+        return doubt
 
 
 def with_newest(names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """Return the names with `name` in front, without duplicates."""
-    return (name, *(other for other in names if other != name))[:MOST]
+    """Return a short list of names with `name` in front, without duplicates."""
+    return (name, *(other for other in names if other != name))[:_MOST_NAMES]

@@ -12,12 +12,13 @@ from itertools import count
 from math import radians
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_data_path
 from PySide6.QtCore import QObject, Signal, Slot
+from sonarhw_compare.one_call import is_fake
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, board_names, load_board
 
@@ -26,13 +27,15 @@ from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, reco
 from sonarhw.host.session import Connection
 from sonarhw.link import LinkStatistics, Port, serial_ports
 from sonarhw.log import LogMetadata, LogWriter
-from sonarhw.readings import FloatArray, Reading, ScanOrder, Trace
+from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace
 from sonarhw.sound_speed import ScanAir
 from sonarhw.text_device import LineGuess, guess_lines
 from sonarhw.wire.messages import Outcome
+from sonarhw.wire.readings_of_frames import origin_of
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.notices import Notice, Until, with_newest
+from sonarhw_gui.session.notices import Notices, Until, with_newest
+from sonarhw_gui.session.source import RateMeter, RecordedIn
 
 # The state of a live scanner as frozen values: its job, its identity and its link.
 
@@ -57,10 +60,9 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True)
 class JobState:
-    """The state of a job, without its readings."""
+    """The state of the scanner's last job, without its readings."""
 
-    phase: Phase = Phase.CONNECTING
-    made: int = 0  # readings
+    phase: Phase | None = None  # None: there was no job, or its connection was closed without readings
     lost: int = 0  # readings
     temperature_c: float | None = None
     angle: float | None = None  # last reported angle of the turntable, rad
@@ -69,8 +71,11 @@ class JobState:
 
     @property
     def ended(self) -> bool:
-        """Whether the job has ended."""
-        return not self.phase.busy
+        """Whether no job is running."""
+        return self.phase is None or not self.phase.busy
+
+
+IDLE = JobState()
 
 
 @dataclass(frozen=True)
@@ -326,6 +331,7 @@ def suited_board(named: str, shown: Board) -> Board:
 
 
 ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
+Job: TypeAlias = "Callable[[Scanner, ScannerThread], Phase]"  # returns its last phase; raises SonarError
 WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
 
 
@@ -339,143 +345,59 @@ class ScanSettings:
     max_range: float | None = None  # m; None: the maximum range of the board
 
 
-class JobReport(Protocol):
-    """Receives the progress of a job."""
-
-    status: JobState
-
-    @property
-    def stop_wanted(self) -> bool:
-        """Whether the user wants the job to stop."""
-
-    def advance(self, phase: Phase, **known: Any) -> None:
-        """Store the phase of the job, and other values of its state."""
-
-    def add_reading(self, reading: Reading) -> None:
-        """Add a reading of the job."""
-
-    def warn(self, message: str) -> None:
-        """Report a warning; the job continues."""
+def connect(scanner: Scanner, report: "ScannerThread") -> Phase:
+    """Return at once: the scanner is already connected."""
+    return Phase.READY
 
 
-class ScannerJob(Protocol):
-    """A job of a scanner."""
-
-    @property
-    def phase(self) -> Phase:
-        """The phase at its start."""
-
-    @property
-    def done(self) -> Phase:
-        """The phase after success."""
-
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Run the job. Raises the errors of the scanner."""
-
-
-@dataclass(frozen=True)
-class ConnectJob:
-    """Only connect."""
-
-    phase: Phase = Phase.CONNECTING
-    done: Phase = Phase.READY
-
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Return at once: the scanner is already connected."""
-        return Outcome.DONE
-
-
-@dataclass(frozen=True)
-class HomeJob:
+def home(scanner: Scanner, report: "ScannerThread") -> Phase:
     """Find the zero of the turntable."""
-
-    phase: Phase = Phase.HOMING
-    done: Phase = Phase.READY
-
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Home the turntable."""
-        return _at(0.0, scanner.home(), report)
+    return _turned(scanner.home(), 0.0, report)
 
 
-@dataclass(frozen=True)
-class TurnJob:
-    """Turn to an angle."""
-
-    angle: float  # of the turntable, rad
-    phase: Phase = Phase.TURNING
-    done: Phase = Phase.READY
-
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Turn; the scanner homes first if necessary."""
-        return _at(self.angle, scanner.turn(self.angle), report)
+def turn(angle: float) -> Job:
+    """Return the job that turns the turntable to an angle, rad; the scanner homes first if necessary."""
+    return lambda scanner, report: _turned(scanner.turn(angle), angle, report)
 
 
-@dataclass(frozen=True)
-class ScanJob:
-    """Home, scan and record."""
+def _turned(outcome: Outcome, angle: float, report: "ScannerThread") -> Phase:
+    if outcome is Outcome.STOPPED:
+        return Phase.STOPPED
+    report.advance(angle=angle)
+    return Phase.READY
 
-    scene: Scene
-    scan_settings: ScanSettings
-    takes_board: bool = False  # whether a board profile that the scanner names replaces that of the scene
-    phase: Phase = Phase.HOMING
-    done: Phase = Phase.DONE
 
-    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Scan into a new log. Also raises LogError if the log cannot be created."""
-        scene = self._scene_of(scanner)
-        log, path = start_recording(self.scan_settings.folder, scene, report.warn)
-        report.advance(Phase.HOMING, recording=path)
+def scan_and_record(scene: Scene, settings: ScanSettings, takes_board: bool = False) -> Job:
+    """Return the job that homes, scans and records in a new log. Also raises LogError if that cannot be created.
+
+    `takes_board`: whether a board profile that the scanner names replaces that of the scene.
+    """
+
+    def run(scanner: Scanner, report: "ScannerThread") -> Phase:
+        named = suited_board(scanner.info.board, scene.board) if takes_board else scene.board
+        scanned = replace(scene, board=named)
+        log, path = start_recording(settings.folder, scanned, report.warn)
+        report.advance(recording=path)
+        report.count_lost(scanner)
         try:
-            return record_scan(scanner, self._plan(scene), log, _ScanReport(report, scanner))
+            outcome = record_scan(scanner, _plan(scanned, settings), log, report)
         finally:
             if not path.exists():
-                report.advance(report.status.phase, recording=None)
+                report.advance(recording=None)
+        return Phase.STOPPED if outcome is Outcome.STOPPED else Phase.DONE
 
-    def _scene_of(self, scanner: Scanner) -> Scene:
-        board = self.scene.board
-        return replace(self.scene, board=suited_board(scanner.info.board, board) if self.takes_board else board)
-
-    def _plan(self, scene: Scene) -> ScanPlan:
-        board = scene.board
-        air = scene.room.air if scene.room else Air()
-        return ScanPlan(
-            self.scan_settings.order,
-            reach=board.max_range if self.scan_settings.max_range is None else self.scan_settings.max_range,
-            blanking=board.blanking_end,
-            air=ScanAir(air.speed_at, air.temperature_c),
-            traces=self.scan_settings.traces,
-        )
+    return run
 
 
-class _ScanReport:
-    """Passes the progress of a scan to the report of its job."""
-
-    def __init__(self, report: JobReport, scanner: Scanner) -> None:
-        self.warn = report.warn
-        self._report = report
-        self._scanner = scanner
-        self._lost_before = scanner.statistics.lost_readings
-
-    @property
-    def stop_wanted(self) -> bool:
-        return self._report.stop_wanted
-
-    def homed(self) -> None:
-        self._report.advance(Phase.SCANNING)
-
-    def reading(self, reading: Reading) -> None:
-        report = self._report
-        report.add_reading(reading)
-        lost = self._scanner.statistics.lost_readings - self._lost_before
-        report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
-        if reading.temperature_c is not None:
-            report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
-
-
-def _at(angle: float, outcome: Outcome, report: JobReport) -> Outcome:
-    if outcome is not Outcome.STOPPED:
-        report.advance(report.status.phase, angle=angle)
-    return outcome
+def _plan(scene: Scene, settings: ScanSettings) -> ScanPlan:
+    board, air = scene.board, scene.room.air if scene.room else Air()
+    return ScanPlan(
+        settings.order,
+        reach=board.max_range if settings.max_range is None else settings.max_range,
+        blanking=board.blanking_end,
+        air=ScanAir(air.speed_at, air.temperature_c),
+        traces=settings.traces,
+    )
 
 
 # One scanner in a thread: opens the connection, runs jobs one after another, watches the link, closes it.
@@ -487,30 +409,35 @@ MOST_WAITING = 1024  # readings; over half a minute of the fastest board
 _POLL_EVERY = 0.25  # s; a person cannot read values that change more often
 
 
-class LiveDevice:
-    """A connection from `start` until `disconnect` or until it breaks. It cannot be started again."""
+class ScannerThread:
+    """A connection from `start` until `disconnect` or until it breaks; it cannot be started again.
+
+    It receives the progress of its jobs, as a `ScanWatcher`.
+    """
 
     def __init__(
         self,
         opener: ScannerOpener,
-        job: ScannerJob,
+        phase: Phase,
+        job: Job,
         arrived: Callable[[], None],
-        after: "LiveDevice | None" = None,
+        after: "ScannerThread | None" = None,
     ) -> None:
-        """`arrived` is called after each reading, in the thread.
+        """`phase`: of the first job at its begin. `arrived` is called after each reading, in the thread.
 
         `after`: an earlier connection, which must end first because it may still use the port.
         """
-        self.status = JobState()
+        self.state = JobState(Phase.CONNECTING)
         self.link: LinkState | None = None
         self.warnings: deque[str] = deque()  # the reader removes them
         self.leaving = False  # True: no more jobs are accepted
         self._opener = opener
         self._after = after
         self._arrived = arrived
-        self._jobs: SimpleQueue[ScannerJob | None] = SimpleQueue()
-        self._jobs.put(job)
+        self._jobs: SimpleQueue[tuple[Phase, Job] | None] = SimpleQueue()
+        self._jobs.put((phase, job))
         self._readings: deque[Reading] = deque(maxlen=MOST_WAITING)
+        self._count_lost: Callable[[], int] = lambda: 0  # readings lost during the scan
         self._stop_wanted = threading.Event()
         self._wake = threading.Event()
         self._over = threading.Event()
@@ -525,11 +452,11 @@ class LiveDevice:
         """Whether the connection is closed."""
         return self._over.is_set()
 
-    def submit(self, job: ScannerJob) -> JobState:
+    def submit(self, phase: Phase, job: Job) -> JobState:
         """Queue a job, and return its state before it runs; the previous job must have ended."""
         self._stop_wanted.clear()
-        state = self.status = JobState(job.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
-        self._jobs.put(job)
+        state = self.state = JobState(phase, temperature_c=self.state.temperature_c, angle=self.state.angle)
+        self._jobs.put((phase, job))
         return state
 
     def take(self) -> list[Reading]:
@@ -540,7 +467,7 @@ class LiveDevice:
         return taken
 
     def stop(self) -> None:
-        """Ask the job to stop; it has stopped when `status.ended`."""
+        """Ask the job to stop; it has stopped when `state.ended`."""
         self._stop_wanted.set()
         self._wake.set()
 
@@ -553,21 +480,32 @@ class LiveDevice:
         """Wait until the board has stopped, the log is closed and the port is free."""
         self._thread.join()
 
-    # JobReport
+    # the progress of a job, and the interface `ScanWatcher`
 
     @property
     def stop_wanted(self) -> bool:
         """Whether the user wants the job to stop."""
         return self._stop_wanted.is_set()
 
-    def advance(self, phase: Phase, **known: Any) -> None:
-        """Store the phase of the job, and other values of its state."""
-        self.status = replace(self.status, phase=phase, **known)
+    def advance(self, **changes: Any) -> None:
+        """Store other values of the state of the job."""
+        self.state = replace(self.state, **changes)
 
-    def add_reading(self, reading: Reading) -> None:
-        """Queue a reading of the job."""
+    def count_lost(self, scanner: Scanner) -> None:
+        """Count the readings that the scanner loses from now on."""
+        before = scanner.statistics.lost_readings
+        self._count_lost = lambda: scanner.statistics.lost_readings - before
+
+    def homed(self) -> None:
+        """Note that the turntable has homed."""
+        self.advance(phase=Phase.SCANNING)
+
+    def reading(self, reading: Reading) -> None:
+        """Queue a reading of the scan."""
         self._readings.append(reading)
         self._arrived()
+        temperature = self.state.temperature_c if reading.temperature_c is None else reading.temperature_c
+        self.advance(angle=reading.angle, temperature_c=temperature, lost=self._count_lost())
 
     def warn(self, message: str) -> None:
         """Queue a warning; the job continues."""
@@ -592,37 +530,35 @@ class LiveDevice:
     def _run_jobs(self, scanner: Scanner) -> None:
         closing = threading.Event()
         self.link = _link_state(scanner)
-        self.advance(self.status.phase, temperature_c=scanner.info.temperature_c)
+        self.advance(temperature_c=scanner.info.temperature_c)
         watcher = threading.Thread(target=self._watch, args=(scanner, closing), name="watch the line", daemon=True)
         watcher.start()
         try:
-            while (job := self._jobs.get()) is not None:
-                self._run_job(job, scanner)
+            while (due := self._jobs.get()) is not None:
+                self._run_job(*due, scanner)
         finally:
             closing.set()
             self._wake.set()
             watcher.join()
 
-    def _run_job(self, job: ScannerJob, scanner: Scanner) -> None:
+    def _run_job(self, phase: Phase, job: Job, scanner: Scanner) -> None:
         try:
-            self.advance(job.phase)
-            outcome = Outcome.STOPPED if self.stop_wanted else job.run(scanner, self)
+            self.advance(phase=phase)
+            self.advance(phase=Phase.STOPPED if self.stop_wanted else job(scanner, self))
         except (LinkError, NoAnswer, WrongDevice, Incompatible):
             raise
         except SonarError as error:  # the connection still works
             self._failed(error)
-        else:
-            self.advance(Phase.STOPPED if outcome is Outcome.STOPPED else job.done)
 
     def _failed(self, error: Exception) -> None:
         # errors while stopping are caused by the stop
         stopping = self.stop_wanted and isinstance(error, SonarError)
-        self.advance(Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
+        self.advance(phase=Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
 
     def _watch(self, scanner: Scanner, closing: threading.Event) -> None:
         """Poll the state of the link, and send stop commands; neither may delay the window or the job."""
         while not closing.is_set():
-            if self.stop_wanted and not self.status.ended:
+            if self.stop_wanted and not self.state.ended:
                 with suppress(SonarError):  # repeated until the job has ended
                     scanner.stop()
             self.link = _link_state(scanner)
@@ -646,48 +582,44 @@ def _link_state(scanner: Scanner) -> LinkState:
 # The live scanner of the session: starts and stops jobs, and polls for new readings every tick.
 
 
-_IDLE = JobState(Phase.DONE)
+@dataclass(frozen=True)
+class ScannerTarget:
+    """A scanner to connect to."""
+
+    url: str
+    opener: ScannerOpener
+    scene: Scene | None = None  # the scene of a fake scanner
+    follow: Callable[[Scene], ScannerOpener] | None = None  # opens this fake scanner in another scene, for each scan
 
 
-class LiveFeed:
-    """At most one connection with at most one job, and the readings of the last scan."""
+class Live:
+    """The live scanner, a `Source`: at most one connection with at most one job, and the readings of the last scan."""
 
-    def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings, arrived: Callable[[], None]) -> None:
+    def __init__(
+        self, target: ScannerTarget | None, settings: ScanSettings, notices: Notices, arrived: Callable[[], None]
+    ) -> None:
         """`arrived` is called after each reading, in the thread of the scanner."""
-        self.scan_settings = scan_settings
-        self._arrived = arrived
+        self.target, self.settings = target, settings
+        self.scene: Scene | None = None  # at the start of the last scan
         self.readings: tuple[Reading, ...] = ()
-        self._opener = opener
-        self._device: LiveDevice | None = None
-        self._connected: LiveDevice | None = None  # the last one that made a connection
+        self.meter = RateMeter()
+        self._notices, self._arrived = notices, arrived
+        self._thread: ScannerThread | None = None
+        self._connected: ScannerThread | None = None  # the last one that made a connection
         self._has_own_readings = False  # whether the readings came from the current scanner
-        self._last_state = _IDLE  # of the job, when its readings were fetched last
+        self._state = IDLE  # of the job, when its readings were fetched last, so that no reading follows the end
         self._end_reported = True
 
     @property
-    def possible(self) -> bool:
-        """Whether a scanner was chosen."""
-        return self._opener is not None
-
-    @property
-    def phase(self) -> Phase | None:
-        """The phase of the job; None before the first job, and after a connection that was closed without readings."""
-        device = self._device
-        if device is None:
-            return None
-        if device.over and self._last_state.phase is Phase.READY:  # not connected any more
-            return Phase.DONE if self.readings else None
-        return self._last_state.phase
-
-    @property
-    def status(self) -> JobState:
-        """The state of the job when its readings were fetched last, so that no reading follows the end."""
-        return self._last_state
+    def job(self) -> JobState:
+        """The state of the last job; its phase is None after a connection that was closed without readings."""
+        closed = self._thread is not None and self._thread.over and self._state.phase is Phase.READY
+        return replace(self._state, phase=Phase.DONE if self.readings else None) if closed else self._state
 
     @property
     def link(self) -> LinkState | None:
         """The last known state of the connection; None without a connection."""
-        return self._device.link if self._device else None
+        return self._thread.link if self._thread else None
 
     @property
     def made_readings(self) -> bool:
@@ -695,95 +627,128 @@ class LiveFeed:
         return self.link is not None and self._has_own_readings
 
     @property
-    def trouble(self) -> str:
-        """The message about a lost connection; empty if the connection works."""
-        return trouble(self.link, self.phase)
-
-    @property
     def running(self) -> bool:
         """Whether a job is running."""
-        return not self.status.ended
+        return not self._state.ended
 
-    def use(self, opener: ScannerOpener | None) -> None:
+    # the interface `Source`
+
+    @property
+    def shown(self) -> tuple[Reading, ...]:
+        """All readings."""
+        return self.readings
+
+    @property
+    def origin(self) -> Origin:
+        """The origin of the readings; without readings, of those that the scanner will make."""
+        if self.readings and (made := self.readings[0].origin):
+            return made
+        if link := self.link:
+            return origin_of("scan", link.device.firmware, link.device.serial)
+        return Origin.FAKE if self.target is not None and is_fake(self.target.url) else Origin.MEASURED
+
+    @property
+    def recorded(self) -> Path | None:
+        """The recording of the last scan; None without readings."""
+        return self.path
+
+    @property
+    def path(self) -> Path | None:
+        """The recording of the last scan; None without readings."""
+        return self._state.recording if self.readings else None
+
+    @property
+    def recorded_in(self) -> RecordedIn:
+        """The setting of the last scan."""
+        scene = self.scene
+        if not self.readings or scene is None or scene.room is None:
+            return RecordedIn()
+        return RecordedIn(scene.room.text, scene.room_file, scene.pose.name)
+
+    # jobs
+
+    def use(self, target: ScannerTarget | None) -> None:
         """Use another scanner from now on, or none."""
         self.disconnect()
         self._has_own_readings = False
-        self._opener = opener
+        self.target = target
 
-    def set_scan_settings(self, scan_settings: ScanSettings) -> None:
+    def set_settings(self, settings: ScanSettings) -> None:
         """Set the settings of the next scan."""
-        self.scan_settings = scan_settings
+        self.settings = settings
 
     def connect(self) -> None:
         """Connect to the scanner."""
-        self._submit(ConnectJob())
+        self._submit(Phase.CONNECTING, connect)
 
     def home(self) -> None:
         """Find the zero of the turntable."""
-        self._submit(HomeJob())
+        self._submit(Phase.HOMING, home)
 
     def turn(self, angle: float) -> None:
         """Turn the turntable to `angle`, rad."""
-        self._submit(TurnJob(angle))
+        self._submit(Phase.TURNING, turn(angle))
 
     def start(self, scene: Scene, takes_board: bool = False) -> None:
-        """Start a scan; the readings of the previous scan are dropped. `takes_board`: see `ScanJob`."""
-        if self.possible and not self.running:
-            self.readings = ()
-            self._submit(ScanJob(scene, self.scan_settings, takes_board))
+        """Start a scan; the readings of the previous scan are dropped. `takes_board`: see `scan_and_record`."""
+        if self.target is not None and not self.running:
+            self.readings, self.scene, self.meter = (), scene, RateMeter()
+            self._submit(Phase.HOMING, scan_and_record(scene, self.settings, takes_board))
 
     def stop(self) -> None:
         """Ask the job to stop."""
-        if self._device is not None:
-            self._device.stop()
+        if self._thread is not None:
+            self._thread.stop()
 
     def disconnect(self) -> None:
         """Stop the job and close the port."""
-        if self._device is not None:
-            self._device.stop()
-            self._device.disconnect()
+        if self._thread is not None:
+            self._thread.stop()
+            self._thread.disconnect()
 
     def close(self) -> None:
         """Disconnect, and wait until the board has stopped and the log is closed."""
         self.disconnect()
-        if self._device is not None:
-            self._device.join()
+        if self._thread is not None:
+            self._thread.join()
 
     def newly_connected(self) -> bool:
         """Return whether a connection was made since the last call."""
-        before, device = self._connected, self._device
-        if device is not None and device.link is not None:
-            self._connected = device
+        before, thread = self._connected, self._thread
+        if thread is not None and thread.link is not None:
+            self._connected = thread
         return self._connected is not before
 
-    def take(self) -> tuple[int, Notice | None]:
-        """Fetch new readings; return their number, and a warning or the error of the job, if any."""
-        if self._device is None:
-            return 0, None
-        status = self._last_state = self._device.status  # before the readings, so that no reading follows the end
-        fresh = tuple(self._device.take())
+    def take(self, now: float) -> bool:
+        """Fetch new readings, and report warnings and the error of the job; return whether there are readings."""
+        thread = self._thread
+        if thread is None:
+            return False
+        self._state = thread.state  # before the readings
+        fresh = tuple(map(with_packed_trace, thread.take()))
         if fresh:
             self._has_own_readings = True
-            self.readings += tuple(map(with_packed_trace, fresh))
-        if self._device.warnings:
-            return len(fresh), Notice(self._device.warnings.popleft())
-        if not status.ended or self._end_reported:
-            return len(fresh), None
-        self._end_reported = True
-        text, until = _error_text(status), Until.CONNECTED if self._device.leaving else None
-        return len(fresh), Notice(text, error=True, until=until) if text else None
+            self.readings += fresh
+            self.meter.add(len(fresh), now)
+        while thread.warnings:
+            self._notices.warn(thread.warnings.popleft())
+        if self._state.ended and not self._end_reported:
+            self._end_reported = True
+            if text := _error_text(self._state):
+                self._notices.fail(text, Until.CONNECTED if thread.leaving else None)
+        return bool(fresh)
 
-    def _submit(self, job: ScannerJob) -> None:
-        if self._opener is None or self.running:
+    def _submit(self, phase: Phase, job: Job) -> None:
+        if self.target is None or self.running:
             return
         self._end_reported = False
-        device = self._device
-        if device is None or device.over or device.leaving:
-            device = self._device = LiveDevice(self._opener, job, self._arrived, device)
-            self._last_state = device.status  # before the thread, whose error is reported with a tick
-            device.start()
+        thread = self._thread
+        if thread is None or thread.over or thread.leaving:
+            thread = self._thread = ScannerThread(self.target.opener, phase, job, self._arrived, thread)
+            self._state = thread.state  # before the thread, whose error is reported with a tick
+            thread.start()
         else:
-            self._last_state = device.submit(job)
+            self._state = thread.submit(phase, job)
 
 
 def _error_text(status: JobState) -> str:
@@ -798,15 +763,6 @@ def _error_text(status: JobState) -> str:
 # The choice of the scanner, and the list of ports.
 
 
-@dataclass(frozen=True)
-class ScannerTarget:
-    """A scanner to connect to."""
-
-    url: str
-    opener: ScannerOpener
-    scene: Scene | None = None  # the scene of a fake scanner
-
-
 ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for an invalid URL
 
 
@@ -815,17 +771,20 @@ class ScannerChoice(QObject):
 
     chosen = Signal(object)  # ScannerTarget
     ports_changed = Signal(object)  # tuple of PortRow
-    failed = Signal(str)
 
     def __init__(
-        self, scanner: ScannerTarget | None, find_scanner: ScannerFinder | None, jobs: Jobs, parent: QObject
+        self,
+        scanner: ScannerTarget | None,
+        find_scanner: ScannerFinder | None,
+        jobs: Jobs,
+        notices: Notices,
+        parent: QObject,
     ) -> None:
         """`scanner`: chosen at the start."""
         super().__init__(parent)
         self.url = scanner.url if scanner else ""
-        self.opener = scanner.opener if scanner else None
         self.urls: tuple[str, ...] = ()  # used before, newest first
-        self._find_scanner, self._jobs = find_scanner, jobs
+        self._find_scanner, self._jobs, self._notices = find_scanner, jobs, notices
         self._make_ports = PortList
         self._ports: PortList | None = None
 
@@ -841,28 +800,28 @@ class ScannerChoice(QObject):
 
     @Slot(str)
     def choose(self, url: str) -> None:
-        """Choose the scanner at `url`: emits `chosen`, or `failed` for an invalid URL."""
+        """Choose the scanner at `url`: emits `chosen`, or reports an invalid URL."""
         if (target := self.find(url)) is not None:
             self.chosen.emit(target)
 
     def find(self, url: str) -> ScannerTarget | None:
-        """Return the scanner at `url`. Emits `failed` and returns None for an invalid URL."""
+        """Return the scanner at `url`; None for an invalid URL, which is reported."""
         try:
             return self._find_scanner(url) if self._find_scanner is not None else None
         except SonarError as error:
-            self.failed.emit(str(error))
+            self._fail(str(error))
             return None
 
     def remember(self, target: ScannerTarget) -> None:
         """Store that this scanner is used now."""
-        self.url, self.opener = target.url, target.opener
+        self.url = target.url
         self.urls = with_newest(self.urls, target.url)
 
     @Slot()
     def list_ports(self) -> None:
         """List the ports of this computer."""
         if self._ports is None:
-            self._ports = self._make_ports(self._jobs, self._emit_rows, self.failed.emit)
+            self._ports = self._make_ports(self._jobs, self._emit_rows, self._fail)
         self._ports.list_ports(self.url)
 
     @Slot()
@@ -880,3 +839,6 @@ class ScannerChoice(QObject):
 
     def _emit_rows(self) -> None:
         self.ports_changed.emit(self.rows)
+
+    def _fail(self, message: str) -> None:
+        self._notices.fail(message, Until.CONNECTED)

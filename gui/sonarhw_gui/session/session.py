@@ -24,7 +24,7 @@ from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
-from sonarhw.readings import Reading
+from sonarhw.readings import Origin, Reading
 from sonarhw_gui.jobs.files import (
     CSV,
     LOG,
@@ -36,7 +36,6 @@ from sonarhw_gui.jobs.files import (
     FollowedLog,
     LogGrown,
     LogOpened,
-    ReloadFile,
     RoomOpened,
     WatchedFile,
     import_scan,
@@ -63,14 +62,14 @@ from sonarhw_gui.model.shown import (
     SoundMoment,
     is_same_question,
 )
-from sonarhw_gui.session.fake_place import MoveFake, ScannerPlace, ScanRoom
-from sonarhw_gui.session.kept import DiscardRoom, NoteStore, RestoreRoom, UnsavedRooms
-from sonarhw_gui.session.notices import Notice, Preparation
-from sonarhw_gui.session.scanner import ScannerBoard, ScannerChoice, ScannerFinder, ScannerTarget, ScanSettings
+from sonarhw_gui.session.fake_place import FakeNote, place_of
+from sonarhw_gui.session.kept import Kept, NoteStore
+from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Preparation, Until
+from sonarhw_gui.session.scanner import Live, ScannerBoard, ScannerChoice, ScannerFinder, ScannerTarget, ScanSettings
 from sonarhw_gui.session.scans import ScanList
 from sonarhw_gui.session.sound import SoundControl
-from sonarhw_gui.session.source import ReadingSource
-from sonarhw_gui.session.status import Status
+from sonarhw_gui.session.source import Replay, Source, doubt_in
+from sonarhw_gui.session.status import PredictionState, ReplayState, Status
 
 # each has a thread of its own, so that a trace never waits for a B-scan
 _TRACE, _BSCAN = "traces", "B-scans"
@@ -215,19 +214,18 @@ class ShownModel(QObject):
         self,
         scene: Scene,
         look: Look,
-        source: ReadingSource,
+        source: Callable[[], Source],
         jobs: Jobs,
+        notes: NoteStore,
         report: Callable[[str], None],
         parent: QObject,
-        unsaved: Path | None = None,
     ) -> None:
-        """`report` gets errors of traces; `unsaved`: the folder for notes that cannot be stored beside their log."""
+        """`source` returns where the readings come from; `report` gets errors of traces."""
         super().__init__(parent)
-        self.note_store = NoteStore(unsaved)
-        self.shown = Shown(scene, look=look, origin=source.origin)
+        self.shown = Shown(scene, look=look, origin=source().origin)
         self.history = History()
         self.forecast, self.traces = Forecast(jobs), TraceForecast(jobs, report)
-        self._source = source
+        self._source, self._notes = source, notes
         self._choice = Choice()
         self._update_due = False  # whether something has changed since the last update of the views
         self._results_due = False  # likewise, for results of the threads
@@ -274,22 +272,23 @@ class ShownModel(QObject):
 
     def open_notes(self) -> None:
         """Show the notes that are stored for the log of the readings."""
-        self._emit(replace(self.shown, notes=self.note_store.open(self._log, self._source.all_readings)))
+        self._emit(replace(self.shown, notes=self._notes.open(self._log, self._source().readings)))
 
     @property
     def pinned_notes(self) -> tuple[ReadingNote, ...]:
         """The notes, with what identifies their readings in the log."""
-        readings = self._source.all_readings
+        readings = self._source().readings
         return tuple(note_on(readings[place], text) for place, text in self.shown.notes.by_reading.items())
 
     def has_reading(self, place: int, reading: Reading) -> bool:
         """Return whether this reading is at this place of the scan; the source may have changed."""
-        readings = self._source.all_readings
+        readings = self._source().readings
         return place < len(readings) and readings[place] is reading
 
     @property
     def _log(self) -> Path | None:
-        return Path(self._source.log_file) if self._source.log_file else None
+        path = self._source().path
+        return None if path is None else path.absolute()
 
     def _restore(self, state: Edited | None) -> None:
         match state:
@@ -300,7 +299,7 @@ class ShownModel(QObject):
 
     def _change_notes(self, notes: NoteTexts) -> None:
         self._emit(replace(self.shown, notes=notes))
-        self.note_store.save(notes, self._source.all_readings, self._log)
+        self._notes.save(notes, self._source().readings, self._log)
 
     def _change(self, scene: Scene, moving: bool = False) -> None:
         self.shown = replace(self.shown, scene=scene)
@@ -431,7 +430,7 @@ class ShownModel(QObject):
         """Drop what belongs to the readings: others follow."""
         self._forget_question()
         self.history.forget_notes()
-        self.shown = replace(self.shown, notes=self.note_store.open(None, ()))
+        self.shown = replace(self.shown, notes=self._notes.open(None, ()))
         self._choice.follow_newest()
         self.forecast.begin_scan()
         self.traces.begin_scan()
@@ -441,7 +440,7 @@ class ShownModel(QObject):
         self.history.clear()
         self.shown = replace(self.shown, scene=scene)
         self.forecast.set_scene(scene)
-        self.follow(self._source.all_readings)
+        self.follow(self._source().readings)
         self.refresh()
 
     def take_saved(self, room: Room, file: str) -> None:
@@ -473,7 +472,7 @@ class ShownModel(QObject):
 
     def refresh(self) -> None:
         """Update the views now."""
-        readings, compared = self._source.readings, self.forecast.compared
+        readings, compared = self._source().shown, self.forecast.compared
         chosen = self._choice.among(len(readings), compared.end if compared else 0)
         self.forecast.prefer(chosen)
         shown = replace(
@@ -483,7 +482,7 @@ class ShownModel(QObject):
             compared=compared,
             outdated=self.forecast.outdated,
             readings=readings,
-            origin=self._source.origin,
+            origin=self._source().origin,
             earlier=self.shown.known_rows,
             chosen=chosen,
         )
@@ -558,10 +557,7 @@ class WindowSession(QObject):
     """The state of one window, and the actions of its user."""
 
     status_changed = Signal(object)  # Status
-    warned = Signal(str)  # for the banner; empty removes all messages
-    failed = Signal(str)  # an error, for the banner
-    noticed = Signal(object)  # Notice, for the banner
-    connected = Signal()  # a connection to a scanner was made
+    replay_changed = Signal(object)  # Replay; None without one
     import_asked = Signal(str)  # path of a CSV scan
     room_opened = Signal()  # a room file was opened or reloaded
     saved = Signal(str)  # message, after a file was saved
@@ -574,22 +570,24 @@ class WindowSession(QObject):
         scan_settings: ScanSettings,
         look: Look | None,
         find_scanner: ScannerFinder | None,
-        unsaved: Path | None,
+        memory: Path | None,
     ) -> None:
-        """`unsaved`: folder for rooms with unsaved changes, and for notes not beside their log; None: not stored."""
+        """`memory`: the file of what the next start restores; None: nothing is stored."""
         super().__init__()
         self._ticking = False
-        self.jobs = Jobs(self)
-        self.status = Status(can_scan=scanner is not None, scan_settings=scan_settings)
-        self.scanners = ScannerChoice(scanner, find_scanner, self.jobs, self)
+        self.jobs, self.notices = Jobs(self), Notices(self)
+        self.kept = Kept(memory, self.notices, self.restore_room)
+        self.status = Status(chosen=scanner is not None, settings=scan_settings)
+        self.scanners = ScannerChoice(scanner, find_scanner, self.jobs, self.notices, self)
         self._timer = TickTimer(self)
-        self._source = ReadingSource(self.scanners, scan_settings, self, self._timer.wake)
-        self.replay, self.live = self._source.replay, self._source.live
+        self.live = Live(scanner, scan_settings, self.notices, self._timer.wake)
+        self.replay: Replay | None = None
         self._before_replay: Scene | None = None
-        self._scanner_place, self.scanner_board = ScannerPlace(scene), ScannerBoard()
-        self.showing = ShownModel(scene, look or Look(), self._source, self.jobs, self._report_trace, self, unsaved)
-        self.unsaved = UnsavedRooms(unsaved)
-        self.unsaved.open(scene)
+        self._scanner_place, self.scanner_board = place_of(scanner, scene), ScannerBoard()
+        self.showing = ShownModel(
+            scene, look or Look(), lambda: self.source, self.jobs, self.kept.notes, self._report_trace, self
+        )
+        self.kept.rooms.open(scene)
         self.documents = Documents(scan_settings.folder)
         self.files, self._followed = FileWatch(), FollowedLog()
         self.fitting = Search("fit", find_pose, lambda: self.shown, self.jobs, self)
@@ -605,9 +603,12 @@ class WindowSession(QObject):
         self._connect()
 
     def _connect(self) -> None:
-        self.jobs.failed.connect(self.failed)
-        self.replay.changed.connect(self._follow_replay)
-        self.replay.broken.connect(self.failed)
+        self.jobs.failed.connect(self.notices.fail)
+        for part in (self.fitting, self.causes, self.scans):
+            part.failed.connect(self.notices.fail)
+        self.finding.failed.connect(self._fail_search)
+        self.finding.settled.connect(self._settle_search)
+        self.replay_changed.connect(self._follow_replay)
         self.showing.edited.connect(self._follow_edit)
         self.showing.changed.connect(self.sound.follow)
         self.scans.changed.connect(self.showing.overlay)
@@ -634,37 +635,23 @@ class WindowSession(QObject):
     def scan(self) -> None:
         """Scan with the chosen scanner, and record."""
         self._scan_due = False
-        if self.live.possible and not self.live.running:
+        if self.live.target is not None and not self.live.running:
+            self.notices.clear()
             self._drop_readings()
-            self._move_fake(self._scanner_place.follow(self.scanners.url, self.shown.scene))
-            for doubt in self._scanner_place.doubts(self.scanners.url, self.shown.scene):
-                self.noticed.emit(doubt)
-            self._source.scan(self.shown.scene, self.scanner_board.wanted)
+            self._place_scanner(self.shown.scene)
+            self._set_replay(None)
+            self.live.start(self.shown.scene, self.scanner_board.wanted)
 
-    @Slot()
-    def move_fake(self) -> None:
-        """Move the fake scanner to the place shown, and scan there when a running scan has stopped."""
-        try:
-            url = self._scanner_place.moved_here(self.scanners.url, self.shown.scene)
-        except InputError as error:
-            self.failed.emit(str(error))
-            return
-        self.stop()
-        self._move_fake(url)
-        self.scan_when_predicted()
-
-    def _scan_room(self, offer: ScanRoom) -> None:
-        if self.live.running:
-            self.warned.emit(_BUSY)
-        else:
-            self._move_fake(self._scanner_place.moved_fake(offer, self.shown.scene))
-            self.scan()
-
-    def _move_fake(self, url: str) -> None:
-        """Use the fake scanner at another URL from now on; the scene shown stays."""
-        if url != self.scanners.url and (target := self.scanners.find(url)) is not None:
-            self.scanners.remember(target)
-            self.live.use(target.opener)
+    def _place_scanner(self, scene: Scene) -> None:
+        """Put a fake scanner that follows the plan into the scene; of any other scanner, say that it is elsewhere."""
+        place, target = self._scanner_place, self.live.target
+        if place.follow is not None and target is not None and scene.room is not None:
+            if not place.is_in(scene):
+                self.live.use(replace(target, opener=place.follow(scene)))
+                self._scanner_place = replace(place, scene=scene)
+        elif doubt := place.doubt(scene):
+            self.notices.warn(doubt)
+            self._scanner_place = place.moved(scene)  # a real scanner is named once
 
     def scan_when_predicted(self) -> None:
         """Scan as soon as there is a prediction, so that the readings appear over it; without a room, at once."""
@@ -680,13 +667,25 @@ class WindowSession(QObject):
     def stop(self) -> None:
         """Stop the job of the scanner, and pause the replay."""
         self._scan_due = False
-        self._source.stop()
+        self.live.stop()
+        self.in_replay(Replay.pause)
+
+    def in_replay(self, act: Callable[[Replay], object]) -> None:
+        """Do something with the log that is replayed; without one, nothing."""
+        if self.replay is not None:
+            act(self.replay)
+
+    def _set_replay(self, replay: Replay | None) -> None:
+        """Show the readings of a log from now on; None: those of the scanner."""
+        if replay is not self.replay:
+            self.replay = replay
+            self.replay_changed.emit(replay)
 
     def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
         """Show all readings of a log for replay; `path`: its file."""
         self._drop_readings()
         self.showing.follow(log.readings)
-        self._source.load(log, name, path)
+        self._set_replay(Replay(log, name, path, self.replay_changed.emit))
         self.showing.open_notes()
         if log.torn:
             now = time.monotonic()
@@ -696,17 +695,18 @@ class WindowSession(QObject):
             )
             self._warn_of_torn(now)
         elif not log.readings:
-            self.warned.emit(f"{name}: contains no readings")
+            self.notices.warn(f"{name}: contains no readings")
         doubts = (place_warning(log.metadata, self.shown.scene), *(scan.angle_warning for scan in log.scans))
         for doubt in filter(None, doubts):
-            self.warned.emit(f"{name}: {doubt}")
+            self.notices.warn(f"{name}: {doubt}")
 
     @Slot()
     def leave_replay(self) -> None:
         """Close the log, and return to the last live scan in the scene from before the replay."""
-        if self.replay.loaded:
+        if self.replay is not None:
+            self.notices.clear()
             self._drop_readings()
-            self._source.close_log()
+            self._set_replay(None)
             if self._before_replay is not None:
                 self.set_scene(self._before_replay)
             self.showing.follow(self.live.readings)
@@ -720,7 +720,7 @@ class WindowSession(QObject):
         self.fitting.cancel()
         self.causes.cancel()
         self.showing.replace_scene(scene)
-        self.unsaved.open(scene, source)
+        self.kept.rooms.open(scene, source)
         self._update_status()
 
     @Slot(str)
@@ -737,7 +737,7 @@ class WindowSession(QObject):
         elif ending == ROOM:
             self.open_room(file)
         else:
-            self.failed.emit(f"{file.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")
+            self.notices.fail(f"{file.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")
 
     def open_log(self, path: Path, last_scene: Scene | None = None) -> None:
         """Open a log; `last_scene`: the scene of the last session instead of that in the log."""
@@ -750,7 +750,7 @@ class WindowSession(QObject):
     @Slot(object)
     def import_csv(self, csv: CsvRead) -> None:
         """Import a CSV scan as a log in the folder of recordings, and open the log."""
-        self._open("import a scan", import_scan, csv, self.live.scan_settings.folder, take=self._take_log)
+        self._open("import a scan", import_scan, csv, self.live.settings.folder, take=self._take_log)
 
     def _open(self, key: str, function: Callable[..., Any], *args: object, take: Callable[[Any], None]) -> None:
         self.jobs.run(key, function, *args, then=partial(self._take_opened, take), lane="open files")
@@ -762,27 +762,12 @@ class WindowSession(QObject):
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
             self.files.watch(WatchedFile.BOARD, Path(path))
         except InputError as error:
-            self.failed.emit(str(error))
+            self.notices.fail(str(error))
 
     @Slot(object)
-    def answer_offer(self, answer: RestoreRoom | DiscardRoom | ReloadFile | ScanRoom | MoveFake) -> None:
-        """Carry out the answer to a notice."""
-        try:
-            match answer:
-                case RestoreRoom():
-                    self.set_scene(self.unsaved.restored(answer, self.shown.scene), answer.path)
-                case DiscardRoom():
-                    self.unsaved.discard(answer)
-                case ReloadFile(WatchedFile.BOARD, path):
-                    self.open_board(str(path))
-                case ReloadFile(WatchedFile.ROOM, path):
-                    self.open_room(path)
-                case ScanRoom():
-                    self._scan_room(answer)
-                case MoveFake():
-                    self.move_fake()
-        except SonarError as error:
-            self.failed.emit(str(error))
+    def restore_room(self, path: Path) -> None:
+        """Show the unsaved room in a file of the folder of unsaved rooms. Raises InputError."""
+        self.set_scene(self.kept.rooms.restored(path, self.shown.scene), path)
 
     @Slot(str)
     def save_room(self, path: str) -> None:
@@ -793,12 +778,12 @@ class WindowSession(QObject):
                 raise InputError("there is no room to save; open a room file")
             save_room(room, file, overwrite=True)
         except SonarError as error:
-            self.failed.emit(str(error))
+            self.notices.fail(str(error))
             return
         self.documents.add(file)
         self.documents.saved_in = file.absolute().parent
         self.showing.take_saved(room, file.name)
-        self.unsaved.saved(self.shown.scene)
+        self.kept.rooms.saved(self.shown.scene)
         self.showing.refresh()
         self.files.watch(WatchedFile.ROOM, file)
 
@@ -826,26 +811,27 @@ class WindowSession(QObject):
     @Slot(object)
     def _use(self, target: ScannerTarget) -> None:
         if self.live.running:
-            self.warned.emit(_BUSY)
+            self.notices.warn(_BUSY)
             return
         self.leave_replay()
         self.scanners.remember(target)
-        self.live.use(target.opener)
+        self.live.use(target)
         if target.scene is not None:
             self.set_scene(target.scene)
         self.scanner_board.wanted = target.scene is None
-        self._scanner_place.confirm(self.shown.scene)
+        self._scanner_place = place_of(target, self.shown.scene)
         self.live.connect()
 
     @property
-    def recorded(self) -> Log | Path | None:
-        """The log of the readings shown, or its file; None if there is none."""
-        return self._source.recorded
+    def source(self) -> Source:
+        """What the readings shown come from."""
+        return self.live if self.replay is None else self.replay
 
     @property
     def log_file(self) -> str:
         """The file of the readings shown: a replayed log, or the recording of the last scan. Empty if there is none."""
-        return self._source.log_file
+        path = self.source.path
+        return "" if path is None else str(path.absolute())
 
     def remember_used(self, recent: tuple[str, ...], urls: tuple[str, ...]) -> None:
         """Set the lists of recent files and scanners."""
@@ -856,7 +842,7 @@ class WindowSession(QObject):
         """Stop the board, close the log, end all threads. A second call has no effect."""
         self._begun = True  # a window that is closed before its first paint begins nothing
         self._timer.stop()
-        self.unsaved.write()
+        self.kept.rooms.write()
         self.live.close()
         self.jobs.close()
         watch_compilation(Quiet())
@@ -872,32 +858,34 @@ class WindowSession(QObject):
         self.finding.tick()
         self._look_at_files(now)
         self._ticking = True
-        self.replay.advance(elapsed)
+        self.in_replay(lambda replay: replay.advance(elapsed))
         self._ticking = False
         self.sound.advance(elapsed)
         self.showing.tick(self._take_readings())
         self._scan_if_due()
-        self.unsaved.tick(now)
-        self._report_messages()
+        self.kept.tick(now)
+        if doubt := self.preparation.take_doubt():
+            self.notices.warn(doubt)
         self._update_status()
         self._timer.follow_drag(self.showing.forecast.dragging)
 
-    def _report_messages(self) -> None:
-        for messages, report in (
-            (self.preparation.messages, self.warned.emit),
-            (self.unsaved.messages, self.warned.emit),
-            (self.showing.note_store.messages, self.warned.emit),
-        ):
-            for message in messages:
-                report(message)
-            messages.clear()
-        for notice in self.unsaved.notices:
-            self.noticed.emit(notice)
-        self.unsaved.notices.clear()
+    def _report_trace(self, why: str) -> None:
+        """Report that a trace cannot be read or computed. A log that can no longer be read loses its traces."""
+        if not why:
+            return
+        if self.replay is None:
+            self.notices.warn(why)
+        else:
+            self.notices.fail(f"{why}. The replay is paused; readings are shown without traces")
+            self.replay.drop_traces()
 
-    def _report_trace(self, message: str) -> None:
-        if message:
-            (self.replay.drop_traces if self.replay.loaded else self.warned.emit)(message)
+    @Slot(str)
+    def _fail_search(self, message: str) -> None:
+        self.notices.fail(message, Until.SEARCH_CHANGED)
+
+    @Slot()
+    def _settle_search(self) -> None:
+        self.notices.end(Until.SEARCH_CHANGED)
 
     def _take_opened(self, take: Callable[[Any], None], opened: LogOpened | RoomOpened) -> None:
         if opened.path is not None:
@@ -906,12 +894,13 @@ class WindowSession(QObject):
         if not self.live.running:  # else requested before the scan began; it would change the room of the scan
             take(opened)
         if isinstance(opened, LogOpened) and opened.notice:
-            self.failed.emit(opened.notice)
+            self.notices.fail(opened.notice)
 
     def _take_log(self, opened: LogOpened) -> None:
+        self.notices.clear()
         self.files.watch(WatchedFile.ROOM, None)
         here, metadata = self.shown.scene, opened.log.metadata
-        if not self.replay.loaded:
+        if self.replay is None:
             self._before_replay = here
         board = opened.scene.board if metadata.board or metadata.board_text else here.board
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
@@ -920,8 +909,10 @@ class WindowSession(QObject):
             self._warn_if_recorded_elsewhere(opened.scene)
 
     def _take_room(self, opened: RoomOpened) -> None:
-        scene = opened.at_known_place(self.shown.scene, self._source.recorded_in.place)
-        self._notify(self._scanner_place.enter_room(self.scanners.url, opened.path, scene))
+        scene = opened.at_known_place(self.shown.scene, self.source.recorded_in.place)
+        self._scanner_place = place = self._scanner_place.moved(scene)
+        if place.follow is None and (doubt := place.doubt(scene)):
+            self.notices.warn(doubt)
         self._warn_if_recorded_elsewhere(scene)
         self.set_scene(scene)
         self.files.watch(WatchedFile.ROOM, opened.path)
@@ -931,17 +922,17 @@ class WindowSession(QObject):
         if self.live.running:
             return
         self._followed.rest(grown.took, time.monotonic())
-        replayed = self._source.replayed
-        if replayed is None or replayed.path != grown.path:
+        replay = self.replay
+        if replay is None or replay.path != grown.path:
             return
-        self._source.extend(grown.log)
-        self.showing.follow(self._source.all_readings)
+        replay.extend(grown.log)
+        self.showing.follow(replay.readings)
         if not grown.log.torn:
             self._followed.stop()
 
     def _warn_of_torn(self, now: float) -> None:
         for warning in self._followed.due_warnings(now):
-            self.warned.emit(warning)
+            self.notices.warn(warning)
 
     def _look_at_files(self, now: float) -> None:
         """Follow a log that grows, and offer to reload a changed room or board."""
@@ -949,31 +940,28 @@ class WindowSession(QObject):
         if grown := self._followed.grown_file(now):
             self.jobs.run("follow a log", read_grown_log, grown, then=self._take_grown, lane="open files")
         for what, path in self.files.changed(now):
-            self.noticed.emit(Notice(f"{path.name} has changed on disk", f"Reload the {what}", ReloadFile(what, path)))
+            again = NoticeButton("Reload the board", self.open_board, str(path))
+            if what is WatchedFile.ROOM:
+                again = NoticeButton("Reload the room", self.open_room, path)
+            self.notices.add(Notice(f"{path.name} has changed on disk", again))
 
     def _warn_if_recorded_elsewhere(self, scene: Scene) -> None:
-        if doubt := self._source.doubt_in(scene):
-            self.warned.emit(doubt)
-
-    def _notify(self, notice: Notice | None) -> None:
-        if notice is not None:
-            self.noticed.emit(notice)
+        if doubt := doubt_in(self.source, scene):
+            self.notices.warn(doubt)
 
     def _take_readings(self) -> bool:
         if self.live.newly_connected():  # before its errors are taken
-            self.connected.emit()
+            self.notices.end(Until.CONNECTED)
             if board := self.scanner_board.instead_of(self.shown.scene.board, self.live.link):
                 self.showing.edit(*with_board(self.shown.scene, board))
-                self.warned.emit(f"the scanner has board {board.name}, which is used from now on; Ctrl+Z undoes this")
-        fresh, notice = self._source.take(self._last_tick)
+                self.notices.warn(f"the scanner has board {board.name}, which is used from now on; Ctrl+Z undoes this")
+        fresh = self.live.take(self._last_tick)
         if fresh:
             self.showing.follow(self.live.readings)
-        self._notify(notice)
         return fresh
 
     def _drop_readings(self) -> None:
         """Prepare for other readings."""
-        self.warned.emit("")
         self._followed.stop()
         self.fitting.cancel()
         self.causes.cancel()
@@ -992,25 +980,41 @@ class WindowSession(QObject):
 
     @Slot()
     def _follow_edit(self) -> None:
-        self.unsaved.change(self.shown.scene, time.monotonic())
+        self.kept.rooms.change(self.shown.scene, time.monotonic())
         self._update_status()
 
     @Slot()
     def _update_status(self) -> None:
-        searching, place = self.showing.forecast.searching, self._scanner_place
-        status = self._source.status(time.monotonic(), searching, room_name(self.shown.scene))
-        status = replace(
-            status,
-            outdated=self.shown.outdated,
-            preparing=self.preparation.progress,
-            scan_due=self._scan_due,
-            fake_still="" if self.replay.loaded else place.fake_still(self.scanners.url, self.shown.scene),
-            uncompared=self.showing.forecast.uncompared,
-            following=self._followed.grows(time.monotonic()),
-        )
+        status = self._made_status(time.monotonic())
+        self.notices.set_state(status.trouble)
         if status != self.status:
             self.status = status
             self.status_changed.emit(status)
+
+    def _made_status(self, now: float) -> Status:
+        live, source, scene, forecast = self.live, self.source, self.shown.scene, self.showing.forecast
+        readings, replay, note = source.shown, None, None
+        if self.replay is not None:
+            temperature = readings[-1].temperature_c if readings else None
+            replay = ReplayState(self.replay.name, self.replay.lost, temperature, self._followed.grows(now))
+        if source.origin is Origin.FAKE:
+            note = self._scanner_place.note(scene) if replay is None else FakeNote()
+        same_room = live.scene is not None and room_name(scene) == room_name(live.scene)
+        return Status(
+            job=live.job,
+            link=live.link,
+            replay=replay,
+            prediction=PredictionState(
+                forecast.searching, self.shown.outdated, forecast.uncompared, self.preparation.progress
+            ),
+            chosen=live.target is not None,
+            settings=live.settings,
+            scan_due=self._scan_due,
+            readings=len(readings),
+            rate=source.meter.rate(now),
+            own_readings=bool(readings) and live.made_readings and same_room,
+            fake=note,
+        )
 
 
 # Updates that are done in turns, so that no frame has to wait for all of them.

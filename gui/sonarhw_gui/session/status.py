@@ -1,26 +1,16 @@
-"""The content of the status bar as frozen values: source, rate, lost readings, temperature."""
+"""The status of the session in four parts, job, link, replay and prediction, and the texts about the scanner."""
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 from sonarhw.errors import counted
-from sonarhw.log import RecordedScan
 from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.messages import MOST_READINGS, microdegrees_of
 from sonarhw.wire.readings_of_frames import MOST_DRIFT
+from sonarhw_gui.session.fake_place import FakeNote
 from sonarhw_gui.session.notices import Compiled
-from sonarhw_gui.session.scanner import LinkState, Phase, ScanSettings
-
-
-class Source(StrEnum):
-    """The source of the readings."""
-
-    NONE = "no scan"
-    LIVE = "live"
-    REPLAY = "replay"
+from sonarhw_gui.session.scanner import IDLE, JobState, LinkState, Phase, ScanSettings, trouble
 
 
 class Badge(StrEnum):
@@ -36,41 +26,50 @@ class Badge(StrEnum):
 
 
 @dataclass(frozen=True)
-class Status:
-    """The state of the scanner, the replay and the prediction."""
+class ReplayState:
+    """The log that is replayed."""
 
-    source: Source = Source.NONE
-    phase: Phase | None = None  # of a live scan
-    can_scan: bool = False
+    name: str
+    lost: int = 0  # readings
+    temperature_c: float | None = None  # at the newest reading
+    following: bool = False  # whether the log is being written
+
+
+@dataclass(frozen=True)
+class PredictionState:
+    """The prediction for the scene that is shown."""
+
+    searching: bool = False
+    outdated: bool = False  # whether the values shown are of the previous prediction
+    uncompared: int = 0  # readings that are not compared with the newest prediction yet
+    preparing: Compiled | None = None  # progress of the compilation at the first start
+
+
+@dataclass(frozen=True)
+class Status:
+    """The state of the scanner's job, its link, the replay and the prediction."""
+
+    job: JobState = IDLE
+    link: LinkState | None = None  # None: no connection to a scanner
+    replay: ReplayState | None = None  # None: the readings of the scanner are shown
+    prediction: PredictionState = PredictionState()
+    chosen: bool = False  # whether a scanner was chosen
+    settings: ScanSettings | None = None  # of the next scan
+    scan_due: bool = False  # whether a scan waits for the prediction
     readings: int = 0
     rate: float = 0.0  # readings per second
-    lost: int = 0  # readings
-    temperature_c: float | None = None
-    recording: Path | None = None
-    log_name: str = ""  # of the replayed log
-    following: bool = False  # whether the replayed log is being written
-    predicting: bool = False
-    preparing: Compiled | None = None  # progress of the compilation at the first start
-    scan_due: bool = False  # whether a scan waits for the prediction
-    uncompared: int = 0  # readings that are not compared with the newest prediction yet
-    outdated: bool = False  # whether the values shown are of the previous prediction
-    scan_settings: ScanSettings | None = None  # settings of the next scan
-    link: LinkState | None = None  # the connection to a scanner
-    trouble: str = ""  # message about a lost connection
-    angle: float | None = None  # last reported angle of the turntable, rad
-    fake: bool = False  # whether the readings come from a fake scanner
-    fake_still: str = ""  # place or board of the fake scanner that makes them, if it is not the one shown
     own_readings: bool = False  # whether the readings come from the connected scanner, in the shown room
+    fake: FakeNote | None = None  # on the fake scanner that makes the readings; None: it is another one
 
     @property
     def badge(self) -> Badge:
         """The badge: live only while a connected scanner works."""
-        if self.source is Source.REPLAY:
+        if self.replay is not None:
             return Badge.REPLAY
         if self.trouble:
             return Badge.AWAY
         if self.link is None:
-            gone = Badge.LOST if self.phase is Phase.FAILED else Badge.AWAY
+            gone = Badge.LOST if self.job.phase is Phase.FAILED else Badge.AWAY
             return gone if self.readings else Badge.NONE
         if self.scanning:
             return Badge.LIVE
@@ -79,49 +78,34 @@ class Status:
         return Badge.NONE
 
     @property
+    def trouble(self) -> str:
+        """A message about a lost connection; empty if it works."""
+        return trouble(self.link, self.job.phase)
+
+    @property
     def scanning(self) -> bool:
         """Whether a scanner works: connects, homes, turns or scans."""
-        return self.phase is not None and self.phase.busy
+        return not self.job.ended
 
     @property
     def can_turn(self) -> bool:
         """Whether the turntable may turn: a scanner was chosen and is idle, and no log is replayed."""
-        return self.can_scan and self.source is not Source.REPLAY and not self.scanning
+        return self.can_scan and self.replay is None
 
+    @property
+    def can_scan(self) -> bool:
+        """Whether a scanner was chosen and is idle."""
+        return self.chosen and not self.scanning
 
-def lost_in(scan: RecordedScan) -> int:
-    """Return the number of readings of a scan missing in its log; if its size is unknown, the number of gaps."""
-    numbers = {reading.number for reading in scan.readings}
-    made = scan.finished.readings if scan.finished else max(numbers, default=-1) + 1
-    return max(0, made - len(numbers))
+    @property
+    def lost(self) -> int:
+        """Readings lost on the link, or missing in the log."""
+        return self.job.lost if self.replay is None else self.replay.lost
 
-
-# The number of readings per second over the last few seconds.
-
-
-_SPAN = 3.0  # s
-
-
-class RateMeter:
-    """Measures a rate over a sliding window of 3 s."""
-
-    def __init__(self) -> None:
-        self._counts: deque[tuple[float, int]] = deque()
-
-    def add(self, count: int, now: float) -> None:
-        """Count readings that have arrived at `now`, s."""
-        if count:
-            self._counts.append((now, count))
-
-    def rate(self, now: float) -> float:
-        """Return the readings per second; 0 before the second arrival."""
-        while self._counts and self._counts[0][0] < now - _SPAN:
-            self._counts.popleft()
-        if len(self._counts) < 2:
-            return 0.0
-        # the window begins with the first arrival, whose readings were made before it
-        arrived = sum(count for _, count in self._counts) - self._counts[0][1]
-        return arrived / max(now - self._counts[0][0], 1e-3)
+    @property
+    def temperature_c(self) -> float | None:
+        """The air temperature at the board."""
+        return self.job.temperature_c if self.replay is None else self.replay.temperature_c
 
 
 # The texts of the device panel: identity of the scanner, state of the link, size of a scan.
@@ -160,15 +144,15 @@ def scan_summary(order: ScanOrder, link: LinkState | None) -> str:
 
 def state_text(status: Status) -> str:
     """Return the state of the scanner in a few words."""
-    if not status.can_scan:
+    if not status.chosen:
         return "No scanner chosen"
     if status.link is None:
         return "Connecting …" if status.scanning else "Not connected"
     if status.link.loss:
         return "Lost; searching"
-    if status.source is Source.REPLAY or status.phase is None or not status.scanning:
+    if status.replay is not None or not status.scanning:
         return "Connected"
-    return f"{str(status.phase).capitalize()} …"
+    return f"{str(status.job.phase).capitalize()} …"
 
 
 def identity_text(link: LinkState | None) -> str:

@@ -19,8 +19,9 @@ from PySide6.QtWidgets import (
 from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, Look
 from sonarhw_gui.model.shown import Shown
-from sonarhw_gui.session.notices import Notice, Notices, Until
-from sonarhw_gui.session.status import Badge, Source, Status
+from sonarhw_gui.session.fake_place import FakeNote
+from sonarhw_gui.session.notices import Notices
+from sonarhw_gui.session.status import Badge, Status
 from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel
 from sonarhw_gui.window.commands import Commands
 
@@ -33,27 +34,26 @@ from sonarhw_gui.window.commands import Commands
 class Banner(QFrame):
     """Shows one notice at a time, the newest of the most severe kind; hidden without notices."""
 
-    answered = Signal(object)  # the value of the accepted or declined offer
     opened = Signal(bool)  # before it is shown: True; after it is hidden: False
 
-    def __init__(self) -> None:
+    def __init__(self, notices: Notices) -> None:
         super().__init__()
         self.setObjectName("banner")
-        self._notices = Notices()
+        self._notices = notices
         self._label = PlainLabel()
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.more_button = QToolButton(autoRaise=True)
         self.more_button.setToolTip("Show the next message")
-        self.more_button.clicked.connect(self._show_next)
+        self.more_button.clicked.connect(notices.show_next)
         self.accept_button = QPushButton()
-        self.accept_button.clicked.connect(self._accept)
+        self.accept_button.clicked.connect(notices.accept)
         self.decline_button = QPushButton()
-        self.decline_button.clicked.connect(self._decline)
+        self.decline_button.clicked.connect(notices.decline)
         self.close_button = QToolButton(autoRaise=True)
         self.close_button.setText("×")
         self.close_button.setToolTip("Dismiss this message")
-        self.close_button.clicked.connect(self._dismiss)
+        self.close_button.clicked.connect(notices.dismiss)
         row = QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
         row.addWidget(self._label)
@@ -61,7 +61,9 @@ class Banner(QFrame):
         row.addWidget(self.decline_button)
         row.addWidget(self.more_button)
         row.addWidget(self.close_button)
+        notices.changed.connect(self._show)
         self.hide()
+        self._show()
 
     @property
     def message(self) -> str:
@@ -75,81 +77,13 @@ class Banner(QFrame):
             f"#banner {{ background: {paper}; }} #banner QLabel, #banner QToolButton {{ color: {ink}; }}"
         )
 
-    def show_state(self, status: Status) -> None:
-        """Show a problem with the scanner for as long as it lasts."""
-        self._notices.set_state(status.trouble)
-        self._show()
-
-    @Slot(str)
-    def show_message(self, message: str) -> None:
-        """Show a warning, unless there are errors. An empty message clears all."""
-        if message:
-            self._notices.add(message)
-        else:
-            self._notices.clear()
-        self._show()
-
-    @Slot(object)
-    def show_notice(self, notice: Notice) -> None:
-        """Show a notice, unless there are more severe ones."""
-        self._notices.add(notice)
-        self._show()
-
-    @Slot(str)
-    def show_error(self, message: str) -> None:
-        """Show an error before all warnings."""
-        self.show_notice(Notice(message, error=True))
-
-    @Slot(str)
-    def show_connection_error(self, message: str) -> None:
-        """Show an error that ends when a scanner is connected."""
-        self.show_notice(Notice(message, error=True, until=Until.CONNECTED))
-
     @Slot()
-    def end_connection_errors(self) -> None:
-        """Remove the errors of earlier attempts: a scanner is connected."""
-        self._notices.end(Until.CONNECTED)
-        self._show()
-
-    @Slot(str)
-    def show_search_error(self, message: str) -> None:
-        """Show an error that ends when the scans or the scene of the search change."""
-        self.show_notice(Notice(message, error=True, until=Until.SEARCH_CHANGED))
-
-    @Slot()
-    def end_search_errors(self) -> None:
-        """Remove the errors of a search whose scans or scene have changed."""
-        self._notices.end(Until.SEARCH_CHANGED)
-        self._show()
-
-    @Slot()
-    def _show_next(self) -> None:
-        self._notices.show_next()
-        self._show()
-
-    @Slot()
-    def _accept(self) -> None:
-        answer = self._notices.shown.accept_value
-        self._dismiss()
-        self.answered.emit(answer)
-
-    @Slot()
-    def _decline(self) -> None:
-        answer = self._notices.shown.decline_value
-        self._dismiss()
-        self.answered.emit(answer)
-
-    @Slot()
-    def _dismiss(self) -> None:
-        self._notices.dismiss()
-        self._show()
-
     def _show(self) -> None:
         notice, more = self._notices.shown, self._notices.more
         self._label.setText(f"⚠ {notice.text}" if notice.text else "")
-        for button, text in ((self.accept_button, notice.accept_text), (self.decline_button, notice.decline_text)):
-            button.setText(text)
-            button.setVisible(bool(text))
+        for button, offer in ((self.accept_button, notice.accept), (self.decline_button, notice.decline)):
+            button.setText(offer.text if offer else "")
+            button.setVisible(offer is not None)
         self.more_button.setText(f"{more} more ▸")
         self.more_button.setVisible(more > 0)
         if notice.text:
@@ -243,15 +177,6 @@ class Hint(QFrame):
 # badges have the same background in both palettes
 _BADGE_COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
 
-FAKE = "fake scanner, hides a post"
-_FAKE_MEANS = (
-    "A fake scanner simulates its room, which deliberately differs from the room file: one additional post, a sensor "
-    "some millimetres away, and air of another temperature. View > Causes searches for the post"
-)
-_FAKE_STAYS = (
-    "Moving the sensor or choosing a board in the window changes the prediction only. The fake scanner is still {}, so "
-    "its readings differ. Scan > Move the fake scanner here moves it, and scans again"
-)
 _FEW = 360  # readings; so many are compared within a moment, as during a scan
 _MESSAGE_TIME = 10_000  # ms
 
@@ -264,7 +189,7 @@ class StatusBar(QStatusBar):
         self.setSizeGripEnabled(False)
         self.activity = ElidedLabel()
         self.activity.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        self.fake = PlainLabel(FAKE)
+        self.fake = PlainLabel()
         self.badge = PlainLabel()
         self.figures = PlainLabel()
         self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air temperature")
@@ -297,13 +222,15 @@ class StatusBar(QStatusBar):
     def show_state(self, status: Status) -> None:
         """Show the status."""
         self.activity.setText(activity_text(status))
-        self.progress.setVisible(status.preparing is not None)
-        if status.preparing is not None:
-            self.progress.setRange(0, status.preparing.known)
-            self.progress.setValue(status.preparing.done)
-        self.fake.setVisible(status.fake)
-        self.fake.setText(f"fake scanner, still {status.fake_still}" if status.fake_still else FAKE)
-        self.fake.setToolTip(_FAKE_STAYS.format(status.fake_still) if status.fake_still else _FAKE_MEANS)
+        preparing = status.prediction.preparing
+        self.progress.setVisible(preparing is not None)
+        if preparing is not None:
+            self.progress.setRange(0, preparing.known)
+            self.progress.setValue(preparing.done)
+        self.fake.setVisible(status.fake is not None)
+        note = status.fake or FakeNote()
+        self.fake.setText(note.text)
+        self.fake.setToolTip(note.tip)
         self.figures.setText(figures_text(status))
         self.badge.setText(badge_text(status))
         background = _BADGE_COLOURS.get(status.badge, LIGHT.idle)
@@ -328,23 +255,23 @@ def figures_text(status: Status) -> str:
 
 def activity_text(status: Status) -> str:
     """Return the current activity."""
-    parts = []
-    if status.source is Source.LIVE and status.phase is not None:
-        parts.append("waiting for the scanner" if status.trouble else str(status.phase))
-    if status.source is Source.LIVE and status.recording is not None:
-        parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
-    if status.source is Source.REPLAY:
-        parts.append(f"{'following' if status.following else 'replaying'} {status.log_name}")
-    if status.preparing:
+    parts, job, replay, prediction = [], status.job, status.replay, status.prediction
+    if replay is not None:
+        parts.append(f"{'following' if replay.following else 'replaying'} {replay.name}")
+    elif job.phase is not None:
+        parts.append("waiting for the scanner" if status.trouble else str(job.phase))
+        if job.recording is not None:
+            parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(job.recording)}")
+    if prediction.preparing:
         parts.append("preparing the model (first start only)")
     if status.scan_due:
         parts.append("the scan begins when its prediction is there")
-    if status.outdated:
+    if prediction.outdated:
         parts.append("predicting … grey values belong to the previous prediction")
-    elif status.predicting and not status.preparing:
+    elif prediction.searching and not prediction.preparing:
         parts.append("predicting …")
-    if status.uncompared > _FEW:
-        parts.append(f"{status.uncompared} readings to compare")
+    if prediction.uncompared > _FEW:
+        parts.append(f"{prediction.uncompared} readings to compare")
     return " · ".join(parts)
 
 

@@ -60,11 +60,6 @@ class Commands:
         self.stop = self._add("■ Stop", "F6", "Stop the scanner at once; readings so far are kept")
         self.stop.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)  # from a dialog in front, too
         self.home = self._add("Home", "Ctrl+H", "Find the zero of the turntable")
-        self.move_fake = self._add(
-            "Move the fake scanner here",
-            "Ctrl+Alt+M",
-            "Move it to the place of the sensor in the window, and scan again",
-        )
         self.find = self._add("Find pose", "Ctrl+J", "Fit the pose of the scanner to its readings")
         self.undo = self._add("Undo", "Ctrl+Z", "Undo the last edit")
         self.redo = self._add("Redo", "Ctrl+Shift+Z", "Repeat the edit that was undone last")
@@ -167,7 +162,7 @@ def _menus_of_scans(
         commands.save_film,
     ]
     yield "File", [opened, [*pictures, commands.export_data, commands.report], [commands.close]]
-    run = [commands.scan, commands.stop, commands.home, commands.move_fake]
+    run = [commands.scan, commands.stop, commands.home]
     yield "Scan", [[commands.connect_scanner], run, [commands.find]]
     yield (
         "Edit",
@@ -444,7 +439,7 @@ class NoteCommands(QObject):
         if self._about is not None and self._session.showing.has_reading(*self._about):
             self._session.showing.pin(self._about[0], note_text(typed))
         else:
-            self._session.warned.emit(f"other readings are shown now; this note was not saved: {note_text(typed)}")
+            self._session.notices.warn(f"other readings are shown now; this note was not saved: {note_text(typed)}")
 
     @Slot()
     def _delete(self) -> None:

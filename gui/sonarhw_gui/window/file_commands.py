@@ -28,6 +28,7 @@ from sonarhw_gui.jobs.files import (
     can_open,
 )
 from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
 from sonarhw_gui.views.base import View, png_pixels, svg_text
 from sonarhw_gui.widgets import plain_tip
@@ -125,7 +126,7 @@ class FileCommands(QMenu):
     def _show_recordings(self) -> None:
         if self.recordings is None:
             self.recordings = dialog = RecordingsDialog(
-                self._session.live.scan_settings.folder, self._session.jobs, self._window
+                self._session.live.settings.folder, self._session.jobs, self._window
             )
             dialog.chosen.connect(self._session.open_file)
             dialog.destroyed.connect(self._forget_recordings)
@@ -273,7 +274,7 @@ class SaveCommands(QObject):
         state, question = self._session.sound.state, self._session.shown.question
         ping = state.ping if state is not None else None if question is None else PlayedPing(*question)
         if ping is None:
-            self._session.warned.emit("there is no sound to film; select a reading, or click the predicted outline")
+            self._session.notices.warn("there is no sound to film; select a reading, or click the predicted outline")
         else:
             self._ask(Subject("Sound", FILMS, ping=ping))
 
@@ -285,14 +286,14 @@ class SaveCommands(QObject):
     @Slot()
     def _save_report(self) -> None:
         if self._session.shown.scene.room is None:
-            self._session.warned.emit("a report needs a room to compare with; open a room file")
+            self._session.notices.warn("a report needs a room to compare with; open a room file")
         elif self._has_readings():
             self._ask(Subject("Report", REPORT))
 
     def _has_readings(self) -> bool:
-        if self._session.recorded is None:
-            self._session.warned.emit("there are no readings to save; scan, or open a log")
-        return self._session.recorded is not None
+        if self._session.source.recorded is None:
+            self._session.notices.warn("there are no readings to save; scan, or open a log")
+        return self._session.source.recorded is not None
 
     def _ask(self, subject: Subject) -> None:
         self._subject = subject
@@ -335,7 +336,7 @@ class SaveCommands(QObject):
 
     def _content(self, ending: str) -> Content | None:
         subject, session = self._subject, self._session
-        scene, recorded = session.shown.scene, session.recorded
+        scene, recorded = session.shown.scene, session.source.recorded
         if subject.view is not None:
             return self._picture(subject.view, ending)
         if subject.ping is not None:
@@ -345,7 +346,7 @@ class SaveCommands(QObject):
         if subject.endings == DATA:
             return Data(recorded, scene, notes=session.showing.pinned_notes)
         link = session.live.link
-        live = link is not None and not session.replay.loaded
+        live = link is not None and session.replay is None
         facts = [(name, value) for name, value, _ in link_figures(link)] if live else []
         return ReportPage(self._log_name(), recorded, scene, facts, session.showing.pinned_notes)
 
@@ -357,8 +358,8 @@ class SaveCommands(QObject):
         return Picture(png_pixels(view, title, shown), endings=self._subject.endings)
 
     def _log_name(self) -> str:
-        recorded = self._session.recorded
-        return recorded.name if isinstance(recorded, Path) else self._session.status.log_name
+        source = self._session.source
+        return source.name if isinstance(source, Replay) else source.path.name if source.path is not None else ""
 
     def _stem(self) -> str:
         return Path(self._log_name()).stem or self._session.shown.scene.pose.name or "sonarhw"

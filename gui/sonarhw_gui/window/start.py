@@ -9,23 +9,23 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from pathlib import Path
 from types import FrameType
 
 from pyqtgraph.util.garbage_collector import GarbageCollector
-from PySide6.QtCore import QByteArray, QObject, QTimer, Slot
+from PySide6.QtCore import QByteArray, QTimer
 from PySide6.QtWidgets import QApplication
 
-from sonarhw.errors import MissingExtra, OutputError, SonarError
+from sonarhw.errors import MissingExtra, SonarError
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.jobs.files import WatchedFile
 from sonarhw_gui.model.look import Look, apply_look
 from sonarhw_gui.model.scene import Scene, SceneMemory
-from sonarhw_gui.session.kept import Memory, read_memory, write_memory
+from sonarhw_gui.session.kept import Memory, read_memory
 from sonarhw_gui.session.notices import with_newest
 from sonarhw_gui.session.scanner import (
     WHOLE_TURN,
@@ -157,37 +157,7 @@ def return_large_blocks() -> None:
         mallopt(_MMAP_THRESHOLD, _LARGE)
 
 
-# Store the state of the window when it closes, and restore it.
-
-
-_EVERY = 2000  # ms between two looks for changes
-
-
-class MemoryWriter(QObject):
-    """Stores the state of a window when it has changed, and when it closes."""
-
-    def __init__(self, window: MainWindow, path: Path) -> None:
-        super().__init__(window)
-        self._window = window
-        self._path = path
-        self._written: Memory | None = None
-        self._timer = QTimer(self, interval=_EVERY)
-        self._timer.timeout.connect(self._write)
-        self._timer.start()
-        window.closing.connect(self._finish)
-
-    @Slot()
-    def _finish(self) -> None:
-        self._timer.stop()
-        self._write()
-
-    @Slot()
-    def _write(self) -> None:
-        memory = memory_of(self._window)
-        if memory != self._written:
-            with suppress(OutputError):  # the next window opens with older settings
-                write_memory(self._path, memory)
-                self._written = memory
+# The state of the window that the next start restores.
 
 
 def memory_of(window: MainWindow) -> Memory:
@@ -197,7 +167,7 @@ def memory_of(window: MainWindow) -> Memory:
         scene=SceneMemory.of(session.shown.scene),
         log=session.log_file,
         url=session.scanners.url,
-        scan_settings=session.live.scan_settings,
+        scan_settings=session.live.settings,
         recent=session.documents.recent,
         urls=session.scanners.urls,
         look=session.shown.look,
@@ -237,7 +207,7 @@ class WindowStart:
     """The initial content of the window, and where it stores files."""
 
     scene: Scene
-    source: ScannerOpener | Log | None = None  # opens a scanner, or a log to replay
+    source: ScannerTarget | ScannerOpener | Log | None = None  # a scanner, or a log to replay
     source_name: str = "the log"  # file name of the log
     source_file: Path | None = None  # path of the log; without a log, a file to open
     used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
@@ -281,12 +251,15 @@ def open_window(start: WindowStart) -> MainWindow:
     """Return a window with its session, not visible yet."""
     restored, memory, problem = _resumed(start)
     source = restored.source
-    scanner = None if source is None or isinstance(source, Log) else ScannerTarget(restored.url, source)
+    scanner = None if source is None or isinstance(source, Log) else source
+    if scanner is not None and not isinstance(scanner, ScannerTarget):
+        scanner = ScannerTarget(restored.url, scanner)
     scan_settings = ScanSettings(start.recordings, start.order, start.traces)
     if start.resume and memory.scan_settings is not None:
         scan_settings = replace(memory.scan_settings, folder=start.recordings)
-    unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
-    window = MainWindow(WindowSession(restored.scene, scanner, scan_settings, memory.look, start.find_scanner, unsaved))
+    window = MainWindow(
+        WindowSession(restored.scene, scanner, scan_settings, memory.look, start.find_scanner, start.memory)
+    )
     window.session.scanner_board.wanted = restored.takes_board
     restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
@@ -297,10 +270,11 @@ def open_window(start: WindowStart) -> MainWindow:
     if start.memory is not None:
         if not memory.introduced:
             window.hint.begin()
-        MemoryWriter(window, start.memory)
+        window.session.kept.state = lambda: memory_of(window)
+        window.closing.connect(window.session.kept.write)
     _open_source(window, restored, resumed=restored is not start)
     if problem:
-        window.session.warned.emit(problem)
+        window.session.notices.warn(problem)
     return window
 
 
@@ -329,11 +303,12 @@ def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
         if not start.resume or memory.scene is None or start.find_scanner is None:
             return start, memory, ""
         scene = memory.scene.scene()
-        opener = start.find_scanner(memory.url).opener if memory.url else None
+        again = memory.url == start.url  # then the same fake scanner follows the plan
+        scanner = start.source if again else start.find_scanner(memory.url) if memory.url else None
     except SonarError as error:
         return start, memory, str(error)
     log = Path(memory.log) if memory.log else None
-    resumed = replace(start, scene=scene, source=opener, source_file=log, url=memory.url, autostart=False)
+    resumed = replace(start, scene=scene, source=scanner, source_file=log, url=memory.url, autostart=False)
     return resumed, memory, ""
 
 

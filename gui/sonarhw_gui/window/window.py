@@ -1,10 +1,11 @@
 """The main window: creates its parts, connects them, and updates them when the session changes."""
 
 import re
+from collections.abc import Callable
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 from PySide6.QtCore import QEvent, QSize, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import (
@@ -38,6 +39,7 @@ from sonarhw_gui.panels.replay import ReplayBar, SoundBar
 from sonarhw_gui.panels.room import RoomPanel
 from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansPanel
 from sonarhw_gui.session.session import Turns, WindowSession
+from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.legend import Legend
@@ -64,25 +66,17 @@ from sonarhw_gui.window.views import TabbedWindow, ViewArea
 
 def connect_commands(commands: Commands, session: WindowSession) -> None:
     """Connect each command with its action in the session."""
-    showing, replay = session.showing, session.replay
+    showing = session.showing
     for action, slot in (
         (commands.scan, session.scan),
         (commands.stop, session.stop),
         (commands.home, session.live.home),
-        (commands.move_fake, session.move_fake),
         (commands.undo, showing.undo),
         (commands.redo, showing.redo),
         (commands.previous, showing.choose_previous),
         (commands.next, showing.choose_next),
         (commands.newest, showing.follow_newest),
         (commands.sound, session.play_sound),
-        (commands.play, replay.toggle),
-        (commands.back, replay.step_back),
-        (commands.forward, replay.step_forward),
-        (commands.previous_scan, replay.previous_scan),
-        (commands.next_scan, replay.next_scan),
-        (commands.loop, replay.set_loop),
-        (commands.skip_gaps, replay.set_skip_gaps),
         (commands.leave_replay, session.leave_replay),
     ):
         action.triggered.connect(slot)
@@ -93,7 +87,7 @@ def connect_device(panel: DevicePanel, session: WindowSession) -> None:
     panel.connect_requested.connect(session.live.connect)
     panel.disconnect_requested.connect(session.live.disconnect)
     panel.turn_requested.connect(session.live.turn)
-    panel.settings_changed.connect(session.live.set_scan_settings)
+    panel.settings_changed.connect(session.live.set_settings)
 
 
 def connect_fit(panel: FitPanel, session: WindowSession) -> None:
@@ -139,13 +133,39 @@ def connect_finding(panel: FindPanel, session: WindowSession) -> None:
     finding.changed.connect(panel.show_search)
 
 
-def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
-    """Connect the replay bar with the replay."""
-    bar.toggled.connect(session.replay.toggle)
-    bar.sought.connect(session.replay.seek)
-    bar.speed_chosen.connect(session.replay.set_speed)
-    session.replay.changed.connect(bar.show_state)
-    bar.show_state(session.replay.state)
+def connect_replay(bar: ReplayBar, commands: Commands, session: WindowSession) -> None:
+    """Connect the replay bar and the commands of a replay with the log that is replayed, if there is one."""
+
+    def slot(act: Callable[[Replay, Any], object]) -> Callable[..., None]:
+        return lambda value=None: session.in_replay(lambda replay: act(replay, value))
+
+    for signal, act in (
+        (commands.play.triggered, lambda replay, _: replay.toggle()),
+        (commands.back.triggered, lambda replay, _: replay.step(-1)),
+        (commands.forward.triggered, lambda replay, _: replay.step(1)),
+        (commands.previous_scan.triggered, lambda replay, _: replay.previous_scan()),
+        (commands.next_scan.triggered, lambda replay, _: replay.next_scan()),
+        (commands.loop.triggered, _set_loop),
+        (commands.skip_gaps.triggered, _set_skip_gaps),
+        (bar.toggled, lambda replay, _: replay.toggle()),
+        (bar.sought, Replay.seek),
+        (bar.speed_chosen, _set_speed),
+    ):
+        signal.connect(slot(act))
+    session.replay_changed.connect(bar.show_state)
+    bar.show_state(session.replay)
+
+
+def _set_loop(replay: Replay, loop: bool) -> None:
+    replay.loop = loop
+
+
+def _set_skip_gaps(replay: Replay, skip: bool) -> None:
+    replay.skip_gaps = skip
+
+
+def _set_speed(replay: Replay, speed: float) -> None:
+    replay.speed = speed
 
 
 def connect_sound(bar: SoundBar, session: WindowSession) -> None:
@@ -158,20 +178,6 @@ def connect_sound(bar: SoundBar, session: WindowSession) -> None:
     bar.every_changed.connect(sound.set_every)
     bar.closed.connect(sound.close)
     sound.changed.connect(bar.show_state)
-
-
-def connect_banner(banner: Banner, session: WindowSession) -> None:
-    """Connect the banner with errors, warnings and offers of the session."""
-    session.warned.connect(banner.show_message)
-    session.failed.connect(banner.show_error)
-    for part in (session.fitting, session.causes, session.scans):
-        part.failed.connect(banner.show_error)
-    session.finding.failed.connect(banner.show_search_error)
-    session.finding.settled.connect(banner.end_search_errors)
-    session.scanners.failed.connect(banner.show_connection_error)
-    session.connected.connect(banner.end_connection_errors)
-    session.noticed.connect(banner.show_notice)
-    banner.answered.connect(session.answer_offer)
 
 
 # The enabled commands, and the labels of Undo and Redo.
@@ -189,10 +195,9 @@ def show_history(commands: Commands, history: History) -> None:
 
 def show_scanner(commands: Commands, status: Status) -> None:
     """Enable the commands that are possible in this state of the scanner."""
-    commands.scan.setEnabled(status.can_scan and not status.scanning)
+    commands.scan.setEnabled(status.can_scan)
     commands.stop.setEnabled(status.scanning)
     commands.home.setEnabled(status.can_turn)
-    commands.move_fake.setEnabled(bool(status.fake_still))
     for action in (commands.open_log, commands.open_room, commands.import_scan, commands.recordings):
         action.setEnabled(not status.scanning)
 
@@ -371,7 +376,7 @@ class MainWindow(TabbedWindow):
         self.commands = Commands(self, [view.entry for view in self.views.all])
         self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
         self.causes, self.scans, self.finding = CausesPanel(), ScansPanel(), FindPanel()
-        self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
+        self.banner, self.legend, self.sentence = Banner(session.notices), Legend(), Sentence()
         self.bounces, self.hint = BounceLine(), Hint()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.sound_bar = SoundBar()
@@ -452,10 +457,9 @@ class MainWindow(TabbedWindow):
         connect_scans(self.scans, session)
         connect_finding(self.finding, session)
         self.scans.add_requested.connect(self.files.ask_scan)
-        connect_replay(self.replay_bar, session)
+        connect_replay(self.replay_bar, commands, session)
         connect_sound(self.sound_bar, session)
         self.sound_bar.film_requested.connect(commands.save_film.trigger)
-        connect_banner(self.banner, session)
         self.banner.opened.connect(self._make_room)
         views.connect_gestures(session.showing)
         self.legend.switched.connect(session.showing.switch)
@@ -509,13 +513,13 @@ class MainWindow(TabbedWindow):
     def _show_title(self) -> None:
         """Name room, place, files; Qt shows the star of unsaved changes at [*]."""
         session = self.session
-        log = Path(session.log_file).name if session.replay.loaded else ""
+        log = Path(session.log_file).name if session.replay is not None else ""
         files = " · ".join(filter(None, (log, session.shown.scene.room_file)))
         title = f"sonarhw — {session.shown.title}{' — ' if files else ''}{files}[*]"
         if title != self.windowTitle():
             self.setWindowTitle(title)
-        if session.unsaved.changed is not self.isWindowModified():
-            self.setWindowModified(session.unsaved.changed)
+        if session.kept.rooms.changed is not self.isWindowModified():
+            self.setWindowModified(session.kept.rooms.changed)
 
     @property
     def _is_busy(self) -> bool:
@@ -573,7 +577,6 @@ class MainWindow(TabbedWindow):
         else:
             for show in self._texts:
                 show()
-        self.banner.show_state(status)
         show_scanner(self.commands, status)
         self.files.shipped.setEnabled(not status.scanning)
         self.files.menuAction().setEnabled(not status.scanning)

@@ -12,7 +12,7 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.scanner import LiveDevice, ScanJob, ScannerOpener, ScanSettings
+from sonarhw_gui.session.scanner import Phase, ScannerOpener, ScannerThread, ScanSettings, scan_and_record
 from sonarhw_gui.window.start import WindowStart, open_application, open_window
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -103,9 +103,11 @@ def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPath
     """Record a log of a complete scan with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("recorded"), ORDER)
     with serve(FakeBoard(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, settings), lambda: None)
+        live = ScannerThread(
+            lambda: Scanner.open(endpoint.url), Phase.HOMING, scan_and_record(scene, settings), lambda: None
+        )
         live.start()
         live.disconnect()
         live.join()
-    assert live.status.error is None
-    return live.status.recording
+    assert live.state.error is None
+    return live.state.recording

@@ -41,12 +41,18 @@ def predicted(window: MainWindow) -> bool:
     shown, status = window.session.shown, window.session.status
     compared = all(shown.row(k) is not None for k in range(len(shown.readings)))
     draft = shown.compared is not None and shown.compared.draft
-    return compared and not draft and not status.predicting and shown.outline is not None
+    return compared and not draft and not status.prediction.searching and shown.outline is not None
+
+
+def log_name(window: MainWindow) -> str:
+    """Return the name of the replayed log; empty without one."""
+    replay = window.session.status.replay
+    return "" if replay is None else replay.name
 
 
 def ended(window: MainWindow) -> bool:
     """Return whether a live scan has run and ended."""
-    phase = window.session.status.phase
+    phase = window.session.status.job.phase
     return phase is not None and not window.session.status.scanning
 
 

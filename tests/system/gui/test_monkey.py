@@ -165,7 +165,7 @@ def settled_memory(qtbot: QtBot, window: MainWindow, log: Path) -> int:
         qtbot.wait(60)  # two ticks
         if number == _BSCAN:
             until(qtbot, lambda: bscan_done(window))
-    session.warned.emit("")
+    session.notices.clear()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)

@@ -9,9 +9,10 @@ from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session import session
-from sonarhw_gui.session.scanner import ScannerChoice, ScanSettings
+from sonarhw_gui.session.kept import NoteStore
+from sonarhw_gui.session.notices import Notices
+from sonarhw_gui.session.scanner import Live, ScanSettings
 from sonarhw_gui.session.session import ShownModel
-from sonarhw_gui.session.source import ReadingSource
 from sonarhw_sim.board.profile import load_board
 
 
@@ -34,9 +35,10 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 @pytest.fixture
 def model(tmp_path: Path) -> Iterator[ShownModel]:
     owner = QObject()
-    jobs = Jobs(owner)
-    source = ReadingSource(ScannerChoice(None, None, jobs, owner), ScanSettings(tmp_path), owner, lambda: None)
-    yield ShownModel(Scene(None, None, load_board("polaroid-6500")), Look(), source, jobs, lambda _: None, owner)
+    jobs, notices = Jobs(owner), Notices(owner)
+    live = Live(None, ScanSettings(tmp_path), notices, lambda: None)
+    scene = Scene(None, None, load_board("polaroid-6500"))
+    yield ShownModel(scene, Look(), lambda: live, jobs, NoteStore(None, notices), notices.warn, owner)
     jobs.close()
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_gui.model.scene import scene_with
-from sonarhw_gui.session.scanner import WHOLE_TURN, LiveDevice, ScanJob, ScanSettings
+from sonarhw_gui.session.scanner import WHOLE_TURN, Phase, ScannerThread, ScanSettings, scan_and_record
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
 
@@ -44,15 +44,18 @@ def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path |
     room = load_room(room_file) if room_file else None
     scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
     with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(
-            lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(folder, FOUR, traces=False)), lambda: None
+        live = ScannerThread(
+            lambda: Scanner.open(endpoint.url),
+            Phase.HOMING,
+            scan_and_record(scene, ScanSettings(folder, FOUR, traces=False)),
+            lambda: None,
         )
         live.start()
         live.disconnect()
         live.join()
-    assert live.status.error is None
-    assert live.status.recording is not None
-    return [reading.range for reading in read_log(live.status.recording).readings]
+    assert live.state.error is None
+    assert live.state.recording is not None
+    return [reading.range for reading in read_log(live.state.recording).readings]
 
 
 @pytest.mark.parametrize(
@@ -84,12 +87,15 @@ def test_a_scan_of_the_window_that_the_scanner_refuses_leaves_no_log(tmp_path: P
     beyond_the_cable = ScanOrder(0.0, math.radians(170), 6)
     scene = scene_with(load_board("polaroid-6500"))
     with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(
-            lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(tmp_path, beyond_the_cable)), lambda: None
+        live = ScannerThread(
+            lambda: Scanner.open(endpoint.url),
+            Phase.HOMING,
+            scan_and_record(scene, ScanSettings(tmp_path, beyond_the_cable)),
+            lambda: None,
         )
         live.start()
         live.disconnect()
         live.join()
-    assert "the cable winds from -720 to 720 degrees" in str(live.status.error)
-    assert live.status.recording is None
+    assert "the cable winds from -720 to 720 degrees" in str(live.state.error)
+    assert live.state.recording is None
     assert list(tmp_path.iterdir()) == []

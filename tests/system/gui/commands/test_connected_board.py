@@ -43,10 +43,10 @@ def of(scene: Scene, board: Board) -> Scene:
 
 def scan(qtbot: QtBot, window: MainWindow) -> str:
     """Scan, and return the board that the log names."""
-    before = window.session.status.recording
+    before = window.session.status.job.recording
     window.commands.scan.trigger()
-    until(qtbot, lambda: ended(window) and window.session.status.recording not in (None, before))
-    return read_log(window.session.status.recording).metadata.board
+    until(qtbot, lambda: ended(window) and window.session.status.job.recording not in (None, before))
+    return read_log(window.session.status.job.recording).metadata.board
 
 
 def shown_board(window: MainWindow) -> str:

@@ -142,7 +142,7 @@ def test_a_demo_scan_waits_for_its_prediction(
         bar = window.status_bar.progress
         assert (bar.isVisible(), bar.value(), bar.maximum()) == (True, 3, 60)
         assert "press Scan" not in window.sentence.text()
-        assert window.session.live.phase is None
+        assert window.session.live.job.phase is None
     finally:
         held[0] = False
     window.session.preparation.compiled()

@@ -11,8 +11,8 @@ from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.panels.device import DevicePanel
-from sonarhw_gui.session.scanner import Phase
-from sonarhw_gui.session.status import Source, Status, link_figures, order_of_sector, scan_summary
+from sonarhw_gui.session.scanner import JobState, Phase
+from sonarhw_gui.session.status import Status, link_figures, order_of_sector, scan_summary
 from sonarhw_gui.window.bars import badge_text
 from sonarhw_gui.window.commands import Commands
 from sonarhw_gui.window.window import MainWindow
@@ -62,7 +62,7 @@ def type_into(qtbot: QtBot, field: QAbstractSpinBox, text: str) -> None:
 
 
 def idle(window: MainWindow, phase: Phase) -> bool:
-    return window.session.status.phase is phase and not window.session.status.scanning
+    return window.session.status.job.phase is phase and not window.session.status.scanning
 
 
 # connecting
@@ -100,11 +100,11 @@ def test_one_connection_runs_several_scans(
 ) -> None:
     window = opened(open_with, board, during, "max", autostart=True)
     until(qtbot, lambda: idle(window, Phase.DONE))
-    first = window.session.status.recording
+    first = window.session.status.job.recording
     window.commands.scan.trigger()
-    until(qtbot, lambda: idle(window, Phase.DONE) and window.session.status.recording != first)
+    until(qtbot, lambda: idle(window, Phase.DONE) and window.session.status.job.recording != first)
     assert window.session.status.link.statistics.reopened == 0
-    assert [len(read_log(path).scans) for path in (first, window.session.status.recording)] == [1, 1]
+    assert [len(read_log(path).scans) for path in (first, window.session.status.job.recording)] == [1, 1]
 
 
 # turning
@@ -125,7 +125,7 @@ def test_turn_and_home_move_the_turntable_and_show_its_angle(
 def test_f6_stops_a_turning_turntable(qtbot: QtBot, open_with: OpenWith, echoes: RoomEchoes, during: ExitStack) -> None:
     window = opened(open_with, EndlessHoming(echoes), during)
     window.session.live.home()
-    until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
+    until(qtbot, lambda: window.session.status.job.phase is Phase.HOMING)
     qtbot.keyClick(window, Qt.Key.Key_F6)
     until(qtbot, lambda: idle(window, Phase.STOPPED))
     assert window.banner.message == ""
@@ -138,7 +138,7 @@ def test_f6_works_in_a_dialog_in_front_of_the_window(
     dialog = QDialog(window)
     activate(qtbot, dialog)
     window.commands.home.trigger()
-    until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
+    until(qtbot, lambda: window.session.status.job.phase is Phase.HOMING)
     qtbot.keyClick(dialog, Qt.Key.Key_F6)
     until(qtbot, lambda: idle(window, Phase.STOPPED))
 
@@ -149,7 +149,7 @@ def test_an_angle_beyond_the_cable_is_reported_and_the_connection_stays(
     window = opened(open_with, board, during, "max")
     window.session.live.turn(math.radians(9999))
     until(qtbot, lambda: window.banner.message != "")
-    assert window.session.status.phase is Phase.FAILED
+    assert window.session.status.job.phase is Phase.FAILED
     window.session.live.home()
     until(qtbot, lambda: idle(window, Phase.READY))
     assert window.session.status.link.statistics.reopened == 0
@@ -193,8 +193,8 @@ def test_an_empty_sector_is_reported_and_the_last_settings_stay(
     window = opened(open_with, board, during)
     type_into(qtbot, window.device.end, "0")
     assert "the sector is empty" in window.device.summary.text()
-    until(qtbot, lambda: window.session.status.scan_settings is not None)
-    assert window.session.status.scan_settings.order == ORDER
+    until(qtbot, lambda: window.session.status.settings is not None)
+    assert window.session.status.settings.order == ORDER
 
 
 def test_a_descending_sector_has_a_negative_step() -> None:
@@ -225,7 +225,7 @@ def test_the_turntable_is_disabled_during_a_replay(
 ) -> None:
     window = open_with(source=fake("max"))
     window.session.open_file(str(recorded))
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     until(qtbot, lambda: not window.commands.home.isEnabled())
     assert not window.device.turn.isEnabled()
     assert "Leave the replay" in window.device.hint.text()
@@ -264,10 +264,10 @@ def test_a_cable_pulled_during_a_scan_shows_a_banner_until_it_is_back_and_the_sc
     until(qtbot, lambda: window.banner.message == "")
     until(qtbot, lambda: ended(window))
     until(qtbot, lambda: window.status_bar.badge.text() == "recorded")
-    assert window.session.status.phase is Phase.DONE
+    assert window.session.status.job.phase is Phase.DONE
     assert sorted(reading.number for reading in window.session.shown.readings) == list(range(LONG.readings))
     assert window.session.status.link.statistics.losses >= 1
-    log = read_log(window.session.status.recording)
+    log = read_log(window.session.status.job.recording)
     assert len(log.readings) == LONG.readings
 
 
@@ -293,7 +293,7 @@ def test_the_badge_of_an_ended_scan_depends_on_its_scanner_and_room(
 
 @pytest.mark.parametrize(("readings", "text"), [(12, "lost"), (0, "no scan")])
 def test_the_badge_is_not_live_after_a_failed_scan(readings: int, text: str) -> None:
-    assert badge_text(Status(Source.LIVE, Phase.FAILED, can_scan=True, readings=readings)) == text
+    assert badge_text(Status(JobState(Phase.FAILED), chosen=True, readings=readings)) == text
 
 
 def test_a_cable_pulled_between_scans_is_reported(
@@ -323,7 +323,7 @@ def test_a_dismissed_banner_of_a_lost_cable_stays_hidden_and_stop_works(
     assert window.banner.message == ""
     qtbot.keyClick(window, Qt.Key.Key_F6)
     until(qtbot, lambda: idle(window, Phase.STOPPED))
-    assert len(read_log(window.session.status.recording).readings) >= 2
+    assert len(read_log(window.session.status.job.recording).readings) >= 2
 
 
 def test_no_clock_drift_is_shown_for_a_scanner_at_another_pace(
@@ -342,6 +342,6 @@ def test_the_panel_alone_shows_a_status(qtbot: QtBot, open_with: OpenWith) -> No
     window = open_with()
     panel = DevicePanel(Commands(window))
     qtbot.addWidget(panel)
-    panel.show_status(replace(Status(can_scan=True), angle=math.pi / 2, temperature_c=21.34))
+    panel.show_status(Status(JobState(angle=math.pi / 2, temperature_c=21.34), chosen=True))
     assert (panel.angle.text(), panel.temperature.text()) == ("90.0°", "21.3 °C")
     assert [label.text() for label in panel.figures][1:3] == ["–", "–"]

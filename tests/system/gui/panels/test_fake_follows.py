@@ -1,23 +1,22 @@
 """The log of a scan with a fake scanner names the place and the board that the fake really has."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window import _Scanners
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.one_call import read_fake_url
-from sonarhw_gui.model.edits import with_sensor_at
+from sonarhw_gui.model.edits import with_corner, with_sensor_at
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.window.bars import FAKE as FAKE_LABEL
+from sonarhw_gui.session.fake_place import FAKE as FAKE_LABEL
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.room import Place, Room, load_room
+from sonarhw_sim.room.room import load_room
 
 from sonarhw.log import Log, read_log
 from sonarhw.readings import ScanOrder
@@ -47,25 +46,46 @@ def scanners() -> Iterator[_Scanners]:
         yield _Scanners(during)
 
 
+OpenFake = Callable[[str, bool], MainWindow]
+
+
 @pytest.fixture
-def window(open_with: OpenWith, scanners: _Scanners, fake: str) -> MainWindow:
-    """Open a window on the fake scanner in its room, as `sonarhw gui FAKE` does."""
-    room = load_room(read_fake_url(fake).room)
-    scene = Scene(room, room.place("figure7"), load_board("lego-nxt"), "simple.toml")
-    return open_with(scene=scene, source=scanners.opener(fake), url=fake, find_scanner=scanners.find, order=SHORT)
+def open_fake(open_with: OpenWith, scanners: _Scanners) -> OpenFake:
+    """Return a function that opens a window on a fake scanner: its own one, or that of a typed URL."""
+
+    def open_it(url: str, follows: bool) -> MainWindow:
+        settings = read_fake_url(url)
+        room = load_room(settings.room)
+        scene = Scene(room, settings.place_in(room), load_board(settings.board), f"{Path(settings.room).stem}.toml")
+        scanner = scanners.find(url, follows)
+        return open_with(scene=scene, source=scanner, url=url, find_scanner=scanners.find, order=SHORT)
+
+    return open_it
+
+
+@pytest.fixture
+def window(open_fake: OpenFake, fake: str) -> MainWindow:
+    """Open a window with its own fake scanner."""
+    return open_fake(fake, True)
+
+
+@pytest.fixture
+def typed(open_fake: OpenFake, fake: str) -> MainWindow:
+    """Open a window on the fake scanner of a typed URL, as `sonarhw gui URL` does."""
+    return open_fake(fake, False)
 
 
 def scan(qtbot: QtBot, window: MainWindow) -> Log:
     """Scan, and return the log."""
-    before = window.session.status.recording
+    before = window.session.status.job.recording
     window.session.scan()
     return scanned(qtbot, window, before)
 
 
 def scanned(qtbot: QtBot, window: MainWindow, before: Path | None = None) -> Log:
     """Return the log of the scan that has begun; `before`: the log of an earlier scan."""
-    until(qtbot, lambda: ended(window) and window.session.status.recording not in (None, before))
-    return read_log(window.session.status.recording)
+    until(qtbot, lambda: ended(window) and window.session.status.job.recording not in (None, before))
+    return read_log(window.session.status.job.recording)
 
 
 def choose(window: MainWindow, place: str, board: str) -> None:
@@ -76,115 +96,128 @@ def choose(window: MainWindow, place: str, board: str) -> None:
     assert (window.session.shown.scene.pose.name, window.session.shown.scene.board.name) == (place, board)
 
 
-def is_of(log: Log, url: str) -> bool:
-    """Return whether a log names the room, place and board of a fake scanner; the fake itself reports its board."""
-    scanner, named = read_fake_url(url), log.metadata
-    settings = load_room(scanner.room).text, scanner.place, scanner.board, scanner.board
+def is_of(log: Log, scene: Scene) -> bool:
+    """Return whether a log names the room, place and board of a scene, and the fake scanner reports that board."""
+    named, board = log.metadata, scene.board.name
+    settings = scene.written_room.text, scene.pose.name, board, board
     return settings == (named.room_text, named.place, named.board, log.info.board)
 
 
-def test_the_next_scan_moves_the_fake_to_the_place_and_board_that_are_chosen(
+def shares(log: Log, scene: Scene) -> float:
+    """Return the share of readings within 5 cm of their prediction in a scene."""
+    return compare_readings(log.readings, scene.room, scene.pose, scene.board).summary().within_5cm
+
+
+def test_the_next_scan_takes_the_place_and_the_board_that_are_chosen(
     qtbot: QtBot, window: MainWindow, fake: str
 ) -> None:
     session = window.session
     first = scan(qtbot, window)
-    assert session.scanners.url == fake
-    assert is_of(first, fake)
+    assert is_of(first, session.shown.scene)
     choose(window, "figure9", "hc-sr04")
     second = scan(qtbot, window)
     assert (second.metadata.place, second.metadata.board) == ("figure9", "hc-sr04")
-    assert is_of(second, session.scanners.url)
-    assert (read_fake_url(session.scanners.url).seed, window.banner.message) == (3, "")
+    assert is_of(second, session.shown.scene)
+    assert (session.scanners.url, window.banner.message) == (fake, "")
     assert [one.range for one in first.readings] != [one.range for one in second.readings]
 
 
-def test_a_board_that_no_fake_has_is_named_in_the_banner(qtbot: QtBot, window: MainWindow, fake: str) -> None:
+def test_the_next_scan_takes_a_board_with_a_name_of_its_own(qtbot: QtBot, window: MainWindow) -> None:
     scene = window.session.shown.scene
     window.session.showing.edit(replace(scene, board=replace(scene.board, name="mine")), "choosing a board")
-    scan(qtbot, window)
-    assert "the fake scanner has board 'lego-nxt'" in window.banner.message
-    assert window.session.scanners.url == fake
-
-
-def test_scan_this_room_scans_from_the_place_and_with_the_board_that_are_shown(
-    qtbot: QtBot, open_with: OpenWith, scanners: _Scanners
-) -> None:
-    url = "fake:corridor?place=end&pace=max"
-    room = load_room("corridor")
-    scene = Scene(room, room.place("end"), load_board("lego-nxt"), "corridor.toml")
-    window = open_with(scene=scene, source=scanners.opener(url), url=url, find_scanner=scanners.find, order=SHORT)
-    {action.text(): action for action in window.files.shipped.actions()}["simple"].trigger()
-    until(qtbot, lambda: window.banner.accept_button.isVisible())
-    choose(window, "figure9", "hc-sr04")
-    shown = window.session.shown.scene
-    assert window.banner.accept_button.text() == "Scan this room"
-    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
-    log = scanned(qtbot, window)
-    assert window.session.shown.scene is shown
-    assert (log.metadata.place, log.metadata.board) == ("figure9", "hc-sr04")
-    assert is_of(log, window.session.scanners.url)
+    assert is_of(scan(qtbot, window), window.session.shown.scene)
     assert window.banner.message == ""
 
 
-def test_a_dragged_sensor_leaves_the_fake_where_it_is_and_is_named_in_the_banner(
-    qtbot: QtBot, window: MainWindow, fake: str
-) -> None:
+def test_the_next_scan_takes_another_room_that_was_opened(qtbot: QtBot, open_fake: OpenFake, room_file: Path) -> None:
+    window = open_fake("fake:corridor?place=end&pace=max", True)
+    window.session.open_file(str(room_file))
+    until(qtbot, lambda: window.session.shown.scene.room_file == "simple.toml")
+    choose(window, "figure9", "hc-sr04")
+    shown = window.session.shown.scene
+    assert window.status_bar.fake.text() == "fake scanner, in 'Corridor' until the next scan"
+    log = scan(qtbot, window)
+    assert window.session.shown.scene is shown
+    assert is_of(log, shown)
+    assert log.metadata.place == "figure9"
+    assert window.banner.message == ""
+
+
+def test_the_next_scan_takes_an_edited_room(qtbot: QtBot, window: MainWindow) -> None:
     session = window.session
-    session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
-    scan(qtbot, window)
-    assert "the fake scanner is still at figure7" in window.banner.message
-    assert session.scanners.url == fake
-    before = session.status.recording
-    qtbot.mouseClick(window.banner.accept_button, Qt.MouseButton.LeftButton)
-    scanned(qtbot, window, before)
-    assert read_fake_url(session.scanners.url).place == "0.5,0.3"
+    first = scan(qtbot, window)
+    session.showing.edit(*with_corner(session.shown.scene, 0, (0.4, -0.05)))
+    second = scan(qtbot, window)
+    assert is_of(second, session.shown.scene)
+    assert second.metadata.room_text != first.metadata.room_text
 
 
-def test_the_status_bar_names_what_the_fake_keeps_and_a_command_moves_it_to_the_sensor(
+def test_the_status_bar_names_where_the_fake_is_and_a_scan_moves_it_to_the_dragged_sensor(
     qtbot: QtBot, window: MainWindow
 ) -> None:
     session, label = window.session, window.status_bar.fake
-    first = scan(qtbot, window)
+    first, before = scan(qtbot, window), session.shown.scene
     until(qtbot, lambda: predicted(window) and label.text() == FAKE_LABEL)
-    assert not window.commands.move_fake.isEnabled()
+    assert "Each scan takes the room, the place and the board" in label.toolTip()
     plan = window.views.plan.drawing
-    sensor = tuple(session.shown.scene.pose.position)
-    drag(qtbot, plan, plan.plot.vb, sensor, (0.5, 0.35))
-    until(qtbot, lambda: label.text() == "fake scanner, still at figure7")
-    assert "Move the fake scanner here" in label.toolTip()
-    before = session.status.recording
-    qtbot.keyClick(window, Qt.Key.Key_M, Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier)
-    second = scanned(qtbot, window, before)
-    place = session.shown.scene.pose
-    assert math.dist(place.position, (0.5, 0.35)) < 0.02
-    assert second.metadata.place == place.name
-    room = session.shown.scene.room
-    moved = read_fake_url(session.scanners.url)
-    assert math.dist(moved.place_in(room).position, place.position) < 1e-4
+    drag(qtbot, plan, plan.plot.vb, tuple(before.pose.position), (0.5, 0.35))
+    until(qtbot, lambda: label.text() == "fake scanner, at figure7 until the next scan")
+    second = scan(qtbot, window)
+    scene = session.shown.scene
+    assert math.dist(scene.pose.position, (0.5, 0.35)) < 0.02
+    assert is_of(second, scene)
     until(qtbot, lambda: predicted(window) and label.text() == FAKE_LABEL)
-    assert shares(first, room, place) < 0.7 < shares(second, room, place)
+    assert shares(first, scene) < 0.7 < shares(second, scene)
     session.showing.undo()
-    until(qtbot, lambda: label.text() == f"fake scanner, still at {place.name}")
+    until(qtbot, lambda: label.text() == f"fake scanner, at {scene.pose.name} until the next scan")
 
 
-def shares(log: Log, room: Room, place: Place) -> float:
-    """Return the share of readings within 5 cm of their prediction at a place."""
-    board = load_board("lego-nxt")
-    return compare_readings(log.readings, room, place, board).summary().within_5cm
-
-
-def test_a_turned_sensor_and_another_board_are_followed_too(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_turned_sensor_is_followed_too(qtbot: QtBot, window: MainWindow) -> None:
     session = window.session
     scan(qtbot, window)
     session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.35), math.radians(40)), "moving the sensor")
-    window.room.show_state(session.shown)
-    window.room.model.board.textActivated.emit("hc-sr04")
-    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still at figure7")
-    before = session.status.recording
-    window.commands.move_fake.trigger()
-    scanned(qtbot, window, before)
-    moved = read_fake_url(session.scanners.url)
-    assert (moved.place, moved.heading, moved.board) == ("0.5,0.35", pytest.approx(math.radians(40)), "hc-sr04")
-    until(qtbot, lambda: window.status_bar.fake.text() == FAKE_LABEL)
-    window.room.model.board.textActivated.emit("paper")
-    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, still with board hc-sr04")
+    log = scan(qtbot, window)
+    assert is_of(log, session.shown.scene)
+    turned = replace(session.shown.scene, place=replace(session.shown.scene.place, heading=0.0))
+    assert shares(log, turned) < 0.7 < shares(log, session.shown.scene)
+
+
+def test_a_drag_during_a_sweep_counts_for_the_next_scan(qtbot: QtBot, open_fake: OpenFake, fake: str) -> None:
+    window = open_fake(fake.replace("pace=max", "pace=real"), True)
+    session = window.session
+    before = session.shown.scene
+    session.scan()
+    until(qtbot, lambda: len(session.shown.readings) >= 2)
+    session.showing.edit(with_sensor_at(before, (0.5, 0.3), 0.0), "moving the sensor")
+    until(qtbot, lambda: window.status_bar.fake.text() == "fake scanner, at figure7 until the next scan")
+    assert session.status.scanning
+    session.stop()
+    first = scanned(qtbot, window)
+    assert is_of(first, before)
+    recording = session.status.job.recording
+    session.scan()
+    until(qtbot, lambda: len(session.shown.readings) >= 2 and session.status.job.recording != recording)
+    session.stop()
+    assert scanned(qtbot, window, recording).metadata.place == "0.5,0.3"
+
+
+def test_a_typed_fake_keeps_its_place_and_the_window_says_so(qtbot: QtBot, typed: MainWindow, fake: str) -> None:
+    session, label, own = typed.session, typed.status_bar.fake, typed.session.shown.scene
+    scan(qtbot, typed)
+    until(qtbot, lambda: label.text() == FAKE_LABEL)
+    assert "It stays in its room, at its place and with its board" in label.toolTip()
+    session.showing.edit(with_sensor_at(own, (0.5, 0.3), 0.0), "moving the sensor")
+    until(qtbot, lambda: label.text() == "fake scanner, still at figure7")
+    for _ in range(2):
+        log = scan(qtbot, typed)
+        assert "the fake scanner is still at figure7; readings are predicted for" in typed.banner.message
+        assert shares(log, session.shown.scene) < 0.7 < shares(log, own)
+    assert session.scanners.url == fake
+
+
+def test_a_typed_fake_keeps_its_board_and_the_window_says_so(qtbot: QtBot, typed: MainWindow) -> None:
+    choose(typed, "figure7", "hc-sr04")
+    log = scan(qtbot, typed)
+    assert "the fake scanner is still with board lego-nxt" in typed.banner.message
+    assert log.info.board == "lego-nxt"
+    assert typed.status_bar.fake.text() == "fake scanner, still with board lego-nxt"

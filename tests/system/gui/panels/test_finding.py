@@ -29,7 +29,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import keep_pictures, predicted, until
+from tests.system.gui.driving import keep_pictures, log_name, predicted, until
 
 LEFT = Qt.MouseButton.LeftButton
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -91,7 +91,7 @@ def window(qtbot: QtBot, open_with: OpenWith, folder: Path) -> MainWindow:
     """Return a window with scan a shown in its room, scan b added, and the panel open."""
     window = open_with()
     window.session.open_file(str(folder / "a.mcap"))
-    until(qtbot, lambda: window.session.status.log_name == "a.mcap" and predicted(window))
+    until(qtbot, lambda: log_name(window) == "a.mcap" and predicted(window))
     add_scans(qtbot, window, folder / "b.mcap")
     return window
 

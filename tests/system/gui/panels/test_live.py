@@ -13,7 +13,6 @@ from sonarhw_gui.model.look import MARKS, Unclassed
 from sonarhw_gui.model.scene import Scene, scene_of_log
 from sonarhw_gui.session import session as tick_timer
 from sonarhw_gui.session.scanner import Phase, ScannerOpener
-from sonarhw_gui.session.status import Source
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.fake_board import FakeBoard
@@ -59,7 +58,7 @@ def test_the_log_of_a_scan_contains_every_reading_and_the_place(
 ) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
-    path = window.session.status.recording
+    path = window.session.status.job.recording
     log = read_log(path)
     assert log.torn is None
     assert len(log.readings) == ORDER.readings
@@ -75,13 +74,13 @@ def test_a_nearly_full_disk_is_reported_and_the_scan_continues(
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
     assert "its disk is nearly full: 20.0 MB are free" in window.banner.message
-    assert len(read_log(window.session.status.recording).readings) == ORDER.readings
+    assert len(read_log(window.session.status.job.recording).readings) == ORDER.readings
 
 
 def test_the_log_of_a_scan_contains_the_board(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
-    metadata = read_log(window.session.status.recording).metadata
+    metadata = read_log(window.session.status.job.recording).metadata
     assert (metadata.board, metadata.board_text) == (scene.board.name, scene.board.text)
     assert scene_of_log(metadata).board.text == scene.board.text != ""
 
@@ -93,11 +92,11 @@ def test_stop_ends_a_scan_and_its_log_is_complete(qtbot: QtBot, open_with: OpenW
     assert not window.commands.scan.isEnabled()
     window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
-    assert window.session.status.phase is Phase.STOPPED
+    assert window.session.status.job.phase is Phase.STOPPED
     assert window.status_bar.badge.text() == "recorded"
     assert window.banner.message == ""
     assert window.commands.scan.isEnabled()
-    log = read_log(window.session.status.recording)
+    log = read_log(window.session.status.job.recording)
     assert log.torn is None
     assert 3 <= len(log.readings) < ENDLESS.readings
 
@@ -131,12 +130,12 @@ def test_a_stop_before_the_first_reading_leaves_no_readings(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, step: str, phase: Phase
 ) -> None:
     window = open_with(source=stopped_before(step, fake("max")), autostart=True)
-    until(qtbot, lambda: window.session.status.phase is phase)
+    until(qtbot, lambda: window.session.status.job.phase is phase)
     window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
-    assert window.session.status.phase is Phase.STOPPED
+    assert window.session.status.job.phase is Phase.STOPPED
     assert window.session.shown.readings == ()
-    assert window.session.status.recording is None
+    assert window.session.status.job.recording is None
 
 
 def test_a_stop_before_the_scanner_answers_leaves_no_log(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
@@ -155,16 +154,16 @@ def test_a_stop_before_the_scanner_answers_leaves_no_log(qtbot: QtBot, open_with
     window.session.stop()
     proceed.set()
     until(qtbot, lambda: ended(window))
-    assert window.session.status.phase is Phase.STOPPED
-    assert window.session.status.recording is None
+    assert window.session.status.job.phase is Phase.STOPPED
+    assert window.session.status.job.recording is None
 
 
 def test_a_second_scan_starts_without_old_readings(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window) and predicted(window))
-    first = window.session.status.recording
+    first = window.session.status.job.recording
     window.commands.scan.trigger()
-    until(qtbot, lambda: window.session.status.recording not in (None, first))
+    until(qtbot, lambda: window.session.status.job.recording not in (None, first))
     until(qtbot, lambda: ended(window) and predicted(window))
     assert len(window.session.shown.readings) == ORDER.readings
     assert len(read_log(first).readings) == ORDER.readings
@@ -176,7 +175,7 @@ def test_closing_during_a_scan_leaves_a_complete_log_and_no_thread(
     before = {thread.name for thread in threading.enumerate()}
     window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
-    recording = window.session.status.recording
+    recording = window.session.status.job.recording
     window.close()
     left = {thread.name for thread in threading.enumerate()} - before
     assert [name for name in left if not name.startswith("serve")] == []
@@ -193,12 +192,12 @@ def test_a_lost_link_shows_a_banner_and_keeps_the_readings(
         until(qtbot, lambda: len(window.session.shown.readings) >= 3)
         vanish()
         until(qtbot, lambda: ended(window))
-    assert window.session.status.phase is Phase.FAILED
+    assert window.session.status.job.phase is Phase.FAILED
     message = window.banner.message
     assert url in message
     assert "readings are kept in" in message
     assert len(window.session.shown.readings) >= 3
-    log = read_log(window.session.status.recording)
+    log = read_log(window.session.status.job.recording)
     assert log.torn is None
     assert len(log.readings) >= 3
 
@@ -207,7 +206,7 @@ def test_angles_not_checked_because_of_a_reset_are_reported_after_the_scan(qtbot
     with serve(faulty("reset=0.1@r20"), tcp="127.0.0.1:0", pace=20) as endpoint:
         window = open_with(source=lambda: Scanner.open(endpoint.url), autostart=True)
         until(qtbot, lambda: ended(window))
-    assert window.session.status.phase is Phase.DONE
+    assert window.session.status.job.phase is Phase.DONE
     assert "20 of 36 angles, from 0° on, could not be checked for lost steps" in window.banner.message
 
 
@@ -237,7 +236,7 @@ def test_without_a_room_the_measured_points_are_shown(
     qtbot.mouseClick(window.legend.entries[Unclassed.MEASURED], Qt.MouseButton.LeftButton)
     assert not window.session.shown.classes
     assert "open a room file" in window.sentence.text()
-    assert window.session.status.source is Source.LIVE
+    assert window.session.status.replay is None
 
 
 @contextmanager

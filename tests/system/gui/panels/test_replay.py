@@ -11,8 +11,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QGraphicsView
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.source import SPEEDS
-from sonarhw_gui.session.status import Source, lost_in
+from sonarhw_gui.session.source import SPEEDS, lost_in
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.device.replayed_log import Playback
@@ -48,7 +47,7 @@ def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: 
     window.session.showing.changed.connect(lambda shown: counts.append(len(shown.readings)))
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
     assert window.replay_bar.play.text() == "Pause"
-    while window.session.replay.state.playing:
+    while window.session.replay.playing:
         window.session.replay.advance(0.05)
     assert counts == sorted(counts)
     assert counts[0] <= 1
@@ -73,7 +72,7 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_selected_in_the_table(
         assert selected(), command.text()
     window.commands.newest.trigger()
     for part in (0.0, 0.5, 0.2, 1.0):
-        replay.seek(part * replay.state.duration)
+        replay.seek(part * replay.duration)
         assert selected(), part
     window.session.showing.choose(0)
     with qtbot.waitSignal(window.session.recent_changed, timeout=PATIENCE):
@@ -87,18 +86,18 @@ def test_play_continues_where_pause_has_stopped(qtbot: QtBot, window: MainWindow
     window.session.replay.advance(0.3)
     assert len(window.session.shown.readings) >= 2
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
-    paused_at = window.session.replay.state.position
+    paused_at = window.session.replay.position
     window.session.tick()
-    assert window.session.replay.state.position == paused_at
+    assert window.session.replay.position == paused_at
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
-    until(qtbot, lambda: window.session.replay.state.position > paused_at)
+    until(qtbot, lambda: window.session.replay.position > paused_at)
 
 
 def test_space_plays_and_pauses(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    assert window.session.replay.state.playing
+    assert window.session.replay.playing
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    assert not window.session.replay.state.playing
+    assert not window.session.replay.playing
 
 
 def test_scrubbing_shows_the_readings_up_to_that_time(qtbot: QtBot, window: MainWindow) -> None:
@@ -115,7 +114,7 @@ def test_scrubbing_shows_the_readings_up_to_that_time(qtbot: QtBot, window: Main
 
 
 def test_all_at_once_is_a_speed(window: MainWindow) -> None:
-    window.session.replay.set_speed(math.inf)
+    window.session.replay.speed = math.inf
     window.session.replay.toggle()
     window.session.tick()
     assert len(window.session.shown.readings) == ORDER.readings
@@ -130,7 +129,7 @@ def test_a_truncated_log_shows_a_banner_and_its_readings(
     torn.write_bytes(data[: len(data) // 2])
     window = open_with()
     window.session.open_file(str(torn))
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     kept = len(window.session.shown.readings)
     assert 0 < kept < ORDER.readings
     until(qtbot, lambda: window.banner.message.startswith("⚠ torn.mcap: "))  # once it does not grow any more
@@ -151,7 +150,7 @@ def test_a_log_opened_in_the_window_provides_its_room(
 ) -> None:
     window = open_with(scene=Scene(None, None, scene.board))
     window.session.open_file(str(recorded))
-    until(qtbot, lambda: window.session.status.source is Source.REPLAY and predicted(window))
+    until(qtbot, lambda: window.session.status.replay is not None and predicted(window))
     assert window.session.shown.scene.room.name == "Simple room"
     assert window.toolbar.place.currentText() == "figure9"
 

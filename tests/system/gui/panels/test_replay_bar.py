@@ -14,7 +14,6 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
 from sonarhw_gui.panels.replay import time_text
 from sonarhw_gui.session.source import SPEEDS
-from sonarhw_gui.session.status import Source
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import Log, read_log
@@ -61,7 +60,7 @@ def test_steps_move_by_one_reading_with_mouse_and_keys(qtbot: QtBot, window: Mai
     press(qtbot, window, window.commands.forward)
     press(qtbot, window, window.commands.forward)
     assert seen(window) == 2 * ORDER.readings
-    assert not window.session.replay.state.playing
+    assert not window.session.replay.playing
 
 
 def test_a_step_pauses_the_replay(qtbot: QtBot, window: MainWindow) -> None:
@@ -72,13 +71,13 @@ def test_a_step_pauses_the_replay(qtbot: QtBot, window: MainWindow) -> None:
 
 
 def test_scans_are_marked_and_buttons_go_to_them(qtbot: QtBot, window: MainWindow) -> None:
-    first, second = window.session.replay.state.scans
+    first, second = window.session.replay.scan_starts
     marks = window.replay_bar.slider.marks
     assert marks[0] < marks[1] < window.replay_bar.slider.width()
     press(qtbot, window, window.commands.previous_scan)
-    assert (seen(window), window.session.replay.state.position) == (ORDER.readings + 1, pytest.approx(second))
+    assert (seen(window), window.session.replay.position) == (ORDER.readings + 1, pytest.approx(second))
     qtbot.keyClick(window, Qt.Key.Key_Left, Qt.KeyboardModifier.ControlModifier)
-    assert (seen(window), window.session.replay.state.position) == (1, pytest.approx(first))
+    assert (seen(window), window.session.replay.position) == (1, pytest.approx(first))
     press(qtbot, window, window.commands.next_scan)
     assert seen(window) == ORDER.readings + 1
     press(qtbot, window, window.commands.next_scan)
@@ -88,7 +87,7 @@ def test_scans_are_marked_and_buttons_go_to_them(qtbot: QtBot, window: MainWindo
 @pytest.mark.parametrize("colours", [LIGHT, DARK])
 def test_the_mark_of_a_scan_is_at_its_slider_position(qtbot: QtBot, window: MainWindow, colours: Palette) -> None:
     window.session.showing.set_look(replace(window.session.shown.look, palette=colours))
-    window.session.replay.seek(window.session.replay.state.duration)
+    window.session.replay.seek(window.session.replay.duration)
     slider = window.replay_bar.slider
     image = slider.grab().toImage()
     for mark in slider.marks[1:]:
@@ -98,7 +97,7 @@ def test_the_mark_of_a_scan_is_at_its_slider_position(qtbot: QtBot, window: Main
 def test_a_click_on_the_slider_seeks_there(qtbot: QtBot, window: MainWindow) -> None:
     slider = window.replay_bar.slider
     qtbot.mouseClick(slider, Qt.MouseButton.LeftButton, pos=QPoint(slider.width() // 2, slider.height() // 2))
-    state = window.session.replay.state
+    state = window.session.replay
     assert state.position == pytest.approx(state.duration / 2, abs=0.02 * state.duration)
     assert window.replay_bar.time.text() == time_text(state)
 
@@ -117,29 +116,29 @@ def test_dragging_the_handle_seeks(qtbot: QtBot, window: MainWindow) -> None:
 
 
 def test_a_loop_restarts_the_replay_and_without_it_the_replay_stops(qtbot: QtBot, window: MainWindow) -> None:
-    window.session.replay.set_speed(50.0)
+    window.session.replay.speed = 50.0
     qtbot.keyClick(window, Qt.Key.Key_L, Qt.KeyboardModifier.ControlModifier)
     assert button(window, window.commands.loop).isChecked()
     positions = []
-    window.session.replay.changed.connect(lambda state: positions.append(state.position))
+    window.session.replay_changed.connect(lambda state: positions.append(state.position))
     window.session.replay.toggle()
     until(qtbot, lambda: sum(later < earlier for earlier, later in pairwise(positions)) >= 3)
-    assert window.session.replay.state.playing
+    assert window.session.replay.playing
     press(qtbot, window, window.commands.loop)
-    until(qtbot, lambda: not window.session.replay.state.playing)
+    until(qtbot, lambda: not window.session.replay.playing)
     assert seen(window) == 2 * ORDER.readings
 
 
 def test_skipping_gaps_keeps_the_same_reading(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.seek_reading(ORDER.readings + 20)
-    before = window.session.replay.state
+    replay = window.session.replay
+    count, duration = replay.count, replay.duration
     press(qtbot, window, window.commands.skip_gaps)
-    after = window.session.replay.state
-    assert before.count == after.count == seen(window)
-    assert before.duration - after.duration == pytest.approx(WAIT, abs=2.0)
-    assert len(after.scans) == 2
+    assert count == replay.count == seen(window)
+    assert duration - replay.duration == pytest.approx(WAIT, abs=2.0)
+    assert len(replay.scan_starts) == 2
     press(qtbot, window, window.commands.skip_gaps)
-    assert window.session.replay.state.duration == pytest.approx(before.duration)
+    assert window.session.replay.duration == pytest.approx(duration)
 
 
 def test_speeds_are_a_tenth_to_fifty_times_and_all_at_once(window: MainWindow) -> None:
@@ -147,7 +146,7 @@ def test_speeds_are_a_tenth_to_fifty_times_and_all_at_once(window: MainWindow) -
     assert (names[0], "50×" in names, names[-1]) == ("0.1×", True, "all at once")
     for index, speed in enumerate(SPEEDS):
         window.replay_bar.speed.activated.emit(index)
-        assert window.session.replay.state.speed == speed
+        assert window.session.replay.speed == speed
         assert window.replay_bar.speed.currentIndex() == index
 
 
@@ -171,12 +170,12 @@ def test_leaving_a_replay_returns_to_the_live_scan_and_its_place(
     until(qtbot, lambda: ended(window) and predicted(window))
     scanned = window.session.shown.readings
     window.session.open_file(str(recorded))
-    until(qtbot, lambda: window.session.status.source is Source.REPLAY)
+    until(qtbot, lambda: window.session.status.replay is not None)
     assert window.toolbar.place.currentText() == "figure9"
     qtbot.keyClick(window, Qt.Key.Key_W, Qt.KeyboardModifier.ControlModifier)
     assert window.session.shown.readings is scanned
     assert window.toolbar.place.currentText() == "figure7"
-    until(qtbot, lambda: predicted(window) and window.session.status.source is Source.LIVE)
+    until(qtbot, lambda: predicted(window) and window.session.status.replay is None)
 
 
 def test_a_lost_drive_shows_a_banner_and_stops_the_replay(
@@ -187,13 +186,13 @@ def test_a_lost_drive_shows_a_banner_and_stops_the_replay(
 
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    window.session.replay.set_speed(5.0)
+    window.session.replay.speed = 5.0
     window.session.replay.toggle()
     until(qtbot, lambda: seen(window) >= 3)
     monkeypatch.setattr(OpenFile, "read", gone)
     until(qtbot, lambda: f"{recorded}: can no longer be read" in window.banner.message)
     assert "shown without traces" in window.banner.message
-    assert not window.session.replay.state.playing
+    assert not window.session.replay.playing
     window.session.replay.seek_reading(2)  # on a busy machine the replay has reached its end
     kept = seen(window)
     for _ in range(5):

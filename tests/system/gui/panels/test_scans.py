@@ -15,7 +15,7 @@ from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import keep_pictures, predicted, until
+from tests.system.gui.driving import keep_pictures, log_name, predicted, until
 
 LEFT = Qt.MouseButton.LeftButton
 POST = '[[posts]]\nname = "chair"\ncenter = [0.3, 0.4]\nradius = 0.03\nmaterial = "shelving"\n'
@@ -102,7 +102,7 @@ def test_a_kept_scan_stays_when_another_log_is_opened(qtbot: QtBot, window: Main
     qtbot.mouseClick(window.scans.keep, LEFT)
     assert window.scans.list.count() == 1
     window.session.open_file(str(folder / "before.mcap"))
-    until(qtbot, lambda: window.session.status.log_name == "before.mcap" and predicted(window))
+    until(qtbot, lambda: log_name(window) == "before.mcap" and predicted(window))
     next(one for one in window.views.openers if one.text() == "Differences").trigger()
     view = window.views.differences
     until(qtbot, lambda: view.difference is not None and view.difference.changes[ScanChange.FARTHER] > 20)

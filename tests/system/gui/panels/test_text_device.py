@@ -51,7 +51,7 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
         assert dialog.ports.item(0, 2).text().startswith("prints arduino-radar at 9600 baud")
         dialog.field.selectAll()  # as when the focus enters it
         qtbot.keyClick(dialog.field, Qt.Key.Key_Return)
-        until(qtbot, lambda: window.session.status.phase is Phase.READY)
+        until(qtbot, lambda: window.session.status.job.phase is Phase.READY)
         assert window.session.scanners.url == expected
         until(qtbot, lambda: window.session.shown.scene.board.name == "hc-sr04")
         assert "board hc-sr04" in window.banner.message
@@ -75,7 +75,7 @@ def test_what_the_device_cannot_obey_is_disabled(qtbot: QtBot, open_with: OpenWi
     with PrintingDevice(RADAR.rounds()) as device:
         window = open_with(find_scanner=finder)
         window.session.scanners.choose(f"lines:{device.port}?preset=arduino-radar")
-        until(qtbot, lambda: window.session.status.phase is Phase.READY)
+        until(qtbot, lambda: window.session.status.job.phase is Phase.READY)
         panel = window.device
         until(qtbot, lambda: "turns by itself" in panel.summary.text())
         fields = (panel.start, panel.end, panel.step, panel.pings, panel.traces, panel.turn)

@@ -11,7 +11,6 @@ from sonarhw_gui.model.look import DARK, LengthUnit, Look
 from sonarhw_gui.model.scene import Scene, SceneMemory
 from sonarhw_gui.session.kept import Memory, read_memory, write_memory
 from sonarhw_gui.session.scanner import ScannerTarget, ScanSettings
-from sonarhw_gui.session.status import Source
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.air import Unit
 from sonarhw_sim.board.profile import load_board, parse_board
@@ -50,7 +49,7 @@ def test_a_log_is_restored_with_views_and_look(
     memory = tmp_path / "memory" / "window.ini"
     window = open_with(scene=shipped, memory=memory, find_scanner=never)
     window.session.open_file(str(recorded))
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
     qtbot.keyClick(window, Qt.Key.Key_2, CONTROL)
     qtbot.keyClick(window, Qt.Key.Key_2)
@@ -58,7 +57,7 @@ def test_a_log_is_restored_with_views_and_look(
     window.close()
 
     window = reopened(open_with, memory, shipped)
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     assert len(window.session.shown.readings) == ORDER.readings
     assert window.session.shown.scene.place.name == "figure9"
     assert window.session.shown.look == Look(DARK, LengthUnit.CM)
@@ -76,15 +75,13 @@ def test_a_moved_sensor_and_the_scan_settings_are_restored(
     there = replace(shipped.place, position=(0.4, 0.3), heading=0.5)
     options = replace(shipped.options, unit=Unit.BLOCK)
     window.session.showing.edit(replace(shipped, place=there, options=options), "moving the sensor")
-    scan_settings = replace(
-        window.session.live.scan_settings, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3)
-    )
-    window.session.live.set_scan_settings(scan_settings)
+    scan_settings = replace(window.session.live.settings, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
+    window.session.live.set_settings(scan_settings)
     window.close()
     window = reopened(open_with, memory, shipped)
     assert window.session.shown.scene.place == there
     assert window.session.shown.scene.options == options
-    assert window.session.live.scan_settings == scan_settings
+    assert window.session.live.settings == scan_settings
     assert window.session.shown.scene.room.text == shipped.room.text
 
 
@@ -94,7 +91,7 @@ def test_a_fitted_place_and_an_edited_room_are_restored_with_their_log(
     memory = tmp_path / "window.ini"
     window = open_with(scene=shipped, memory=memory, find_scanner=never)
     window.session.open_file(str(recorded))
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     moved, _ = sensor_at(window.session.shown.scene, (0.4, 0.3))
     edited, _ = with_air_state(moved, temperature_c=3.0)
     board = parse_board(f"range_offset = 0.02\n{edited.board.text}", "board")
@@ -103,7 +100,7 @@ def test_a_fitted_place_and_an_edited_room_are_restored_with_their_log(
     window.close()
 
     window = reopened(open_with, memory, shipped)
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     there = window.session.shown.scene
     assert (there.place, there.room.text, there.options) == (edited.place, edited.room.text, edited.options)
     assert (there.board.range_offset, there.room.air.temperature_c) == (0.02, 3.0)
@@ -119,7 +116,7 @@ def test_a_restored_log_that_was_recorded_in_another_room_is_shown_with_a_warnin
     memory = tmp_path / "window.ini"
     write_memory(memory, Memory(scene=SceneMemory.of(elsewhere), log=str(recorded)))
     window = reopened(open_with, memory, shipped)
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     assert "recorded in simple.toml; they are now compared with corridor.toml" in window.banner.message
 
 
@@ -137,15 +134,15 @@ def test_after_closing_during_a_scan_the_recording_is_restored_and_nothing_moves
         order=ENDLESS,
     )
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
-    recording = window.session.status.recording
+    recording = window.session.status.job.recording
     window.close()
     kept = len(read_log(recording).readings)
     assert 3 <= kept < ENDLESS.readings
 
     window = reopened(open_with, memory, shipped)
-    until(qtbot, lambda: window.session.replay.loaded and predicted(window))
+    until(qtbot, lambda: window.session.replay is not None and predicted(window))
     assert len(window.session.shown.readings) == kept
-    assert window.session.status.source is Source.REPLAY
+    assert window.session.status.replay is not None
     assert window.commands.scan.isEnabled()  # with the scanner of the last session
 
 

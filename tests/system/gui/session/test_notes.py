@@ -14,6 +14,7 @@ from sonarhw_cli.app import run
 from sonarhw_compare.scans import notes_of_log, notes_path
 from sonarhw_gui.model.rows import Column
 from sonarhw_gui.session.kept import NoteStore
+from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.errors import OutputError
@@ -143,7 +144,7 @@ def test_notes_of_a_live_scan_are_kept_beside_its_recording(
     recording = Path(window.session.log_file)
     assert stored(recording) == {5: "while it was new"}
     window.session.open_file(str(recorded))
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     assert not window.session.shown.notes
     assert "note" not in window.commands.undo.text()  # its readings are no longer shown
     window.commands.leave_replay.trigger()
@@ -169,7 +170,8 @@ def test_a_folder_that_cannot_be_written_gives_one_line_and_loses_no_note(
     memory = tmp_path / "state" / "window.ini"
     window = opened(qtbot, open_with, log, memory=memory)
     warned: list[str] = []
-    window.session.warned.connect(warned.append)
+    notices = window.session.notices
+    notices.changed.connect(lambda: warned.append(notices.shown.text))
     with monkeypatch.context() as patch:  # tests run as root, who may write everywhere
         patch.setattr(note_file, "atomic_file", refuse)
         note(qtbot, window, 4, "on a stick")
@@ -244,9 +246,11 @@ def test_exports_contain_the_notes_as_those_of_the_command_line(
 
 
 def test_notes_of_a_scan_without_a_log_are_lost_with_one_warning(recorded: Path) -> None:
-    readings, store = read_log(recorded).readings, NoteStore(None)
+    notices, warned = Notices(), []
+    notices.changed.connect(lambda: warned.append(notices.shown.text))
+    readings, store = read_log(recorded).readings, NoteStore(None, notices)
     notes = store.open(None, readings).with_note(2, "the post")
     store.save(notes, readings, None)
-    assert "this scan has no log, and its notes are lost when the window closes" in store.messages[0]
+    assert "this scan has no log, and its notes are lost when the window closes" in warned[0]
     store.save(notes.with_note(3, "another"), readings, None)
-    assert len(store.messages) == 1
+    assert len(warned) == 1

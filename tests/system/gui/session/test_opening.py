@@ -8,7 +8,6 @@ from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.session.status import Source
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import LogMetadata, read_log
@@ -37,7 +36,7 @@ def test_a_dropped_log_is_shown(qtbot: QtBot, open_with: OpenWith, recorded: Pat
     window = open_with()
     assert drop(window, recorded)
     until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
-    assert window.session.status.source is Source.REPLAY
+    assert window.session.status.replay is not None
 
 
 @pytest.mark.parametrize(("place", "warning"), [("", "its readings are shown at figure7, the first"), ("figure9", "")])
@@ -48,7 +47,7 @@ def test_a_log_without_a_place_is_shown_at_the_first_place_with_a_warning(
     write_scan(tmp_path / "scan.mcap", metadata, [Reading(0, 0, 0, 0.0, 0.0, (0.005,), 343.2)])
     window = open_with()
     assert drop(window, tmp_path / "scan.mcap")
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     assert window.session.shown.scene.place.name == (place or "figure7")
     assert warning in window.banner.message
     assert bool(window.banner.message) == bool(warning)
@@ -59,7 +58,7 @@ def test_a_log_without_readings_says_so(qtbot: QtBot, open_with: OpenWith, tmp_p
     write_scan(tmp_path / "scan.mcap", metadata, [])
     window = open_with()
     assert drop(window, tmp_path / "scan.mcap")
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     assert "scan.mcap: contains no readings" in window.banner.message
 
 
@@ -70,7 +69,7 @@ def test_a_log_dropped_with_a_room_is_shown_in_this_room(
     room.write_text(ROOM.read_text().replace('name = "Simple room"', 'name = "Other room"'))
     window = open_with()
     assert drop(window, room, recorded)
-    until(qtbot, lambda: window.session.replay.loaded and not window.session.jobs.busy("open files"))
+    until(qtbot, lambda: window.session.replay is not None and not window.session.jobs.busy("open files"))
     until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
     assert len(window.session.shown.readings) == ORDER.readings
     assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
@@ -85,7 +84,7 @@ def test_readings_are_compared_from_their_place_when_their_room_is_opened_again(
     window = open_with()
     session = window.session
     session.open_file(str(recorded))
-    until(qtbot, lambda: session.replay.loaded)
+    until(qtbot, lambda: session.replay is not None)
     for room, place in ((without, "figure7"), (ROOM, "figure9")):  # figure7 is the first place of both
         session.open_file(str(room))
         until(qtbot, lambda room=room: session.shown.scene.room_file == room.name)
@@ -152,5 +151,5 @@ def test_recent_files_are_listed_newest_first_and_open_with_a_click(
     assert [action.text() for action in window.files.actions()] == ["small.toml", recorded.name]
     window.session.leave_replay()
     window.files.actions()[1].trigger()
-    until(qtbot, lambda: window.session.replay.loaded)
+    until(qtbot, lambda: window.session.replay is not None)
     assert window.session.documents.recent[0] == str(recorded)

@@ -85,7 +85,7 @@ def test_escape_opens_nothing_and_closing_the_window_closes_the_list(
     window, dialog = opened(qtbot, open_with, folder)
     qtbot.keyClick(dialog, Qt.Key.Key_Escape)
     until(qtbot, lambda: window.files.recordings is None)
-    assert not window.session.replay.loaded
+    assert window.session.replay is None
     window.commands.recordings.trigger()
     assert window.files.recordings is not None
     window.close()  # open_with checks that no thread is left

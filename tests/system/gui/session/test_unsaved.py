@@ -12,7 +12,8 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.jobs.files import open_room
 from sonarhw_gui.model.edits import sensor_at, with_air_state, with_corner
 from sonarhw_gui.model.scene import Scene, scene_of_log
-from sonarhw_gui.session.kept import RestoreRoom, UnsavedRooms
+from sonarhw_gui.session.kept import UnsavedRooms
+from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.room.room import parse_room
@@ -114,7 +115,7 @@ def test_there_is_no_question_about_saved_or_undone_changes(
 ) -> None:
     window = start(ROOM)
     draw(window)
-    window.session.unsaved.write()
+    window.session.kept.rooms.write()
     window.session.save_room(str(tmp_path / "saved.toml"))
     window.close()
     for path in (ROOM, tmp_path / "saved.toml"):
@@ -123,7 +124,7 @@ def test_there_is_no_question_about_saved_or_undone_changes(
         window.close()
     window = start(ROOM)
     draw(window)
-    window.session.unsaved.write()
+    window.session.kept.rooms.write()
     qtbot.keyClick(window, Qt.Key.Key_Z, CONTROL)
     window.close()
     assert never_asked(qtbot, start(ROOM))
@@ -187,23 +188,33 @@ def test_a_moved_sensor_and_a_fitted_offset_are_restored(tmp_path: Path, scene: 
 
 def test_an_unreadable_file_is_reported_and_kept(tmp_path: Path, scene: Scene) -> None:
     (tmp_path / "spoilt.json").write_text("{")
-    rooms = UnsavedRooms(tmp_path)
-    rooms.open(scene)
-    assert "spoilt.json" in rooms.messages[0]
+    notices = Notices()
+    rooms_in(tmp_path, notices).open(scene)
+    assert "spoilt.json" in notices.shown.text
     assert (tmp_path / "spoilt.json").exists()
 
 
 def test_an_unwritable_folder_is_reported(tmp_path: Path, scene: Scene) -> None:
     (tmp_path / "file").write_text("in the way")
-    rooms = UnsavedRooms(tmp_path / "file")
+    notices = Notices()
+    rooms = rooms_in(tmp_path / "file", notices)
     rooms.open(scene)
     rooms.change(with_air_state(scene, temperature_c=3.0)[0], 0.0)
     rooms.tick(10.0)
-    assert "save the room or lose its changes" in rooms.messages[0]
+    assert "save the room or lose its changes" in notices.shown.text
+
+
+def rooms_in(folder: Path, notices: Notices) -> UnsavedRooms:
+    return UnsavedRooms(folder, notices, lambda path: None)
+
+
+def offered_files(notices: Notices) -> list[Path]:
+    """Return the files that the window offers to restore."""
+    return [notice.accept.subject for notice in notices.all]
 
 
 def leave(folder: Path, opened: Scene, changed: Scene) -> None:
-    rooms = UnsavedRooms(folder)
+    rooms = rooms_in(folder, Notices())
     rooms.open(opened)
     rooms.change(changed, 0.0)
     rooms.write()
@@ -211,9 +222,10 @@ def leave(folder: Path, opened: Scene, changed: Scene) -> None:
 
 def offered(folder: Path, scene: Scene) -> list[Scene]:
     """Return the scenes that can be restored when `scene` is opened."""
-    rooms = UnsavedRooms(folder)
+    notices = Notices()
+    rooms = rooms_in(folder, notices)
     rooms.open(scene)
-    return [rooms.restored(notice.accept_value, scene) for notice in rooms.notices]
+    return [rooms.restored(path, scene) for path in offered_files(notices)]
 
 
 class Editor:
@@ -226,7 +238,8 @@ class Editor:
 
     def start(self, room: int, choice: int = 0) -> None:
         """Open a new window; the previous one was closed, or crashed after its last change was stored."""
-        self._rooms = UnsavedRooms(self._folder)
+        self._notices = Notices()
+        self._rooms = rooms_in(self._folder, self._notices)
         self._open(room)
 
     def open(self, room: int, choice: int = 0) -> None:
@@ -245,10 +258,10 @@ class Editor:
     def restore(self, room: int, choice: int = 0) -> None:
         """Accept one of the offers, if there are any."""
         if self._offers:
-            request: RestoreRoom = self._offers[choice % len(self._offers)]
-            self._start = self._now = self._rooms.restored(request, self._now)
-            self._rooms.open(self._now, request.path)
-            self._offers = [notice.accept_value for notice in self._rooms.notices]
+            path = self._offers[choice % len(self._offers)]
+            self._start = self._now = self._rooms.restored(path, self._now)
+            self._rooms.open(self._now, path)
+            self._offers = offered_files(self._notices)
 
     def save(self, room: int, choice: int = 0) -> None:
         """Save the room as a file."""
@@ -258,7 +271,7 @@ class Editor:
     def _open(self, room: int) -> None:
         self._rooms.open(self._files[room])
         self._room, self._start, self._now = room, self._files[room], self._files[room]
-        self._offers = [notice.accept_value for notice in self._rooms.notices]
+        self._offers = offered_files(self._notices)
 
     def _change(self, scene: Scene) -> None:
         unsaved = self.unsaved[self._room]

@@ -125,11 +125,11 @@ def test_the_sentence_and_new_rows_are_painted_in_one_frame(qtbot: QtBot, open_w
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     replay, table = window.session.replay, window.views.table.view
-    replay.seek(0.9 * replay.state.duration)
+    replay.seek(0.9 * replay.duration)
     window.session.showing.choose(0)
     qtbot.wait(60)  # two ticks
     events = Events(window, sentence=window.sentence, rows=table.viewport())
-    replay.step_forward()
+    replay.step(1)
     until(qtbot, lambda: "rows" in events.names)
     assert events.names[:2] == ["window", "rows"]
     window.session.showing.choose(1)

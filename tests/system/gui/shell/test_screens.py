@@ -133,10 +133,10 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
     for step in (window.commands.sound, window.commands.first_steps):
         step.trigger()
         check(f"{len(panels)} panels, and {step.text()}")
-    window.banner.show_message("a long message about a scanner that does not answer; check its cable and its supply")
+    window.session.notices.warn("a long message about a scanner that does not answer; check its cable and its supply")
     check(f"{len(panels)} panels, sound, hint and message")
     assert window.hint.isHidden() == (size.height() < 640)  # where both do not fit, the message is more important
-    window.banner.show_message("")
+    window.session.notices.clear()
     assert not window.hint.isHidden()
     assert problems == []
     for panel in reversed(panels):

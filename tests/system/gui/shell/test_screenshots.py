@@ -21,7 +21,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
 from sonarhw_gui.model.scene import Scene, scene_of_log
-from sonarhw_gui.session.scanner import LiveDevice, PortList, ScanJob, ScannerTarget, ScanSettings
+from sonarhw_gui.session.scanner import Phase, PortList, ScannerTarget, ScannerThread, ScanSettings, scan_and_record
 from sonarhw_gui.window.window import Docks, MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -125,11 +125,13 @@ def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFact
     """Record a log of one full turn with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
     with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(bench, settings), lambda: None)
+        live = ScannerThread(
+            lambda: Scanner.open(endpoint.url), Phase.HOMING, scan_and_record(bench, settings), lambda: None
+        )
         live.start()
         live.disconnect()
         live.join()
-    return live.status.recording
+    return live.state.recording
 
 
 def with_look(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:
@@ -194,7 +196,7 @@ def test_pictures_of_the_demo_live_and_in_replay(
         until(qtbot, lambda: len(window.session.shown.readings) >= HEADINGS)
         window.commands.stop.trigger()
         until(qtbot, lambda: ended(window))
-        recording = window.session.status.recording
+        recording = window.session.status.job.recording
         window.close()
     replay = open_with(scene=bench, source=read_log(recording), source_name=recording.name)
     show_replay(qtbot, with_look(replay, look), album)
@@ -202,7 +204,7 @@ def test_pictures_of_the_demo_live_and_in_replay(
 
 def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     until(qtbot, lambda: predicted(window))
-    window.session.replay.seek(0.75 * window.session.replay.state.duration)
+    window.session.replay.seek(0.75 * window.session.replay.duration)
     window.session.showing.choose(SELECTED)
     window.session.replay.toggle()
     until(qtbot, lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 0)
