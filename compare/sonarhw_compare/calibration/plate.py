@@ -781,7 +781,9 @@ def _find_levels(found: PlateCalibration, scans: Sequence[PlateReadings]) -> Lev
             ("m", _MOST_APERTURE * value, _LEAST_APERTURE * value) if key == _APERTURE else ("dB", _MOST_DB, _LEAST_DB)
         )
         half = Z95 * deviation
-        if half > most:
+        if found.faced and fit.disturbed > _MOST_DISTURBED:
+            found.kept[key] = "the plate is too small for it, or not alone; it must extend by half its distance"
+        elif half > most:
             text = f"{half / value:.0%}" if key == _APERTURE else f"{half:.1f} dB"
             found.kept[key] = f"the scans determine it to ± {text} only"
         else:
