@@ -15,7 +15,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any
 
-from sonarhw.wire import messages
+from sonarhw.wire import limits, messages
 from sonarhw.wire.messages import FROM_DEVICE, FROM_HOST, Message, Numbers, Samples, Scalar, Text
 
 CORE = Path(__file__).parent / "core"
@@ -42,7 +42,7 @@ def enumerations() -> list[type[IntEnum] | type[IntFlag]]:
 def constants() -> dict[str, int]:
     """Return the constants of the protocol; times in µs."""
     found = {"NO_TEMPERATURE": messages.NO_TEMPERATURE}
-    for name, value in vars(messages).items():
+    for name, value in vars(limits).items():
         if name.isupper():
             found |= {f"{name}_US": round(value * 1e6)} if isinstance(value, float) else {name: value}
     return found

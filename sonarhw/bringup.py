@@ -16,7 +16,8 @@ from sonarhw.errors import CommandRefused, DeviceError, InputError, LinkLost, So
 from sonarhw.host.scanner import DeviceCapabilities, DeviceInfo, Scanner
 from sonarhw.link import LinkStatistics, serial_ports
 from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
-from sonarhw.wire.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Feature, Input, ResetCause, Statistics
+from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
+from sonarhw.wire.messages import Feature, Input, ResetCause, Statistics
 
 # The diagnoses of `sonarhw doctor`: each function judges what was measured, and states what to do.
 

@@ -20,7 +20,7 @@ from serial.serialutil import SerialException
 from serial.tools.list_ports import comports
 
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost
-from sonarhw.wire.messages import FIRST_BAUD
+from sonarhw.wire.limits import FIRST_BAUD
 
 # Counters of the traffic over a link. They show a bad cable.
 

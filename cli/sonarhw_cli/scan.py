@@ -105,7 +105,8 @@ def check_request(request: ScanRequest) -> None:
 
 def _check_order(order: "ScanOrder") -> None:
     """Raise InputError for an order that does not fit into a frame."""
-    from sonarhw.wire.messages import MOST_READINGS, microdegrees_of
+    from sonarhw.wire.limits import MOST_READINGS
+    from sonarhw.wire.messages import microdegrees_of
 
     if microdegrees_of(order.step) == 0:
         raise InputError(f"--step {math.degrees(order.step):g}: too fine; expected 0.000001 degrees or more")
@@ -532,7 +533,7 @@ def serve(
 
 def _sweeps(start: float, stop: float, step: float, pings: int) -> int:
     """Return the largest number of sweeps."""
-    from sonarhw.wire.messages import MOST_READINGS
+    from sonarhw.wire.limits import MOST_READINGS
 
     return max(1, min(_MOST_SWEEPS, MOST_READINGS // order_in_degrees(start, stop, step, 1, pings).readings))
 

@@ -159,7 +159,8 @@ class _Arrived:
 def _show(link: "Link", arrived: _Arrived) -> NoReturn:
     from sonarhw.host.driver import SIGN_OF_LIFE
     from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
-    from sonarhw.wire.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, AskStatistics, Hello, Info, Message
+    from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
+    from sonarhw.wire.messages import AskStatistics, Hello, Info, Message
 
     decoder = FrameDecoder()
     sequence, next_message, greeted = 0, arrived.began + link.quiet, False

@@ -13,12 +13,9 @@ from enum import IntFlag
 from sonarhw.device.protocol import ActionError, Line, ProtocolDevice, RefusalError
 from sonarhw.errors import InputError
 from sonarhw.readings import EchoSource, Ping, PingResult, ScanOrder, Trace
+from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
-    KEPT_READINGS,
-    MAX_ECHOES,
     NO_TEMPERATURE,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Capabilities,
     Configure,
     ConfigureTurntable,

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected, encode_frame
-from sonarhw.wire.messages import (
+from sonarhw.wire.limits import (
     BAUD_TIMEOUT,
-    BY_TYPE,
     HEARTBEAT,
     HOST_SILENCE,
     KEPT_READINGS,
@@ -20,6 +19,9 @@ from sonarhw.wire.messages import (
     MOST_READINGS,
     PROTOCOL_MINOR,
     RECEIVE_ROOM,
+)
+from sonarhw.wire.messages import (
+    BY_TYPE,
     Accepted,
     Approach,
     AskCapabilities,

@@ -14,11 +14,9 @@ from sonarhw.device.protocol import BYTE_TIME, Line, ProtocolDevice
 from sonarhw.errors import InputError
 from sonarhw.log.reader import Log
 from sonarhw.readings import Reading
+from sonarhw.wire.limits import MOST_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
-    MOST_READINGS,
     NO_TEMPERATURE,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Configure,
     Info,
     Settings,

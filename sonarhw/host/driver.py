@@ -12,10 +12,8 @@ from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
 from sonarhw.link import LinkStatistics, smoothed
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
+from sonarhw.wire.limits import KEPT_READINGS, MOST_READINGS, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
-    KEPT_READINGS,
-    MOST_READINGS,
-    PROTOCOL_MAJOR,
     ActionMessage,
     AnswerMessage,
     AskStatistics,

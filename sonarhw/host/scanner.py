@@ -50,8 +50,8 @@ from sonarhw.log import LogWriter
 from sonarhw.plugins.plugin_device import PluginLink
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.sound_speed import ScanAir
+from sonarhw.wire.limits import MAX_ECHOES
 from sonarhw.wire.messages import (
-    MAX_ECHOES,
     Approach,
     AskStatistics,
     Capabilities,

@@ -32,7 +32,7 @@ from sonarhw.readings import (
     unverified_clause,
 )
 from sonarhw.sound_speed import ScanAir
-from sonarhw.wire.messages import (
+from sonarhw.wire.limits import (
     BAUD_TIMEOUT,
     FIRST_BAUD,
     MAX_TEST,
@@ -40,6 +40,8 @@ from sonarhw.wire.messages import (
     MOST_READINGS,
     PROTOCOL_MAJOR,
     PROTOCOL_MINOR,
+)
+from sonarhw.wire.messages import (
     Accepted,
     AnswerMessage,
     AskCapabilities,

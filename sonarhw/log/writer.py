@@ -53,10 +53,8 @@ from sonarhw.log.reader import (
 )
 from sonarhw.readings import Reading, Trace
 from sonarhw.wire.frames import Frame, encode_frame, frame_type
+from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
-    KEPT_READINGS,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Finished,
     Info,
     Message,

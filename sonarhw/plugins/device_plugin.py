@@ -21,7 +21,8 @@ from typing import ClassVar
 
 from sonarhw.errors import DeviceError, InputError, NoAnswer, SonarError
 from sonarhw.readings import ScanOrder
-from sonarhw.wire.messages import MAX_TEXT, MOST_DEGREES
+from sonarhw.wire.limits import MAX_TEXT
+from sonarhw.wire.messages import MOST_DEGREES
 
 MOST_ANGLE = math.radians(MOST_DEGREES)
 MOST_TEMPERATURE = 327.0  # °C, either sign

@@ -19,11 +19,9 @@ from sonarhw.plugins.device_plugin import CheckedPlugin, Measurement, start_of
 from sonarhw.plugins.sweep_tracker import Placed, SweepTracker
 from sonarhw.readings import ScanOrder
 from sonarhw.sound_speed import speed_of_sound
+from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
-    MAX_ECHOES,
     NO_TEMPERATURE,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Configure,
     Info,
     ReadingMessage,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from cobs import cobs
 
-from sonarhw.wire.messages import MAX_PAYLOAD
+from sonarhw.wire.limits import MAX_PAYLOAD
 
 DELIMITER = b"\0"
 _HEADER = struct.Struct("<BHQ")

@@ -9,11 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace
+from sonarhw.wire.limits import CHUNK, KEPT_READINGS, MAX_ECHOES
 from sonarhw.wire.messages import (
-    CHUNK,
     FULL_SCALE,
-    KEPT_READINGS,
-    MAX_ECHOES,
     Configure,
     Finished,
     Heartbeat,

@@ -8,9 +8,8 @@ from typing import TypeVar
 
 from sonarhw.link import Link
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
+from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Accepted,
     AnswerMessage,
     AskCapabilities,

@@ -8,8 +8,8 @@ import pytest
 
 from sonarhw.link import Link
 from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.limits import PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
-    PROTOCOL_MAJOR,
     Accepted,
     AskStatistics,
     Heartbeat,

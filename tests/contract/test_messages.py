@@ -11,10 +11,9 @@ import pytest
 
 from sonarhw.link import Link
 from sonarhw.readings import ScanOrder
+from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
-    MAX_ECHOES,
     NO_TEMPERATURE,
-    PROTOCOL_MAJOR,
     Accepted,
     AskStatistics,
     Configure,

@@ -6,7 +6,8 @@ from enum import StrEnum
 
 from sonarhw.errors import counted
 from sonarhw.readings import ScanOrder, headings_between
-from sonarhw.wire.messages import MOST_READINGS, microdegrees_of
+from sonarhw.wire.limits import MOST_READINGS
+from sonarhw.wire.messages import microdegrees_of
 from sonarhw.wire.readings_of_frames import MOST_DRIFT
 from sonarhw_gui.session.fake_place import FakeNote
 from sonarhw_gui.session.notices import Compiled

@@ -18,10 +18,10 @@ from mcap.opcode import Opcode
 from sonarhw.log import LogWriter, writer
 from sonarhw.log.writer import write_scan
 from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.limits import MAX_PAYLOAD
 from sonarhw.wire.messages import (
     FROM_DEVICE,
     FROM_HOST,
-    MAX_PAYLOAD,
     Finished,
     Message,
     Numbers,

@@ -62,7 +62,7 @@ def test_each_part_has_its_result_and_an_error_is_raised_as_it_is() -> None:
         assert processes.results(operator.truediv, [(3,), (4,)], go_on) == [4.0, 3.0]
         with pytest.raises(ZeroDivisionError, match="division by zero") as failed:
             processes.results(operator.truediv, [(3,), (0,)], go_on)
-        assert "compute_loop.py" in failed.value.__notes__[0]
+        assert "evidence.py" in failed.value.__notes__[0]
         assert processes.results(operator.add, [(1,)], go_on) == [13]
         assert processes.results(operator.add, [(number,) for number in range(7)], go_on) == [*range(12, 19)]  # in turn
         processes.keep(20)

@@ -92,7 +92,7 @@ def test_a_changed_kernel_in_another_file_changes_the_next_command(cached: tuple
         CHECKOUT / "sim" / "sonarhw_sim", tmp_path / "sonarhw_sim", ignore=shutil.ignore_patterns("__pycache__")
     )
     path = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))
-    kernel = package / "rays" / "first_surface.py"
+    kernel = package / "rays" / "fan.py"
     text = kernel.read_text()
     assert text.count("distance: float = ahead / across\n") == 1
     kernel.write_text(text.replace("distance: float = ahead / across\n", "distance: float = ahead / across + 0.5\n"))

@@ -11,7 +11,7 @@ import serial
 
 from sonarhw.errors import LinkError, LinkLost
 from sonarhw.link import BOOTLOADER, Link, PortFinder
-from sonarhw.wire.messages import FIRST_BAUD
+from sonarhw.wire.limits import FIRST_BAUD
 from tests.hang_guard import wait_until
 
 Ends = tuple[int, int]  # of a pseudo-terminal

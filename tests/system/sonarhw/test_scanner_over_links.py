@@ -24,9 +24,8 @@ from sonarhw.host.session import Connection
 from sonarhw.link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.frames import Frame, FrameDecoder
+from sonarhw.wire.limits import HOST_SILENCE, MAX_ECHOES
 from sonarhw.wire.messages import (
-    HOST_SILENCE,
-    MAX_ECHOES,
     Approach,
     Configure,
     ConfigureTurntable,

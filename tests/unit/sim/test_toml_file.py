@@ -12,7 +12,7 @@ from sonarhw_sim.files import MOST_BYTES, near_miss
 from sonarhw_sim.room.room import load_room, parse_room
 
 from sonarhw.errors import InputError
-from sonarhw.wire.messages import MAX_TEXT
+from sonarhw.wire.limits import MAX_TEXT
 from tests.checkout import CHECKOUT
 from tests.fixtures.memory_limit import at_most
 

@@ -12,7 +12,7 @@ from tests.system.cli.bringup.bootloader import bootloader_board
 from tests.system.cli.instrument.test_scan_command import sonarhw
 from tests.system.firmware.combinations.images import combinations
 
-FOLDER = CHECKOUT / "sonarhw" / "bringup" / "images"
+FOLDER = CHECKOUT / "sonarhw" / "images"
 IMAGE = FOLDER / "mega-polaroid-step-dir.hex"
 OLD = "sonarhw-mega 0.0.9"
 OLD_UNO = "sonarhw-uno 0.0.9"

@@ -4,10 +4,8 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
+from sonarhw.wire.limits import BAUD_TIMEOUT, HOST_SILENCE, RECEIVE_ROOM
 from sonarhw.wire.messages import (
-    BAUD_TIMEOUT,
-    HOST_SILENCE,
-    RECEIVE_ROOM,
     Accepted,
     AskCapabilities,
     AskStatistics,

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.wire.messages import KEPT_READINGS
+from sonarhw.wire.limits import KEPT_READINGS
 from sonarhw.wire.readings_of_frames import Progress, ReadingArrivals
 
 

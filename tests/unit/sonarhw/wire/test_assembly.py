@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from sonarhw.readings import Reading, Trace
-from sonarhw.wire.messages import (
-    CHUNK,
-    Finished,
-    Heartbeat,
-    Info,
-    ReadingMessage,
-    Settings,
-    Started,
-    TraceChunk,
-    TraceKind,
-)
+from sonarhw.wire.limits import CHUNK
+from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk, TraceKind
 from sonarhw.wire.readings_of_frames import ReadingAssembler, trace_chunks
 
 

@@ -14,11 +14,11 @@ from cobs import cobs
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.readings import Ping, PingResult, Trace
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
+from sonarhw.wire.limits import MAX_TEST
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
-    MAX_TEST,
     Approach,
     AskCapabilities,
     AskStatistics,

@@ -15,7 +15,7 @@ from sonarhw.wire.frames import (
     frame_payload,
     frame_type,
 )
-from sonarhw.wire.messages import MAX_PAYLOAD
+from sonarhw.wire.limits import MAX_PAYLOAD
 
 frames = st.builds(
     Frame,

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
-    MAX_ECHOES,
-    MAX_PAYLOAD,
     Message,
     MessageError,
     Numbers,
