@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import version
 
-from sonarhw_gui.window.start import NoDisplay, check_display
+from sonarhw_gui.window.display import NoDisplay, check_display
 
 from benchmarks.cases.window_jobs import Figure, dragging, first_window, laboratory, live, long_log, repaints
 

@@ -143,7 +143,7 @@ def _kind(source: str) -> str:
 
 
 def _replay(path: Path, request: _Request) -> int:
-    from sonarhw_gui.window.start import check_display
+    from sonarhw_gui.window.display import check_display
 
     from sonarhw_cli.inputs import open_log
 
@@ -175,7 +175,7 @@ def _show_room(room: str, request: _Request) -> int:
 
 def _show(scene: "Scene", room: str | None, file: Path | None, instead: str) -> int:
     """Open the window on a scene without a scanner, and open `file` in it. `instead` is for a missing display."""
-    from sonarhw_gui.window.start import check_display
+    from sonarhw_gui.window.display import check_display
 
     check_display(instead)
     from sonarhw_gui.window.start import WindowStart
@@ -193,7 +193,7 @@ def _used(room: str | None) -> tuple[Path, ...]:
 def _scan(url: str, request: _Request, resume: bool = False, follows: bool = False) -> int:
     """Open the window on a scanner; `follows`: a fake one, which takes room and place of the plan for each scan."""
     from sonarhw_compare.one_call import is_fake
-    from sonarhw_gui.window.start import DEMO, check_display
+    from sonarhw_gui.window.display import DEMO, check_display
 
     fake = is_fake(url)
     takes_board = not fake and request.board is None
@@ -372,7 +372,7 @@ def _free_folder() -> Path:
 
 
 def _can_open_window() -> bool:
-    from sonarhw_gui.window.start import NoDisplay, check_display
+    from sonarhw_gui.window.display import NoDisplay, check_display
 
     try:
         check_display()
