@@ -433,7 +433,7 @@ def check_temperature(temperature: float | None) -> None:
 
 
 class Rule(NamedTuple):
-    """What options of a command need, or exclude. The refusal is the option and the text.
+    """What options of a command need, or exclude. The refusal is the text, after the option unless it names one.
 
     The text may contain `{value}`, that of the option, and `{other}`, that of the excluded option.
     """
@@ -459,7 +459,7 @@ RULES = (
     Rule("compare", "--explain", ": needs --json; without both, a sentence explains every reading", "--json"),
     Rule("demo", "--force", ": needs --headless DIR; without it, the demo overwrites nothing", "--headless"),
     Rule("doctor", "--plate", ", --distance: give both or none", "--distance"),
-    Rule("doctor", "--distance", ", --plate: give both or none", "--plate"),
+    Rule("doctor", "--distance", "--plate, --distance: give both or none", "--plate"),
     Rule("doctor", "--plate", f", --no-turn: the plate needs the turntable; {_ALONE}", excludes="--no-turn"),
     Rule("fake", "--pty", f", --tcp: a scanner has one line; {_ALONE}", excludes="--tcp"),
     Rule("flash", "--force", ": also give --controller", "--controller"),
@@ -505,7 +505,8 @@ def check_rules(context: typer.Context, rules: Iterable[Rule], facts: Iterable[s
         for option in rule.options.split() or [""]:
             if not option or option in given:
                 names |= {"value": given.get(option), "other": given[excluded[0]] if excluded else None}
-                raise InputError(option + rule.text.format(**names))
+                refusal = rule.text.format(**names)
+                raise InputError(refusal if refusal.startswith("--") else option + refusal)
 
 
 # The help of a command, with arguments and values as users type them: `LOG...`, not `{LOG}...` and `<list[Path]>`.
