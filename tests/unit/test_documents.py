@@ -10,10 +10,7 @@ from tests.checkout import CHECKOUT
 
 PAGES = sorted([*CHECKOUT.glob("*.md"), CHECKOUT / "firmware" / "PORTING.md", *(CHECKOUT / "docs").rglob("*.md")])
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|c|h|toml|md|sh))`")
-EXAMPLES = {  # files that the reader of CONTRIBUTING writes
-    "sonarhw/export/json_lines.py",
-    "gui/sonarhw_gui/histogram/",
-}
+EXAMPLES = {"gui/sonarhw_gui/views/histogram.py"}  # a file that the reader of CONTRIBUTING writes
 NAME = re.compile(r"`((?:sonarhw|sonarhw_\w+|benchmarks|tests)(?:\.\w+)+)(?<!\.npz)`")  # index.npz is a file in a log
 
 
