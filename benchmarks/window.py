@@ -2,7 +2,8 @@
 
 Opens real windows, on Xvfb if there is no display, and prints a table: dragging the sensor with all views open among
 many walls and in the laboratory, a live scan with traces, a log of an hour, its replay at 50×, thousands of repaints,
-the first window. With `--full` the replay runs for an hour. Every job is a separate process.
+the first window, and the files that a reading and a drag cross. With `--full` the replay runs for an hour. Every job
+is a separate process.
 
 Times by the wall clock are valid only on an idle machine. Processor times are therefore printed too, and the load at
 the start. With the necessary permission, `nice -n -10` approaches an idle machine.
@@ -22,7 +23,7 @@ from importlib.metadata import version
 
 from sonarhw_gui.window.display import NoDisplay, check_display
 
-from benchmarks.cases.window_jobs import Figure, dragging, first_window, laboratory, live, long_log, repaints
+from benchmarks.cases.window_jobs import Figure, dragging, first_window, journeys, laboratory, live, long_log, repaints
 
 _XVFB = ("xvfb-run", "--auto-servernum", "--server-args=-screen 0 1920x1080x24 -noreset")
 _LIBRARIES = ("PySide6-Essentials", "pyqtgraph", "numpy", "numba")
@@ -38,6 +39,7 @@ def jobs(full: bool) -> dict[str, Callable[[], list[Figure]]]:
         "live": lambda: live(60.0 if full else 15.0),
         "log": lambda: long_log(_FULL_HOUR if full else 40.0),
         "repaints": lambda: repaints(10_000),
+        "journeys": journeys,
     }
 
 

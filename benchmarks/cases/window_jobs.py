@@ -1,5 +1,8 @@
 """Measurements of the window: real windows, real mouse events, real paints; each job in its own process.
 
+Most jobs measure times. `journeys` counts the files of the product whose functions run on the way from an event to its
+paint, in all threads: the number of places that a reader must know to follow it.
+
 Each job returns its results as `Figure`s. `benchmarks.window` runs the jobs and prints them.
 """
 
@@ -10,12 +13,14 @@ import random
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from types import FrameType
 from typing import NamedTuple
 from unittest.mock import patch
 
@@ -44,7 +49,9 @@ NEAR = 2.0  # m: range of the live scan
 SPEED = 50.0  # of the long replay
 PATIENCE = 120.0  # s
 _RESTS, _SHORT_DRAG = 10, 0.5  # s
+_FEW = 10.0  # readings per second, so that the window paints each
 WARM_UP = 3.0  # s, for compilers and caches
+PACKAGES = ("sonarhw", "sonarhw_sim", "sonarhw_compare", "sonarhw_gui", "sonarhw_cli")
 
 
 @dataclass(frozen=True)
@@ -101,15 +108,15 @@ def memory() -> float:
 
 
 @contextmanager
-def opened(**start: object) -> Iterator[MainWindow]:
-    """Open a window with the usual docks; reference cycles are collected as in the application."""
+def opened(all_docks: bool = True, **start: object) -> Iterator[MainWindow]:
+    """Open a window with all docks, or as it first opens; reference cycles are collected as in the application."""
     open_application()
     with tempfile.TemporaryDirectory() as folder:
         settings = {"recordings": Path(folder), **start}
         window = open_window(WindowStart(**settings))  # type: ignore[arg-type]  # checked by the callers
         window.resize(1280, 800)
         for dock in window.docks.actions:
-            if not dock.isChecked():
+            if all_docks and not dock.isChecked():
                 dock.trigger()
         window.show()
         with collected_between_events():
@@ -151,6 +158,18 @@ def write_log(path: Path, hours: float) -> None:
     """Write a log of ten readings per second with traces, in another process with its own memory."""
     command = [sys.executable, "-m", "benchmarks.logs", str(hours), "write", str(path)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+@contextmanager
+def served(room_file: str, place: str, pace: float) -> Iterator[str]:
+    """Run a fake scanner in another process; yields its URL."""
+    command = [*SONARHW, "fake", str(ROOMS / room_file), "--place", place, "--pace", str(pace), "--tcp", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as fake:
+        assert fake.stdout is not None
+        try:
+            yield fake.stdout.readline().strip()
+        finally:
+            fake.terminate()
 
 
 def scanned(scene: Scene, folder: Path) -> Log:
@@ -275,31 +294,29 @@ def live(lasts: float) -> list[Figure]:
     board = replace(load_board("polaroid-6500"), max_range=NEAR)
     room = load_room(ROOMS / "laboratory.toml")
     scene = Scene(room, room.place("bench"), board, "laboratory.toml")
-    command = [*SONARHW, "fake", str(ROOMS / scene.room_file), "--place", "bench", "--tcp", "127.0.0.1:0"]
     arrived, drawn = _arrival_times(), []
     order = ScanOrder(0.0, math.radians(1), 360, sweeps=100)
-    with subprocess.Popen([*command, "--pace", str(RATE * PING)], stdout=subprocess.PIPE, text=True) as fake:
-        assert fake.stdout is not None
-        url = fake.stdout.readline().strip()
-        with opened(scene=scene, source=lambda: Scanner.open(url), order=order) as window:
-            work_until(lambda: settled(window))
-            frames: list[tuple[Moment, int]] = []
+    with (
+        served(scene.room_file, "bench", RATE * PING) as url,
+        opened(scene=scene, source=lambda: Scanner.open(url), order=order) as window,
+    ):
+        work_until(lambda: settled(window))
+        frames: list[tuple[Moment, int]] = []
 
-            def painted() -> None:
-                count = len(window.session.shown.readings)
-                if not frames or frames[-1][1] != count:  # ignore paints without new readings
-                    frames.append((moment(), count))
+        def painted() -> None:
+            count = len(window.session.shown.readings)
+            if not frames or frames[-1][1] != count:  # ignore paints without new readings
+                frames.append((moment(), count))
 
-            Paints(window, painted)
-            window.commands.scan.trigger()
-            work_until(lambda: len(window.session.shown.readings) > RATE * WARM_UP)
-            frames.clear()
-            began = moment()
-            work(lasts)
-            wall, process, _ = moment().since(began)
-            for (_, before), (at, count) in pairwise(frames):
-                drawn += [at.wall - arrived[number] for number in range(before, count)]
-        fake.terminate()
+        Paints(window, painted)
+        window.commands.scan.trigger()
+        work_until(lambda: len(window.session.shown.readings) > RATE * WARM_UP)
+        frames.clear()
+        began = moment()
+        work(lasts)
+        wall, process, _ = moment().since(began)
+        for (_, before), (at, count) in pairwise(frames):
+            drawn += [at.wall - arrived[number] for number in range(before, count)]
     busy = [later.since(earlier).thread for (earlier, _), (later, _) in pairwise(frames)]
     what = f"live, {len(drawn) / wall:.0f} readings per second with traces: "
     return [
@@ -424,6 +441,86 @@ def repaints(times: int) -> list[Figure]:
         Figure(f"{what}memory grows by", grown, "MB", 20, note=f"on {before:.0f} MB"),
         Figure(f"{what}processor", 1000 * process / times, "ms each"),
     ]
+
+
+def journeys() -> list[Figure]:
+    """Count the files that a reading crosses from the port to its pixel, and those of a drag of the sensor."""
+    crossed = CrossedFiles()  # before the window starts its threads
+    room = load_room(ROOMS / "laboratory.toml")
+    scene = Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
+    order = ScanOrder(0.0, math.radians(1), 360, sweeps=100)
+    with opened(all_docks=False, scene=scene) as window:
+        dragged = _files_of_a_drag(window, crossed)
+    with (
+        served(scene.room_file, "bench", _FEW * PING) as url,
+        opened(all_docks=False, scene=scene, source=lambda: Scanner.open(url), order=order) as window,
+    ):
+        read = _files_of_a_reading(window, crossed)
+    what = "files that run, in all threads: "
+    return [
+        Figure(f"{what}a reading, from the port to its pixel", read, "files", 65),
+        Figure(f"{what}a drag of the sensor", dragged, "files", 55),
+    ]
+
+
+def _files_of_a_reading(window: MainWindow, crossed: "CrossedFiles") -> int:
+    counts = [0]
+    Paints(window, lambda: counts.append(len(window.session.shown.readings)))
+    work_until(lambda: settled(window))
+    window.commands.scan.trigger()
+    work_until(lambda: counts[-1] > _FEW)
+    first = counts[-1]
+    with crossed.counted():
+        work_until(lambda: counts[-1] > first + 1)
+    return crossed.files
+
+
+def _files_of_a_drag(window: MainWindow, crossed: "CrossedFiles") -> int:
+    work_until(lambda: settled(window))
+    drag = _Drag(window)
+    drag.rest()
+    drag.updates.clear()
+    with crossed.counted():
+        while not drag.updates:  # no new outline has been painted yet
+            drag.run(_SHORT_DRAG)
+    drag.end()
+    return crossed.files
+
+
+class CrossedFiles:
+    """Counts the files of the product whose functions are called, in this thread and in threads that start later."""
+
+    def __init__(self) -> None:
+        self._calls: set[str] = set()
+        self._counting = False
+        threading.setprofile(self._note)
+
+    @property
+    def files(self) -> int:
+        """Return the number of files while it counted last."""
+        return len(self._calls)
+
+    @contextmanager
+    def counted(self) -> Iterator[None]:
+        """Count during the block."""
+        self._calls.clear()
+        self._counting = True
+        sys.setprofile(self._note)
+        try:
+            yield
+        finally:
+            sys.setprofile(None)
+            self._counting = False
+
+    def _note(self, frame: FrameType, event: str, _: object) -> None:
+        if not self._counting or event != "call":
+            return
+        file, function = frame.f_code.co_filename, frame.f_code.co_qualname
+        # not code that a decorator made, nor imports; a lambda or comprehension is part of the function around it
+        if "<" not in file and "<" not in function.replace("<locals>", ""):
+            package = str(frame.f_globals.get("__name__")).partition(".")[0]
+            if package in PACKAGES:
+                self._calls.add(file)
 
 
 def first_window(began: float) -> list[Figure]:
