@@ -14,7 +14,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
-from sonarhw_sim.compiled import kernel_folders
+from sonarhw_sim.compiler import kernel_folders
 
 from tests.checkout import CHECKOUT
 from tests.system import hostile

@@ -12,8 +12,9 @@ import sonarhw_compare
 import sonarhw_sim
 from numba import float64, int64
 from numba.core.types import NamedTuple
-from sonarhw_sim import compiled as kernel_key
-from sonarhw_sim.compiled import compiled, digest_of, key_of, slot_of
+from sonarhw_sim import compiler as kernel_key
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiler import digest_of, key_of, slot_of
 
 CPU = ("x86_64", "some", "+avx")
 CONSTANTS = "from typing import NamedTuple\n\nLENGTH = {constant}\n\n\nclass Point(NamedTuple):\n    {fields}\n"

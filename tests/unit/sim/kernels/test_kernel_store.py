@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_sim import compiled
-from sonarhw_sim.compiled import NotStored, kernel_folders, store, stored
+from sonarhw_sim.compiler import NotStored, kernel_folders, store, stored
 
 CODE = bytes(range(256)) * 8
 
