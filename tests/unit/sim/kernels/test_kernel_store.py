@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from sonarhw_sim import compiled
+from sonarhw_sim import compiler
 from sonarhw_sim.compiler import NotStored, kernel_folders, store, stored
 
 CODE = bytes(range(256)) * 8
@@ -15,7 +15,7 @@ CODE = bytes(range(256)) * 8
 @pytest.fixture
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     chosen = [tmp_path / "installation" / "__pycache__", tmp_path / "home" / "kernels"]
-    monkeypatch.setattr(compiled, "kernel_folders", lambda: chosen)
+    monkeypatch.setattr(compiler, "kernel_folders", lambda: chosen)
     return chosen
 
 
