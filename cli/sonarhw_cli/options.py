@@ -15,7 +15,6 @@ from typer.core import TyperCommand, TyperGroup
 
 from sonarhw.errors import InputError, harmless, json_text, shortened
 from sonarhw.export import number, text_cell
-from sonarhw.wire.messages import MOST_DEGREES
 
 if TYPE_CHECKING:
     from sonarhw.readings import ScanOrder
@@ -401,10 +400,16 @@ def _from_radians(angle: float) -> float:
     return 90 * quarters if abs(angle - quarters * math.pi / 2) < _ALIKE else math.degrees(angle)
 
 
-def check_degrees(option: str, degrees: float, most: float = MOST_DEGREES) -> None:
-    """Raise InputError if the angle of an option is not a number, or larger than `most` degrees to either side."""
-    if not abs(degrees) <= most:
-        raise InputError(f"{option} {degrees:g}: expected degrees between -{most:g} and {most:g}")
+def check_degrees(option: str, degrees: float, most: float | None = None) -> None:
+    """Raise InputError if the angle of an option is not a number, or larger than `most` degrees to either side.
+
+    By default, `most` is the largest angle of a message.
+    """
+    from sonarhw.wire.messages import MOST_DEGREES
+
+    largest = MOST_DEGREES if most is None else most
+    if not abs(degrees) <= largest:
+        raise InputError(f"{option} {degrees:g}: expected degrees between -{largest:g} and {largest:g}")
 
 
 def refuse_given(context: typer.Context, options: Mapping[str, str], reason: str) -> None:

@@ -14,7 +14,6 @@ from sonarhw_sim.air import DEFAULT_BOARD
 
 from sonarhw.controllers import Combination, Controller, Ranging, Turning
 from sonarhw.errors import CommandRefused, ExitStatus, InputError, SonarError, counted
-from sonarhw.wire.messages import MOST_DEGREES
 from sonarhw_cli.inputs import (
     LogFile,
     ScannerUrl,
@@ -78,7 +77,7 @@ def turn(
     jog: Jog = False,
 ) -> None:
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
-    check_degrees("--jog" if jog else "DEG", degrees, _MOST_JOG if jog else MOST_DEGREES)
+    check_degrees("--jog" if jog else "DEG", degrees, _MOST_JOG if jog else None)
     with connect_turntable(url) as scanner:
         if zero_here:
             scanner.home(here=True)
