@@ -157,7 +157,8 @@ def test_walls_appear_and_each_shows_its_readings(qtbot: QtBot, window: MainWind
 
     # against the walls of the room in which the scans were simulated
     assert panel.list.count() == 2
-    until(qtbot, lambda: len(drawn_walls(window)) == 2)
+    walls = states[-1].hypotheses.draft.segments.reshape(-1, 2, 2)  # of the result; before it, others are drawn
+    until(qtbot, lambda: len(drawn_walls(window)) == len(walls) == 2 and np.allclose(drawn_walls(window), walls))
     true = {0: EAST, 1: NORTH}
     for row, ends in enumerate(drawn_walls(window)):
         (wall,) = (wall for wall in true.values() if away(ends, wall).max() < 0.03)
