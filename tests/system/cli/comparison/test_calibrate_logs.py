@@ -64,8 +64,8 @@ def test_a_plate_scanned_now_gives_what_a_log_of_the_same_scan_gives(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = {"aperture_radius": 0.0178, "threshold_db": -36.5}
-    (folder / "other.toml").write_text(changed(board))
-    url = f"fake:{folder / 'wall.toml'}?place=far&board={folder / 'other.toml'}&pace=max&seed=1"
+    (folder / "louder.toml").write_text(changed(board))
+    url = f"fake:{folder / 'wall.toml'}?place=far&board={folder / 'louder.toml'}&pace=max&seed=1"
     sector = ["--from", "-30", "--to", "30", "--step", "0.5", "--pings", "3"]
     log, out = str(folder / "now.mcap"), folder / "now.toml"
     assert run(["scan", url, *sector, "--out", log]) == 0
