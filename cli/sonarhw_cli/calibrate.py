@@ -321,7 +321,8 @@ def _of_room(
     scans = placed_scans(given, _places(given, room, places, poses))
     with progress_of_share() as show:
         found = calibrate_in_room(board, scans, room, show, reflectances=reflectances)
-    found.doubts += [f"--room {room_name}: {doubt}" for doubt in found.contradictions]
+    remedy = "add --room-out FILE.toml to calibrate it too, and to write the room with it"
+    found.doubts += [f"--room {room_name}: {doubt}; {remedy}" for doubt in found.contradictions]
     return found
 
 

@@ -653,8 +653,7 @@ class RoomCalibration(Calibration):
     def contradictions(self) -> list[str]:
         """The reflectances of the room file that the scans contradict, if the profile belongs to the room file."""
         return [
-            f"the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}; add --room-out "
-            "FILE.toml to calibrate it too, and to write the room with it"
+            f"the scans contradict the reflectance {one.before:g} of {one.key!r}: {one.interval_text}"
             for one in self.reflectances
             if self.room is self.given and is_contradicted(one)
         ]
