@@ -257,7 +257,7 @@ def fit(
     seed: int = 0,
     room_tolerance: float = ROOM_TOLERANCE,
     exact: bool = False,
-    progress: "Progress" = _silent,
+    progress: "Progress | None" = None,
     warn: Warn = emit,
 ) -> "FittedScans":
     """Return the values of the `free` quantities that explain one or several scans best, with their uncertainties.
