@@ -14,43 +14,8 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from sonarhw_compare.drawings import draw_room
-from sonarhw_compare.explain import LengthText, describe_path, in_metres
 from sonarhw_compare.pictures import MEASURED, PREDICTED, floor_of, in_db, picture_text
-from sonarhw_compare.sound import PlayedPing, Pulse, SoundWay, counted_position, moment_at
-
-# One line on what happens at a moment of a ping.
-
-
-_SHOWN = 6e-4  # s for which an echo within blanking is mentioned; a film shows it for half a second
-
-
-def caption_at(ping: PlayedPing, time: float, text: LengthText = in_metres) -> str:
-    """Return what happens `time` s after transmission began, with the time in milliseconds."""
-    return f"{time * 1e3:.2f} ms: {_event(ping, time, text)}"
-
-
-def _event(ping: PlayedPing, time: float, text: LengthText) -> str:
-    board = ping.prediction.board
-    blanked = [way for way in ping.ways if way.echo.blanked and way.echo.time <= time < way.echo.time + _SHOWN]
-    if ping.detected is not None and time >= ping.detected:
-        range_ = float(ping.prediction.ranges[ping.index])
-        return f"{_via(ping, ping.ways[0])} returns; the board would report {text(range_)}"
-    if blanked:
-        return f"the echo of {_via(ping, blanked[-1])} arrives within blanking and is not detected"
-    if time < board.transmit_cycles / board.frequency:
-        return "the board transmits"
-    if time < ping.blanking:
-        return "the board does not listen yet (blanking)"
-    return "the board listens"
-
-
-def _via(ping: PlayedPing, way: SoundWay) -> str:
-    paths, room = ping.prediction.paths, ping.prediction.room
-    if ping.prediction.winners[ping.index] < 0:
-        return "noise"
-    names = paths.via(way.echo.path, room)
-    return ", ".join(names) if len(names) < 5 else describe_path(ping.prediction, way.echo.path).split(",")[0]
-
+from sonarhw_compare.sound import PlayedPing, Pulse, caption_at, counted_position, moment_at
 
 # A film of one ping: the plan with the sound on its paths, and the trace with a cursor in step.
 #

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.special import ndtr
 from sonarhw_sim.air import ROOM_TOLERANCE, Model
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -68,6 +66,8 @@ def assigned(measured: FloatArray, predicted: FloatArray) -> list[int | None]:
     """Return for each of `measured` (m,) its row of `predicted` (p,); None without one within 5 cm, all in m."""
     apart = np.abs(measured[:, None] - predicted)
     # all costs beyond the tolerance are equal, so that they do not displace a pair within it
+    from scipy.optimize import linear_sum_assignment  # loads slowly
+
     rows, columns = linear_sum_assignment(np.minimum(apart, 2 * TOLERANCE))
     chosen: list[int | None] = [None] * len(measured)
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
@@ -181,6 +181,8 @@ def _within(middle: float, reach: float, outcomes: Sequence[PossibleReading]) ->
 def _share(outcome: PossibleReading, limit: float) -> float:
     """Return the probability that an outcome has a range below `limit`, m."""
     assert outcome.range is not None
+    from scipy.special import ndtr  # loads slowly
+
     below = ndtr((limit - outcome.range) / max(outcome.spread, 1e-6))
     return outcome.probability * float(below)
 
@@ -268,6 +270,8 @@ def match_regions(measured: Sequence[Region], predicted: Sequence[Region]) -> Re
     """Assign regions within 5 cm in range so that the headings in common are as many as possible."""
     cells = np.array([[_shared(one, other) for other in predicted] for one in measured], dtype=np.float64)
     shared = cells.reshape(len(measured), len(predicted))
+    from scipy.optimize import linear_sum_assignment  # loads slowly
+
     rows, columns = linear_sum_assignment(shared, maximize=True)
     chosen = [(int(k), int(j)) for k, j in zip(rows, columns, strict=True) if shared[k, j] > 0]
     of_measured = set(range(len(measured))) - {k for k, _ in chosen}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.explain import RankedEcho, ranked_echoes
+from sonarhw_compare.explain import LengthText, RankedEcho, describe_path, in_metres, ranked_echoes
 from sonarhw_compare.headings import heading_text
 
 # Where sound is on a path at a given time: pure functions on points and lengths.
@@ -173,3 +173,37 @@ def counted_position(ping: PlayedPing, time: float) -> FloatArray:
     ends = np.array([ping.prediction.standpoints[ping.index], ping.prediction.standpoints[ping.index]])
     ends[1] += away * np.array([np.cos(ping.heading), np.sin(ping.heading)])
     return position_at(ends, away)
+
+
+# One line on what happens at a moment of a ping.
+
+
+_SHOWN = 6e-4  # s for which an echo within blanking is mentioned; a film shows it for half a second
+
+
+def caption_at(ping: PlayedPing, time: float, text: LengthText = in_metres) -> str:
+    """Return what happens `time` s after transmission began, with the time in milliseconds."""
+    return f"{time * 1e3:.2f} ms: {_event(ping, time, text)}"
+
+
+def _event(ping: PlayedPing, time: float, text: LengthText) -> str:
+    board = ping.prediction.board
+    blanked = [way for way in ping.ways if way.echo.blanked and way.echo.time <= time < way.echo.time + _SHOWN]
+    if ping.detected is not None and time >= ping.detected:
+        range_ = float(ping.prediction.ranges[ping.index])
+        return f"{_via(ping, ping.ways[0])} returns; the board would report {text(range_)}"
+    if blanked:
+        return f"the echo of {_via(ping, blanked[-1])} arrives within blanking and is not detected"
+    if time < board.transmit_cycles / board.frequency:
+        return "the board transmits"
+    if time < ping.blanking:
+        return "the board does not listen yet (blanking)"
+    return "the board listens"
+
+
+def _via(ping: PlayedPing, way: SoundWay) -> str:
+    paths, room = ping.prediction.paths, ping.prediction.room
+    if ping.prediction.winners[ping.index] < 0:
+        return "noise"
+    names = paths.via(way.echo.path, room)
+    return ", ".join(names) if len(names) < 5 else describe_path(ping.prediction, way.echo.path).split(",")[0]

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, Protocol
 from xml.etree import ElementTree
 
 from sonarhw_compare.film_file import FILMS, write_film
@@ -28,7 +28,9 @@ from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
 from sonarhw_gui.session.notices import with_newest
 from sonarhw_gui.session.scanner import free_name
-from sonarhw_gui.views.base import Pixels
+
+if TYPE_CHECKING:
+    from sonarhw_gui.views.base import Pixels
 
 
 @dataclass(frozen=True)
@@ -405,7 +407,7 @@ class Content(Protocol):
 class Picture:
     """A picture of a view, as pixels or as SVG."""
 
-    pixels: Pixels | None
+    pixels: "Pixels | None"
     svg: str = ""
     endings: Sequence[str] = (PNG, SVG)
 

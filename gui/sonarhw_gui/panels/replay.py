@@ -16,7 +16,8 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from sonarhw_gui.model.look import LengthUnit, Look, text_font
+from sonarhw_gui.model.look import LengthUnit, Look
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.session.sound import SLOWNESSES, SoundState
 from sonarhw_gui.session.source import SPEEDS, Replay
 from sonarhw_gui.widgets import (

@@ -3,8 +3,7 @@
 from dataclasses import dataclass, replace
 
 from PySide6.QtCore import QObject, Signal, Slot
-from sonarhw_compare.film import caption_at
-from sonarhw_compare.sound import PlayedPing
+from sonarhw_compare.sound import PlayedPing, caption_at
 
 from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.shown import Question, Shown, SoundMoment, is_same_question

@@ -25,8 +25,9 @@ from PySide6.QtWidgets import (
 )
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import Look, text_font
+from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import ClassPoints, Shown, bounces_text
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.widgets import PlainLabel
 

@@ -20,9 +20,10 @@ from sonarhw_sim.predict.predicted_scan import arm
 
 from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_gui.jobs.traces import Arm, BScans, BScanSettings, ColourScale, Pane, flat_area, polar_area
-from sonarhw_gui.model.look import Look, ViewLayer, text_font
+from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import wall_lines
 from sonarhw_gui.model.shown import Cursor, Shown, initial_range
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import (
     Canvas,
     Gestures,

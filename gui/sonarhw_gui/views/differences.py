@@ -11,8 +11,9 @@ from sonarhw_compare.match import Kind
 from sonarhw_compare.two_scans import HeadingSeries, ScanChange, ScanDifference, scan_difference
 
 from sonarhw.errors import InputError
-from sonarhw_gui.model.look import Look, Palette, text_font
+from sonarhw_gui.model.look import Look, Palette
 from sonarhw_gui.model.shown import SHOWN, Cursor, Shown
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Canvas, Gestures, ViewEntry, cosmetic_pen, label_axis, label_length, new_plot
 from sonarhw_gui.views.marks import Spots
 from sonarhw_gui.widgets import PlainLabel

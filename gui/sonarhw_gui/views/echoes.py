@@ -10,8 +10,9 @@ from sonarhw_compare.explain import RankedEcho, outcome_text, ranked_echoes, rem
 from sonarhw_compare.headings import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
-from sonarhw_gui.model.look import LengthUnit, text_font
+from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.shown import Shown, is_same_question
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Gestures, ViewEntry
 from sonarhw_gui.widgets import ElidedLabel, PlainLabel, plain_tip
 

@@ -13,8 +13,9 @@ from PySide6.QtWidgets import QToolButton, QWidget
 from sonarhw_compare.match import Kind
 
 from sonarhw.readings import Origin
-from sonarhw_gui.model.look import LIGHT, MARKS, NOTE_SIZE, Class, Look, Palette, Unclassed, ViewLayer, note_symbol
+from sonarhw_gui.model.look import LIGHT, MARKS, Class, Look, Palette, Unclassed, ViewLayer
 from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.model.theme import NOTE_SIZE, note_symbol
 from sonarhw_gui.widgets import FlowLayout
 
 # The eye of a layer in a list: open while the layer is visible, struck out while it is hidden.

@@ -15,19 +15,10 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 from sonarhw_compare.headings import heading_text
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import (
-    LIGHT,
-    MARKS,
-    NOTE_SIZE,
-    OVERLAYS,
-    Class,
-    LengthUnit,
-    Palette,
-    note_symbol,
-    residual_unit,
-)
+from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Palette, residual_unit
 from sonarhw_gui.model.scene import NoteTexts
 from sonarhw_gui.model.shown import ClassPoints, Shown
+from sonarhw_gui.model.theme import NOTE_SIZE, note_symbol
 from sonarhw_gui.views.base import cosmetic_pen
 
 # Points of equal look, and lines, fast enough for 30 repaints per second of a whole window.

@@ -29,9 +29,10 @@ from sonarhw_sim.room.room_file import MAX_COORDINATE
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_gui.model.edits import Edit, bearing, room_and_place, with_room
-from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer, text_font
+from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer
 from sonarhw_gui.model.scene import Scene, outline_points, plan_bounds
 from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Canvas, Gestures, ViewEntry, label_length, nearest_reading, new_plot
 from sonarhw_gui.views.marks import NO_POSITIONS, NoteMarks, Outline, OverlayMarks, ReadingMarks, reading_tip
 from sonarhw_gui.views.plan_layers import (

@@ -15,9 +15,10 @@ from sonarhw_compare.sound import Pulse, counted_position, moment_at
 from sonarhw_sim.room.room import Room
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import Class, Look, ViewLayer, text_font
+from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
 from sonarhw_gui.model.shown import NO_POINTS, FoundDrawing, NextScan, Proposal, Shown, chosen_path
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import cosmetic_pen
 from sonarhw_gui.views.marks import Placed, PlotLine, ReadingMarks, Spots
 

@@ -12,9 +12,10 @@ from PySide6.QtWidgets import QWidget
 from sonarhw_compare.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import Class, Look, ViewLayer, residual_unit, text_font
+from sonarhw_gui.model.look import Class, Look, ViewLayer, residual_unit
 from sonarhw_gui.model.scene import outline_ranges
 from sonarhw_gui.model.shown import Cursor, Shown
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import (
     PICK_DISTANCE,
     Canvas,

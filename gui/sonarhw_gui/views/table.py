@@ -48,7 +48,7 @@ from sonarhw_compare.match import Kind
 
 from sonarhw.errors import counted
 from sonarhw_gui.jobs.forecast import IntArray
-from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed, text_font
+from sonarhw_gui.model.look import MARKS, Class, Look, Unclassed
 from sonarhw_gui.model.rows import (
     CLASSES,
     NO_ROWS,
@@ -63,6 +63,7 @@ from sonarhw_gui.model.rows import (
 )
 from sonarhw_gui.model.scene import NO_NOTES
 from sonarhw_gui.model.shown import Shown, bounces_text
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Gestures, ViewEntry
 from sonarhw_gui.views.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
 from sonarhw_gui.widgets import ElidedLabel, FlowLayout, PlainLabel, plain_tip

@@ -19,8 +19,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw_gui.model.look import Look, text_font
+from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.session.session import ShownModel
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.bscan import BScanView

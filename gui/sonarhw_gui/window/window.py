@@ -31,9 +31,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw_gui.model.look import Look, apply_look
+from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import History
 from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.model.theme import apply_look
 from sonarhw_gui.panels.device import DevicePanel
 from sonarhw_gui.panels.replay import ReplayBar, SoundBar
 from sonarhw_gui.panels.room import RoomPanel

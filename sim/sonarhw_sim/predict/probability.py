@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import bdtrc, betaincinv, ndtr, ndtri
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -101,6 +100,8 @@ def _possible_echo(
     levels: FloatArray, distances: FloatArray, path_at: Callable[[int], int], board: Board
 ) -> PossibleEcho:
     """Return the echo of sound with these levels (k,) dB at successive distances (k,) m."""
+    from scipy.special import ndtr  # loads slowly
+
     reached = ndtr((np.maximum.accumulate(levels) - board.threshold_db) / board.threshold_sd_db)
     probability = float(reached[-1])
     weights = np.diff(reached, prepend=0.0) / probability
@@ -207,6 +208,8 @@ def median_chances(chances: FloatArray, pings: int) -> FloatArray:
         return chances
     until = np.minimum(np.cumsum(chances), 1.0)
     until[-1] = 1.0
+    from scipy.special import bdtrc  # loads slowly
+
     return np.diff(bdtrc(pings // 2, pings, until), prepend=0.0)
 
 
@@ -216,6 +219,8 @@ def median_spread(pings: int) -> float:
     half = (pings + 1) // 2
     levels = (np.arange(2000) + 0.5) / 2000
     # the median of uniform values has a beta distribution
+    from scipy.special import betaincinv, ndtri  # loads slowly
+
     return 1.0 if pings == 1 else math.sqrt(float(np.mean(ndtri(betaincinv(half, half, levels)) ** 2)))
 
 
@@ -232,6 +237,8 @@ def range_chances(outcome: PossibleReading, board: Board) -> Iterator[tuple[floa
     first = max(0, round((outcome.range - _FAR * outcome.spread) / step))
     last = max(first, round((outcome.range + _FAR * outcome.spread) / step))
     edges = (np.arange(first, last + 2) - 0.5) * step
+    from scipy.special import ndtr  # loads slowly
+
     masses = np.diff(ndtr((edges - outcome.range) / outcome.spread))
     for number, mass in zip(range(first, last + 1), (masses / masses.sum()).tolist(), strict=True):
         yield number * step, outcome.probability * mass

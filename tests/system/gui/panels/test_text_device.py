@@ -59,7 +59,7 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
         until(qtbot, lambda: ended(window) and len(window.session.shown.readings) > 0)
         until(qtbot, lambda: predicted(window))
         shown, status = window.session.shown, window.session.status
-    assert status.phase is Phase.DONE
+    assert status.job.phase is Phase.DONE
     assert sorted(round(math.degrees(reading.angle)) for reading in shown.readings) == [*range(181)]
     for reading in shown.readings:
         true = wall(math.degrees(reading.angle))
