@@ -27,7 +27,8 @@ from unittest.mock import patch
 from PySide6.QtCore import QEvent, QEventLoop, QObject, QPoint, QPointF, Qt, QTimer
 from PySide6.QtTest import QTest
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.window.start import WindowStart, collected_between_events, open_application, open_window
+from sonarhw_gui.window.garbage import collected_between_events
+from sonarhw_gui.window.start import WindowStart, open_application, open_window
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room

@@ -19,8 +19,8 @@ from sonarhw_compare.scans import notes_path
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.scanner import ScannerTarget
+from sonarhw_gui.window.garbage import collected_between_events
 from sonarhw_gui.window.import_dialog import ImportDialog
-from sonarhw_gui.window.start import collected_between_events
 from sonarhw_gui.window.window import MainWindow
 
 from tests.checkout import CHECKOUT

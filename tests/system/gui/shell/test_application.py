@@ -149,7 +149,7 @@ def test_a_fake_scanner_has_the_url_that_was_given(monkeypatch: pytest.MonkeyPat
     urls: list[str] = []
 
     def run_window(start: WindowStart) -> int:
-        with start.source() as scanner:
+        with start.source.opener() as scanner:
             urls.append(scanner.url)
         return 0
 

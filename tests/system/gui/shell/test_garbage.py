@@ -11,7 +11,7 @@ import weakref
 
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.window.start import collected_between_events
+from sonarhw_gui.window.garbage import collected_between_events
 
 from tests.system.gui.driving import until
 
@@ -19,7 +19,7 @@ from tests.system.gui.driving import until
 _FREED = """
 import numpy as np
 from pathlib import Path
-from sonarhw_gui.window.start import return_large_blocks
+from sonarhw_gui.window.garbage import return_large_blocks
 
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
