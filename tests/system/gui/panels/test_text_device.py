@@ -64,11 +64,11 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
     for reading in shown.readings:
         true = wall(math.degrees(reading.angle))
         assert reading.range == (None if true is None else pytest.approx(true / 100))
-    recorded = read_log(status.recording)
+    recorded = read_log(status.job.recording)
     assert recorded.metadata.board == "hc-sr04"
     assert len(recorded.readings) == 181
     assert recorded.origin is Origin.MEASURED
-    assert received_bytes(status.recording) in bytes(device.written)
+    assert received_bytes(status.job.recording) in bytes(device.written)
 
 
 def test_what_the_device_cannot_obey_is_disabled(qtbot: QtBot, open_with: OpenWith, finder: ScannerFinder) -> None:
