@@ -11,25 +11,18 @@ This module needs the extra `study`: pip install '.[study]' in the source folder
 import hashlib
 import json
 import logging
-import multiprocessing
-import os
 import platform
 import shutil
-import signal
-import threading
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import import_module
 from importlib.metadata import version
 from io import BytesIO
 from itertools import product
-from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
@@ -61,6 +54,7 @@ from sonarhw.files import atomic_file
 from sonarhw.readings import FloatArray, headings_between, sector
 from sonarhw_compare.free_space import FreeSpace, find_free_space
 from sonarhw_compare.match import TOLERANCE
+from sonarhw_compare.processes import Processes
 
 __all__ = ["load_study", "read_study", "read_tables", "run_study"]
 
@@ -979,29 +973,11 @@ def _load_xarray() -> ModuleType:
         raise MissingExtra("labelled results need xarray", "study") from error
 
 
-# Start of a worker process: it ignores Ctrl-C and ends with its parent process.
-#
-# This module imports nothing that computes, so that a worker can end while it still loads those modules.
-
-
-def begin_worker(listener: Connection) -> None:
-    """Leave Ctrl-C to the parent process, and end when the parent closes its end of the pipe or no longer exists."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(listener,), daemon=True).start()
-
-
-def _end_with(listener: Connection) -> None:
-    # nothing is ever sent, so this returns when the other end is closed
-    wait([listener])
-    os._exit(1)
-
-
 # Workers that compute the parts of a study: this process, several processes, or a Dask cluster.
 #
 # Parts are returned as soon as they are complete, in any order. A part is the same from any worker.
 
 
-_ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _ANSWER_WITHIN = 10.0  # s, timeout for the scheduler
 
 
@@ -1014,63 +990,12 @@ def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[
     # the first part is computed here, so that the workers find the kernels compiled
     first, *others = numbers
     yield make_part(study, first)
-    # spawned, not forked: the same on every system, and safe with threads in this process
-    context = multiprocessing.get_context("spawn")
-    receiving, sending = context.Pipe(duplex=False)
-    with _one_thread_each():
-        with _interrupts_deferred():
-            pool = ProcessPoolExecutor(workers, context, initializer=begin_worker, initargs=(receiving,))
+    with Processes(min(workers, len(others)), study) as processes:
         try:
-            with _interrupts_deferred():
-                waiting = [pool.submit(make_part, study, number) for number in others]
-            for done in as_completed(waiting):
-                yield done.result()
-        except BrokenProcessPool as error:
+            for _, part in processes.answers(make_part, [(number,) for number in others]):
+                yield part
+        except WorkersLost as error:
             raise WorkersLost("a process of the study was killed; complete parts are kept: resume the study") from error
-        finally:
-            # ends the workers at once; parts in progress are discarded
-            sending.close()
-            pool.shutdown(wait=True, cancel_futures=True)
-            receiving.close()
-
-
-@contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Defer Ctrl-C until the end. Processes started meanwhile defer it from their start, while they import."""
-    handler = signal.getsignal(signal.SIGINT)
-    # Windows has no masks; only the main thread can set a handler, and one set by C code cannot be restored
-    main = threading.current_thread() is threading.main_thread()
-    if not hasattr(signal, "pthread_sigmask") or not main or handler is None:
-        yield
-        return
-    # otherwise this tracker would start with the first process and unblock Ctrl-C again
-    resource_tracker.ensure_running()
-    received: list[int] = []
-    # processes inherit the mask, but other threads of this process have none: note the signals that they receive
-    signal.signal(signal.SIGINT, lambda number, _: received.append(number))
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        signal.signal(signal.SIGINT, handler)
-        if received:
-            signal.raise_signal(signal.SIGINT)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes started meanwhile use one thread each, because there is one process for each core."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Generator[Part, None, None]:

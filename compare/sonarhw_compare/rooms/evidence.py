@@ -1,213 +1,26 @@
-"""How well a draft explains scans, in several processes: every echo and every silence, with all reflections."""
+"""How well a draft explains scans: every echo and every silence, with all reflections."""
 
 import math
-import os
-import pickle
-import subprocess
-import sys
-import traceback
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.compiled import core_count, use_one_thread
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Room
 
-from sonarhw.errors import WorkersLost
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood import PathMemory, ReadingNoise
 from sonarhw_compare.fit.objective import Problem, make_problem
 from sonarhw_compare.fit.parameters import Parameter
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.processes import LateProcesses
 from sonarhw_compare.rooms import draft as right_angles
 from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
-
-# The loop of a process that computes for another one: it reads calls from standard input until that is closed.
-
-
-def run() -> None:
-    """Answer each call with its result, or with the error that it raised; end with the process that calls."""
-    calls, answers = sys.stdin.buffer, sys.stdout.buffer
-    sys.stdout = sys.stderr  # what a function prints is not an answer
-    use_one_thread()
-    try:
-        compute(calls, answers)
-    except (EOFError, BrokenPipeError):
-        os._exit(0)  # the process that calls has ended: no one reads the rest of an answer
-
-
-def compute(calls: BinaryIO, answers: BinaryIO) -> None:
-    """Answer pickled calls, `(function, arguments)`, each with `(succeeded, result or error)`.
-
-    `(None, kept)` has no answer: `kept` is the first argument of every function from then on. Raises EOFError at the
-    end of `calls`.
-    """
-    kept: Any = None
-    while True:
-        function, arguments = pickle.load(calls)
-        if function is None:
-            kept = arguments
-            continue
-        try:
-            answer = True, function(kept, *arguments)
-        except Exception as error:  # noqa: BLE001 - raised again by the process that calls
-            error.add_note(traceback.format_exc())  # the frames of this process
-            answer = False, error
-        pickle.dump(answer, answers)
-        answers.flush()
-
-
-# Processes that call functions for this one, each with a part of the arguments.
-#
-# They are started with the interpreter, not with `multiprocessing`: a script that calls the library then needs no `if
-# __name__ == "__main__"`, and Ctrl-C, which a terminal sends to all of its processes, reaches this one only.
-
-
-# of numeric libraries, so that each process uses one core
-ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-_BETWEEN_CHECKS = 0.05  # s
-_RUN = "import sys; sys.path[:] = {!r}; from sonarhw_compare.rooms.evidence import run; run()"
-
-
-class ComputeProcesses:
-    """Processes with one thread each. They end with `close`, and when this process ends for any reason."""
-
-    def __init__(self, count: int, kept: Any) -> None:
-        """Start `count` processes, and send `kept` to each, the first argument of every function."""
-        self._processes: list[subprocess.Popen[bytes]] = []
-        self._threads = ThreadPoolExecutor(count)  # one waits for each process
-        try:
-            for _ in range(count):
-                self._processes.append(_started())
-            self.keep(kept)
-        except BaseException:
-            self.close()
-            raise
-
-    def __len__(self) -> int:
-        return len(self._processes)
-
-    def keep(self, kept: Any) -> None:
-        """Send another first argument of every function from now on."""
-        for process in self._processes:
-            _send(process, (None, kept))
-
-    def results(
-        self, function: Callable[..., Any], parts: Sequence[tuple[Any, ...]], check: Callable[[], None]
-    ) -> list[Any]:
-        """Return `function(kept, *part)` for each part; each process takes the next part when it has finished one.
-
-        Raises the first error that the function raised, and WorkersLost if a process was killed. `check` is called
-        while the processes compute; after an exception from it, only `close` may be called.
-        """
-        waiting = deque(enumerate(parts))
-        answers: dict[int, tuple[bool, Any]] = {}
-
-        def compute(process: "subprocess.Popen[bytes]") -> None:
-            while waiting:
-                try:
-                    number, part = waiting.popleft()
-                except IndexError:  # another thread took the last one
-                    return
-                _send(process, (function, part))
-                answers[number] = _answer(process)
-                if not answers[number][0]:
-                    waiting.clear()
-
-        working = [self._threads.submit(compute, process) for process in self._processes[: len(parts)]]
-        while wait(working, _BETWEEN_CHECKS).not_done:
-            check()
-        for one in working:
-            one.result()  # raises WorkersLost
-        for number in sorted(answers):
-            succeeded, answer = answers[number]
-            if not succeeded:
-                raise answer
-        return [answers[number][1] for number in range(len(parts))]
-
-    def close(self) -> None:
-        """End the processes at once, also while they compute."""
-        for process in self._processes:
-            process.kill()
-        self._threads.shutdown()  # they have read the end of all answers
-        for process in self._processes:
-            process.communicate()  # closes the pipes, and waits
-        self._processes = []
-
-
-def _send(process: "subprocess.Popen[bytes]", one: Any) -> None:
-    assert process.stdin is not None
-    try:
-        pickle.dump(one, process.stdin)
-        process.stdin.flush()
-    except BrokenPipeError as error:
-        raise _lost() from error
-
-
-def _answer(process: "subprocess.Popen[bytes]") -> tuple[bool, Any]:
-    assert process.stdout is not None
-    try:
-        succeeded, answer = pickle.load(process.stdout)
-    except (EOFError, pickle.UnpicklingError) as error:
-        raise _lost() from error
-    return succeeded, answer
-
-
-def _lost() -> WorkersLost:
-    return WorkersLost("a process that computes was killed, perhaps because memory was short; start again")
-
-
-def _started() -> "subprocess.Popen[bytes]":
-    hidden: dict[str, Any] = {"start_new_session": True}
-    if sys.platform == "win32":
-        hidden = {"creationflags": subprocess.CREATE_NO_WINDOW}
-    return subprocess.Popen(
-        [sys.executable, "-c", _RUN.format(sys.path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=os.environ | ONE_THREAD,
-        **hidden,
-    )
-
-
-# Processes for work of unknown size: they start when so much is done that more is likely.
-
-
-class LateProcesses(AbstractContextManager["LateProcesses"]):
-    """Processes that start once `least` units of work are done; they end at the end of the context."""
-
-    def __init__(self, most: int, least: int) -> None:
-        """At most `most` processes, and one for each core; none on one core."""
-        self._count, self._least, self._done = min(most, core_count()), least, 0
-        self._started: ComputeProcesses | None = None
-        self._owner: object = None  # of what the processes keep
-
-    def __exit__(self, *_: object) -> None:
-        if self._started is not None:
-            self._started.close()
-
-    def for_work(self, units: int, owner: object, kept: Callable[[], Any]) -> ComputeProcesses | None:
-        """Return the processes for so many more units of work; None if it is still too little.
-
-        `kept` returns what the processes receive when the owner of the work is another one (`ComputeProcesses`).
-        """
-        if self._started is None and self._count > 1 and self._done >= self._least:
-            self._started, self._owner = ComputeProcesses(self._count, kept()), owner
-        self._done += units
-        if self._started is not None and self._owner is not owner:
-            self._started.keep(kept())
-            self._owner = owner
-        return self._started
-
 
 # Progress of a search whose number of steps is unknown.
 

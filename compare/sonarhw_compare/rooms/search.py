@@ -25,6 +25,7 @@ from sonarhw_compare.fit.result import PlacedScan, check_given_once
 from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
 from sonarhw_compare.map import Arc
 from sonarhw_compare.match import TOLERANCE
+from sonarhw_compare.processes import LateProcesses
 from sonarhw_compare.regions import mean_run
 from sonarhw_compare.rooms.candidates import (
     Touches,
@@ -49,7 +50,6 @@ from sonarhw_compare.rooms.evidence import (
     ROUGH,
     Course,
     Evidence,
-    LateProcesses,
     Scored,
     SearchProgress,
     all_scored,

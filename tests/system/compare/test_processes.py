@@ -10,12 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_compare import processes as pool
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
-from sonarhw_compare.rooms import evidence as late_processes
+from sonarhw_compare.processes import LateProcesses, Processes
 from sonarhw_compare.rooms import search
 from sonarhw_compare.rooms.draft import draft_of_room
-from sonarhw_compare.rooms.evidence import ROUGH, ComputeProcesses, LateProcesses, evidence_of
+from sonarhw_compare.rooms.evidence import ROUGH, evidence_of
 from sonarhw_compare.rooms.search import find_room, refined
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
@@ -39,16 +40,16 @@ def scan_of(room: Room, place: Place) -> PlacedScan:
 
 
 @pytest.fixture
-def two_cores(monkeypatch: pytest.MonkeyPatch) -> list[ComputeProcesses]:
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> list[Processes]:
     """Two cores; returns the list of the processes that are started."""
     started = []
 
-    def start(count: int, kept: object) -> ComputeProcesses:
-        started.append(ComputeProcesses(count, kept))
+    def start(count: int, kept: object) -> Processes:
+        started.append(Processes(count, kept))
         return started[-1]
 
-    monkeypatch.setattr(late_processes, "core_count", lambda: 2)
-    monkeypatch.setattr(late_processes, "ComputeProcesses", start)
+    monkeypatch.setattr(pool, "core_count", lambda: 2)
+    monkeypatch.setattr(pool, "Processes", start)
     return started
 
 
@@ -57,12 +58,12 @@ def go_on() -> None:
 
 
 def test_each_part_has_its_result_and_an_error_is_raised_as_it_is() -> None:
-    processes = ComputeProcesses(2, 12)
+    processes = Processes(2, 12)
     try:
         assert processes.results(operator.truediv, [(3,), (4,)], go_on) == [4.0, 3.0]
         with pytest.raises(ZeroDivisionError, match="division by zero") as failed:
             processes.results(operator.truediv, [(3,), (0,)], go_on)
-        assert "evidence.py" in failed.value.__notes__[0]
+        assert "processes.py" in failed.value.__notes__[0]
         assert processes.results(operator.add, [(1,)], go_on) == [13]
         assert processes.results(operator.add, [(number,) for number in range(7)], go_on) == [*range(12, 19)]  # in turn
         processes.keep(20)
@@ -77,7 +78,7 @@ def test_a_check_ends_the_wait_for_a_process() -> None:
     def check() -> None:
         raise Cancelled("the search was cancelled")
 
-    processes = ComputeProcesses(1, [])
+    processes = Processes(1, [])
     with pytest.raises(Cancelled):
         processes.results(select.select, [([], [])], check)  # waits for ever
     processes.close()
@@ -87,14 +88,14 @@ def test_a_check_ends_the_wait_for_a_process() -> None:
 def test_processes_end_with_the_process_that_started_them() -> None:
     # no `if __name__ == "__main__"`; the answer comes when the last process has closed standard error
     script = (
-        "import os, signal; from sonarhw_compare.rooms.evidence import ComputeProcesses\n"
-        "ComputeProcesses(2, 1).results(max, [(2,), (3,)], lambda: None); os.kill(os.getpid(), signal.SIGTERM)"
+        "import os, signal; from sonarhw_compare.processes import Processes\n"
+        "Processes(2, 1).results(max, [(2,), (3,)], lambda: None); os.kill(os.getpid(), signal.SIGTERM)"
     )
     ended = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, timeout=60, check=False)
     assert (ended.returncode != 0, ended.stderr) == (True, b"")
 
 
-def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[ComputeProcesses]) -> None:
+def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[Processes]) -> None:
     room = load_room("simple")
     scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)), ("c", (0.3, 0.5)))]
     spreads = [PoseSpread(), PoseSpread(0.01, 0.02), PoseSpread(0.01, 0.02)]
@@ -110,7 +111,7 @@ def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[ComputeProc
     assert [len(one) for one in two_cores] == [0]  # they have ended
 
 
-def test_the_processes_of_one_search_compute_for_the_next(two_cores: list[ComputeProcesses]) -> None:
+def test_the_processes_of_one_search_compute_for_the_next(two_cores: list[Processes]) -> None:
     with LateProcesses(2, 0) as late:
         for owner, kept in (("first", 10), ("second", 20), ("second", 30), ("first", 40)):
             processes = late.for_work(1, owner, lambda kept=kept: kept)
@@ -120,9 +121,7 @@ def test_the_processes_of_one_search_compute_for_the_next(two_cores: list[Comput
         assert len(two_cores) == 1
 
 
-def test_a_cancelled_search_ends_its_processes(
-    two_cores: list[ComputeProcesses], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cancelled_search_ends_its_processes(two_cores: list[Processes], monkeypatch: pytest.MonkeyPatch) -> None:
     room = load_room("simple")
     scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)))]
     monkeypatch.setattr(search, "LARGE", 0)

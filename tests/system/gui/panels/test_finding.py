@@ -14,10 +14,11 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
+from sonarhw_compare import processes as pool
 from sonarhw_compare.locate import Pose, PoseSpread
-from sonarhw_compare.rooms import evidence, outcome
+from sonarhw_compare.processes import Processes
+from sonarhw_compare.rooms import outcome
 from sonarhw_compare.rooms import search as unknown_poses
-from sonarhw_compare.rooms.evidence import ComputeProcesses
 from sonarhw_gui.jobs import searches
 from sonarhw_gui.jobs.searches import Accuracy, FindState, LoadedScan, RoomAnswer
 from sonarhw_gui.model.edits import with_board
@@ -314,10 +315,10 @@ def test_a_cancelled_search_keeps_its_walls(qtbot: QtBot, window: MainWindow) ->
 def test_a_window_closes_while_processes_search(
     qtbot: QtBot, window: MainWindow, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    started: list[ComputeProcesses] = []
+    started: list[Processes] = []
     at_work = threading.Event()
 
-    class Observed(ComputeProcesses):
+    class Observed(Processes):
         def __init__(self, count: int, kept: object) -> None:
             super().__init__(count, kept)
             started.append(self)
@@ -329,8 +330,8 @@ def test_a_window_closes_while_processes_search(
             return super().results(select.select, [([], [])] * 2, searched[-1])  # waits for ever
 
     monkeypatch.setattr(unknown_poses, "LARGE", 0)
-    monkeypatch.setattr(evidence, "core_count", lambda: 2)
-    monkeypatch.setattr(evidence, "ComputeProcesses", Observed)
+    monkeypatch.setattr(pool, "core_count", lambda: 2)
+    monkeypatch.setattr(pool, "Processes", Observed)
     qtbot.mouseClick(window.finding.begin, LEFT)
     until(qtbot, at_work.is_set)
     assert window.close()
