@@ -23,10 +23,11 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan, standpoints
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.readings import FloatArray, Origin
+from sonarhw_compare.arcs import Arc, direction, headings_and_ranges
 from sonarhw_compare.calibration.room import RoomCalibration
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import NEAR, Located, Pose
-from sonarhw_compare.map import Arc, Layer, RoomMap, direction, headings_and_ranges, judged_readings
+from sonarhw_compare.map import Layer, RoomMap, judged_readings
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.pictures import (
     EXTRA,

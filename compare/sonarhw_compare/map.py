@@ -1,15 +1,15 @@
 """Maps from scans alone: walls, corners and edges from regions of constant depth, and an occupancy grid."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
-from typing import Any, ClassVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from sonarhw_sim.board.profile import Board, of_own_body, without_own_body
+from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
@@ -18,10 +18,23 @@ from sonarhw_sim.room.room import Room, parse_room
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
+from sonarhw_compare.arcs import (
+    FARTHEST,
+    Arc,
+    ArcRule,
+    ArcTable,
+    arcs_of,
+    common_lines,
+    common_points,
+    count_places,
+    direction,
+    headings_and_ranges,
+    table_of,
+)
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.regions import regions_of
+from sonarhw_compare.regions import LEAST, TOLERANCE
 
 # Occupancy grid from readings as cones (Moravec and Elfes, High Resolution Maps from Wide Angle Sonar, 1985).
 #
@@ -64,14 +77,6 @@ class CertaintyGrid:
         rows, columns = self.empty.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         return np.where(inside, self.certainty[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], 0.0)
-
-
-def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, FloatArray]:
-    """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo of the room; (n,) each."""
-    headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
-    ranges = np.array([np.nan if reading.range is None else reading.range for reading in scan.readings])
-    ranges[of_own_body(board.own_body, scan.readings)] = np.nan
-    return np.array(headings, dtype=np.float64), board.true_ranges(ranges)
 
 
 def certainty_grid(
@@ -162,64 +167,14 @@ def _mark_occupied(
                 occupied[row, column] += more * (1.0 - occupied[row, column])
 
 
-# Arcs: regions of constant depth around the position of their scan.
-#
-# The target is a wall that touches the arc, or a corner or edge on it.
-
-
-_SURE = math.radians(2)  # smallest standard deviation of a bearing
-
-
-@dataclass(frozen=True)
-class Arc:
-    """One region of constant depth."""
-
-    scan: int
-    rows: tuple[int, ...]  # of the scan's readings
-    centre: tuple[float, float]  # m, position of the sensor
-    range: float  # m
-    bearing: float  # rad in the room, of its middle
-    half_width: float  # rad
-
-    @property
-    def middle(self) -> FloatArray:
-        """The point in the middle of the arc, (2,) m."""
-        return np.array(self.centre) + self.range * direction(self.bearing)
-
-    @property
-    def spread(self) -> float:
-        """Standard deviation of the bearing of the target, rad; wide, because a nearer target may hide one side."""
-        return max(_SURE, self.half_width)
-
-
-def direction(angle: float) -> FloatArray:
-    """Return the unit vector at an angle (rad), (2,)."""
-    return np.array([math.cos(angle), math.sin(angle)])
-
-
-def arcs_of(scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]) -> tuple[Arc, ...]:
-    """Return the arcs of all scans, from the readings that are `kept` ((n,) bool for each scan)."""
-    found = []
-    for number, (scan, wanted) in enumerate(zip(scans, kept, strict=True)):
-        headings, ranges = headings_and_ranges(scan, board)
-        for region in regions_of(headings, np.where(wanted, ranges, np.nan)):
-            (centre,) = standpoints(board, board.faced(scan.place), np.array([region.bearing])).tolist()
-            half = region.width / 2
-            found.append(Arc(number, region.rows, (centre[0], centre[1]), region.range, region.bearing, half))
-    return tuple(found)
-
-
 # Walls, corners and edges that arcs from several places agree on.
 #
-# An arc from one place fits a wall and a point equally well. With two places, a wall is the line that touches both
-# arcs, and a point is where they cross (Leonard and Durrant-Whyte 1992, ch. 3 and 4). The hypotheses of all pairs are
-# compared with all arcs, and the best supported ones are accepted first.
+# The lines and points that two arcs have in common are compared with all arcs, and the best supported ones are accepted
+# first.
 
 
-RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
+RULE = ArcRule(TOLERANCE, LEAST, 0.01)  # of arcs that are certain
 CONFIRMING = 3  # places that must agree on a feature; two places always agree on something
-_FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a feature
-_OTHER_PLACE = 0.05  # m, between places that count as different
 _WALLS_FIRST = 1.01  # weight of walls, which win if both fit equally well, because rooms have more walls
 _AT_CORNER = 0.08  # m, largest distance of a corner from its walls
 _SHORTEST = 0.1  # m, least length of a wall
@@ -266,79 +221,43 @@ class Features:
         return tuple(arc for number, arc in enumerate(self.arcs) if number not in taken)
 
 
-@dataclass(frozen=True)
-class _ArcArrays:
-    """Arcs as arrays, (n,) and (n, 2)."""
+class _Hypothesis(NamedTuple):
+    """A wall or a point that some arcs may have in common."""
 
-    centres: FloatArray
-    ranges: FloatArray
-    bearings: FloatArray
-    spreads: FloatArray
+    is_wall: bool
+    values: FloatArray  # (2,): of a wall, the direction to it, rad, and its distance from 0, 0, m; of a point, m
 
-    def of(self, members: NDArray[np.intp]) -> "_ArcArrays":
-        """Return some of the arcs."""
-        return _ArcArrays(self.centres[members], self.ranges[members], self.bearings[members], self.spreads[members])
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A wall on the line n·p = distance."""
-
-    values: FloatArray  # (2,): direction of n, rad, and distance, m
-    weight: ClassVar[float] = _WALLS_FIRST
-
-    def misfits(self, arcs: _ArcArrays) -> FloatArray:
-        """Return the misfit of each arc to touching the line, in standard deviations, (n,)."""
-        normal, distance = self.values.tolist()
-        away = (distance - arcs.centres @ direction(normal) - arcs.ranges) / RANGE_SPREAD
-        return np.asarray(np.hypot(away, angle_difference(arcs.bearings, normal) / arcs.spreads))
-
-
-@dataclass(frozen=True)
-class _Spot:
-    """A point."""
-
-    values: FloatArray  # (2,), m
-    weight: ClassVar[float] = 1.0
-
-    def misfits(self, arcs: _ArcArrays) -> FloatArray:
-        """Return the misfit of each arc to passing through the point, in standard deviations, (n,)."""
-        dx, dy = (self.values - arcs.centres).T
-        away = (np.hypot(dx, dy) - arcs.ranges) / RANGE_SPREAD
-        return np.asarray(np.hypot(away, angle_difference(arcs.bearings, np.arctan2(dy, dx)) / arcs.spreads))
+    def misfits(self, arcs: ArcTable) -> FloatArray:
+        """Return the misfit of each arc, in standard deviations, (n,)."""
+        x, y = self.values.tolist()
+        return arcs.misfits(*(arcs.to_line(x, y) if self.is_wall else arcs.to_post(x, y)))
 
 
 def find_features(arcs: Sequence[Arc]) -> Features:
     """Return the features of arcs; an arc belongs to at most one feature, and a feature needs at least two places."""
-    columns = _ArcArrays(
-        np.array([arc.centre for arc in arcs], dtype=np.float64).reshape(-1, 2),
-        np.array([arc.range for arc in arcs], dtype=np.float64),
-        np.array([arc.bearing for arc in arcs], dtype=np.float64),
-        np.array([arc.spread for arc in arcs], dtype=np.float64),
-    )
     walls, points = [], []
-    for found, members in _agreed(arcs, columns):
-        if isinstance(found, _Line):
-            walls.append(_wall(arcs, members, *found.values.tolist()))
+    for (is_wall, values), members in _agreed(arcs, table_of(arcs, RULE)):
+        if is_wall:
+            walls.append(_wall(arcs, members, *values.tolist()))
         else:
-            points.append((found.values, members))
+            points.append((values, members))
     made = tuple(Point((float(at[0]), float(at[1])), _is_corner(at, walls), members) for at, members in points)
     return Features(tuple(arcs), tuple(walls), made)
 
 
-def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[_Line | _Spot, tuple[int, ...]]]:
+def _agreed(arcs: Sequence[Arc], columns: ArcTable) -> Iterator[tuple[_Hypothesis, tuple[int, ...]]]:
     """Yield features with the rows of their arcs, best supported first."""
     hypotheses = list(_hypotheses(arcs))
     if not hypotheses:
         return
     misfits = np.array([hypothesis.misfits(columns) for hypothesis in hypotheses])
-    weights = np.array([hypothesis.weight for hypothesis in hypotheses])
+    weights = np.where([hypothesis.is_wall for hypothesis in hypotheses], _WALLS_FIRST, 1.0)
     free = np.ones(len(arcs), dtype=np.bool_)
     least = min(CONFIRMING, count_places(columns.centres))
     while (best := _best(misfits, weights, free, columns.centres, least)) is not None:
-        members = np.flatnonzero(free & (misfits[best] < _FARTHEST))
+        members = np.flatnonzero(free & (misfits[best] < FARTHEST))
         fitted = _fitted(columns.of(members), hypotheses[best])
-        agreed = np.flatnonzero(free & (fitted.misfits(columns) < _FARTHEST))
+        agreed = np.flatnonzero(free & (fitted.misfits(columns) < FARTHEST))
         # after the fit, an arc may no longer belong
         if count_places(columns.centres[agreed]) < least:
             agreed, fitted = members, hypotheses[best]
@@ -348,8 +267,8 @@ def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[_Line | 
 
 def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: FloatArray, least: int) -> int | None:
     """Return the hypothesis with the best support by free arcs of at least `least` places; None without one."""
-    members = free & (misfits < _FARTHEST)
-    support = np.where(members, _FARTHEST**2 - misfits**2, 0.0).sum(axis=1) * weights
+    members = free & (misfits < FARTHEST)
+    support = np.where(members, FARTHEST**2 - misfits**2, 0.0).sum(axis=1) * weights
     support[members.sum(axis=1) < least] = 0.0
     for row in np.argsort(-support, kind="stable").tolist():
         if support[row] <= 0:
@@ -359,44 +278,20 @@ def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: Fl
     return None
 
 
-def count_places(centres: Iterable[Sequence[float]] | FloatArray) -> int:
-    """Return the number of different places among positions (m), at least 5 cm apart."""
-    apart: list[Sequence[float] | FloatArray] = []
-    for centre in centres:
-        if all(math.dist(centre, other) >= _OTHER_PLACE for other in apart):
-            apart.append(centre)
-    return len(apart)
-
-
-def _hypotheses(arcs: Sequence[Arc]) -> Iterator[_Line | _Spot]:
+def _hypotheses(arcs: Sequence[Arc]) -> Iterator[_Hypothesis]:
     """Yield the lines and points of each pair of arcs."""
-    for one, other in combinations(arcs, 2):
-        apart = np.subtract(other.centre, one.centre)
-        distance = float(np.hypot(*apart))
-        if distance < _OTHER_PLACE:
-            continue
-        towards = math.atan2(apart[1], apart[0])
-        # a line that touches both: n·(s₂ - s₁) = r₁ - r₂
-        cosine = (one.range - other.range) / distance
-        if abs(cosine) <= 1:
-            for side in (1, -1):
-                normal = towards + side * math.acos(cosine)
-                yield _Line(np.array([normal, float(np.dot(one.centre, direction(normal))) + one.range]))
-        # a point on both: the circles cross
-        along = (distance**2 + one.range**2 - other.range**2) / (2 * distance)
-        if abs(along) <= one.range:
-            for side in (1, -1):
-                angle = towards + side * math.acos(along / one.range)
-                yield _Spot(np.array(one.centre) + one.range * direction(angle))
+    for pair in combinations(arcs, 2):
+        yield from (_Hypothesis(True, np.array(line)) for line in common_lines(*pair))
+        yield from (_Hypothesis(False, np.array(point)) for point in common_points(*pair))
 
 
-def _fitted(arcs: _ArcArrays, start: _Line | _Spot) -> _Line | _Spot:
+def _fitted(arcs: ArcTable, start: _Hypothesis) -> _Hypothesis:
     """Return the line or point with the smallest misfit to arcs."""
 
     def misfits(values: FloatArray) -> FloatArray:
-        return replace(start, values=values).misfits(arcs)
+        return start._replace(values=values).misfits(arcs)
 
-    return replace(start, values=least_squares(misfits, start.values).x)
+    return start._replace(values=least_squares(misfits, start.values).x)
 
 
 def _wall(arcs: Sequence[Arc], members: tuple[int, ...], normal: float, distance: float) -> Wall:
@@ -725,5 +620,5 @@ def map_scans(
 
 
 def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:
-    features = find_features(arcs_of(scans, board, kept))
+    features = find_features(arcs_of(scans, board, RULE, kept))
     return Layer(kept, certainty_grid(scans, board, kept), with_possible_walls(features, scans, board, kept))

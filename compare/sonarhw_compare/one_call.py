@@ -466,10 +466,11 @@ def _map_doubts(mapped: "RoomMap", is_given: bool, found: "RoomOfScans | None") 
 
 def _own_body_doubts(scans: "Sequence[PlacedScan]", board: Board) -> Iterator[str]:
     """Yield one line for each part of the carrier's body that scans from enough places show, and the profile lacks."""
-    from sonarhw_compare.calibration.room import find_own_body, place_numbers
+    from sonarhw_compare.arcs import count_places
+    from sonarhw_compare.calibration.room import find_own_body
     from sonarhw_compare.map import CONFIRMING
 
-    if board.ring is not None or len(set(place_numbers([scan.place.position for scan in scans]).tolist())) < CONFIRMING:
+    if board.ring is not None or count_places(scan.place.position for scan in scans) < CONFIRMING:
         return
     of_room = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     for part in find_own_body(of_room):

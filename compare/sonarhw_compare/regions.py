@@ -18,7 +18,7 @@ from sonarhw.readings import BoolArray, FloatArray, Reading
 TOLERANCE = 0.02 + 1e-9
 LEAST_WIDTH = math.radians(10)  # narrower regions may be chance
 _TURNED = 1e-6  # rad, smallest difference of two headings
-_LEAST = LEAST_WIDTH - _TURNED  # a width of exactly 10° is often rounded down
+LEAST = LEAST_WIDTH - _TURNED  # a width of exactly 10° is often rounded down
 _GAP = 1.5  # of the usual step between headings; a larger step ends a region
 
 
@@ -46,7 +46,7 @@ def regions_of(
     headings: FloatArray,
     ranges: FloatArray,
     tolerance: float = TOLERANCE,
-    least_width: float = _LEAST,
+    least_width: float = LEAST,
     mirrors: Sequence[object] | None = None,
 ) -> tuple[Region, ...]:
     """Return the regions among readings at `headings` (n,) rad with `ranges` (n,) m, NaN for no echo.

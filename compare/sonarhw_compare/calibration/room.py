@@ -19,6 +19,7 @@ from sonarhw_sim.room.room import Place, Room, parse_room
 
 from sonarhw.errors import InputError, counted, harmless
 from sonarhw.readings import BoolArray, FloatArray, Reading
+from sonarhw_compare.arcs import place_numbers
 from sonarhw_compare.calibration.outcome import CalibratedValue, Calibration, Measured
 from sonarhw_compare.edits import Z95
 from sonarhw_compare.fit.objective import MODERATE, Objective, Problem, make_problem
@@ -201,7 +202,6 @@ def best_pairs(scores: FloatArray) -> list[tuple[int, int]]:
 
 
 SAME_RANGE = 0.025  # m, largest difference of ranges that count as the same
-SAME_PLACE = 0.05  # m, between positions that count as one place
 _AGREEING = 0.7  # share of the places
 _NEXT = 0.03  # m, largest difference of ranges of neighbouring angles
 _TURNS = 300  # random turns of the scans against each other
@@ -250,15 +250,6 @@ def _without(
         covered[:, run] &= ~own
         ranges[:, run] = np.where(own, np.nan, ranges[:, run])
     return ranges, covered
-
-
-def place_numbers(positions: Sequence[tuple[float, float]]) -> IntArray:
-    """Return the number of the place of each position, (n,); positions within 5 cm are one place."""
-    numbers: list[int] = []
-    for k, position in enumerate(positions):
-        near = (numbers[j] for j in range(k) if math.dist(position, positions[j]) <= SAME_PLACE)
-        numbers.append(next(near, max(numbers, default=-1) + 1))
-    return np.array(numbers, dtype=np.intp)
 
 
 def _step(readings: Sequence[Reading]) -> float:

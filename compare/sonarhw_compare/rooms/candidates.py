@@ -8,83 +8,28 @@ from itertools import combinations, pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.profile import Board, without_own_body
-from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import FloatArray, angle_difference
+from sonarhw_compare.arcs import FARTHEST, Arc, ArcRule, common_lines, common_points, direction, table_of
 from sonarhw_compare.fit.likelihood import ReadingNoise
-from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.map import Arc, direction, headings_and_ranges
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.regions import regions_of
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, meeting, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FOLLOWED, PRICE, REFLECTANCE, Evidence, Scored, all_scored, as_found, scored
 
 # Walls and posts that might exist, from regions of constant depth.
 #
 # An arc of one place fits a wall perpendicular to its bearing, two arcs fit the lines that touch both and the posts
-# on both (`map.features` explains this). Candidates are ranked by the unexplained readings of the arcs that agree.
+# on both. Candidates are ranked by the unexplained readings of the arcs that agree.
 
 
-_ONE_DEPTH = 0.06  # m, largest difference of ranges in one region; 1 cm of noise spreads 10 readings over 3 cm
-_LEAST_WIDTH = math.radians(4)
-_RANGE = 0.015  # m, standard deviation of the range of an arc
-_FARTHEST = 3.0  # standard deviations of range and bearing together
-_OTHER_PLACE = 0.05  # m
+# arcs that may be chance, because the likelihood judges what they show; 1 cm of noise spreads 10 readings over 3 cm
+RULE = ArcRule(tolerance=0.06, least_width=math.radians(4), deviation=0.015)
 _BEYOND = 0.1  # m, by which a wall is longer than its outermost touches
 _SAME_LINE, _SAME_TURN = 0.03, math.radians(4)  # m, rad, between candidates that count as one
 _THROUGH = 0.1  # m, by which an echo is farther than a post before it
 _CONTRADICTION = 2.0  # readings, the weight of such an echo against the post
 _SAME_POINT = 0.05  # m
 RADII = (0.03, 0.09)  # m, of posts that are tried
-
-
-@dataclass(frozen=True)
-class ArcTable:
-    """Arcs as arrays, (n,) and (n, 2)."""
-
-    scans: FloatArray
-    centres: FloatArray  # m
-    ranges: FloatArray  # m
-    bearings: FloatArray  # rad
-    spreads: FloatArray  # rad
-    rows: tuple[tuple[int, ...], ...]  # of the readings of each arc
-
-    def misfits(self, distances: FloatArray, bearings: FloatArray) -> FloatArray:
-        """Return the misfit of each arc to a target at `distances` and `bearings` (n,), in standard deviations."""
-        turned = angle_difference(self.bearings, bearings)
-        return np.asarray(np.hypot((distances - self.ranges) / _RANGE, turned / self.spreads))
-
-    def behind(self, distances: FloatArray, bearings: FloatArray) -> NDArray[np.bool_]:
-        """Return which arcs are seen through a post at `distances` and `bearings` (n,), (n,)."""
-        turned = angle_difference(self.bearings, bearings)
-        return np.asarray((self.ranges > distances + _THROUGH) & (np.abs(turned) < self.spreads))
-
-
-def arcs_of_scans(scans: Sequence[PlacedScan], board: Board) -> tuple[Arc, ...]:
-    """Return the arcs of all readings of the room. `rows` count without those of the carrier's own body."""
-    found = []
-    for number, scan in enumerate(scans):
-        of_room = replace(scan, readings=without_own_body(board.own_body, scan.readings))
-        headings, ranges = headings_and_ranges(of_room, board)
-        for region in regions_of(headings, ranges, _ONE_DEPTH, _LEAST_WIDTH):
-            (centre,) = standpoints(board, scan.place, np.array([region.bearing])).tolist()
-            found.append(
-                Arc(number, region.rows, (centre[0], centre[1]), region.range, region.bearing, region.width / 2)
-            )
-    return tuple(found)
-
-
-def table_of(arcs: Sequence[Arc]) -> ArcTable:
-    """Return arcs as arrays."""
-    return ArcTable(
-        np.array([arc.scan for arc in arcs]),
-        np.array([arc.centre for arc in arcs], dtype=np.float64).reshape(-1, 2),
-        np.array([arc.range for arc in arcs], dtype=np.float64),
-        np.array([arc.bearing for arc in arcs], dtype=np.float64),
-        np.array([arc.spread for arc in arcs], dtype=np.float64),
-        tuple(arc.rows for arc in arcs),
-    )
 
 
 def wall_candidates(
@@ -94,18 +39,16 @@ def wall_candidates(
 
     Lines at right angles to a wall at the angle `common` (rad) are among them where they fit an arc.
     """
-    table = table_of(arcs)
-    weights = _weights(table, unexplained)
+    table, weights = table_of(arcs, RULE), _weights(arcs, unexplained)
     squared = () if common is None else _squared_lines(arcs, common)
     lines = np.array([*_lines(tuple(arcs)), *squared], dtype=np.float64).reshape(-1, 2)
     if not len(lines):
         return []
     supports, members = np.empty(len(lines)), np.empty((len(lines), len(arcs)), np.bool_)
     for row, (normal, distance) in enumerate(lines.tolist()):
-        away = distance - table.centres @ direction(normal)
-        misfits = table.misfits(away, np.full(len(arcs), normal))
-        members[row] = misfits < _FARTHEST
-        supports[row] = (weights * np.maximum(1 - (misfits / _FARTHEST) ** 2, 0.0)).sum()
+        misfits = table.misfits(*table.to_line(normal, distance))
+        members[row] = misfits < FARTHEST
+        supports[row] = _support(weights, misfits)
     found: list[DraftWall] = []
     taken: list[FloatArray] = []
     for row in np.argsort(-supports, kind="stable").tolist():
@@ -121,16 +64,15 @@ def post_candidates(
     arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most: int, radii: Sequence[float] = RADII
 ) -> list[DraftPost]:
     """Return the `most` best supported posts, each of several radii (m)."""
-    table = table_of(arcs)
-    weights = _weights(table, unexplained)
+    table, weights = table_of(arcs, RULE), _weights(arcs, unexplained)
     found: list[tuple[float, DraftPost]] = []
     for radius in radii:
         for point in _points(tuple(arcs), radius):
-            dx, dy = (np.array(point) - table.centres).T
-            misfits = table.misfits(np.hypot(dx, dy) - radius, np.arctan2(dy, dx))
-            support = float((weights * np.maximum(1 - (misfits / _FARTHEST) ** 2, 0.0)).sum())
+            distances, bearings = table.to_post(*point, radius)
+            support = _support(weights, table.misfits(distances, bearings))
             if radius > 0:  # the echo of a corner can be too faint to hide what is behind it
-                support -= _CONTRADICTION * float(table.behind(np.hypot(dx, dy) - radius, np.arctan2(dy, dx)).sum())
+                near = np.abs(angle_difference(table.bearings, bearings)) < table.spreads
+                support -= _CONTRADICTION * float(((table.ranges > distances + _THROUGH) & near).sum())
             if support >= 1.0:
                 found.append((support, DraftPost(point, radius)))
     found.sort(key=lambda one: -one[0])
@@ -143,11 +85,14 @@ def post_candidates(
     return kept
 
 
-def _weights(table: ArcTable, unexplained: Sequence[FloatArray]) -> FloatArray:
+def _weights(arcs: Sequence[Arc], unexplained: Sequence[FloatArray]) -> FloatArray:
     """Return the unexplained readings of each arc, (n,)."""
-    return np.array(
-        [float(unexplained[int(scan)][list(rows)].sum()) for scan, rows in zip(table.scans, table.rows, strict=True)]
-    )
+    return np.array([float(unexplained[arc.scan][list(arc.rows)].sum()) for arc in arcs])
+
+
+def _support(weights: FloatArray, misfits: FloatArray) -> float:
+    """Return the weighted number of arcs that agree; those that fit worse count less."""
+    return float((weights * np.maximum(1 - (misfits / FARTHEST) ** 2, 0.0)).sum())
 
 
 @lru_cache(maxsize=4)  # growth asks for the same arcs after each wall
@@ -165,24 +110,14 @@ def _squared_lines(arcs: Sequence[Arc], common: float) -> Iterator[tuple[float, 
     for arc in arcs:
         away = math.remainder(arc.bearing - common, quarter)
         if abs(away) <= arc.spread:
-            normal = arc.bearing - away
-            yield normal, float(np.dot(arc.centre, direction(normal))) + arc.range
+            yield arc.touches(arc.bearing - away)
 
 
 def _lines_of(arcs: Sequence[Arc]) -> Iterator[tuple[float, float]]:
     for arc in arcs:
-        yield arc.bearing, float(np.dot(arc.centre, direction(arc.bearing))) + arc.range
+        yield arc.touches(arc.bearing)
     for one, other in combinations(arcs, 2):
-        apart = np.subtract(other.centre, one.centre)
-        distance = float(np.hypot(*apart))
-        cosine = (one.range - other.range) / distance if distance >= _OTHER_PLACE else 2.0
-        if abs(cosine) > 1:
-            continue
-        towards = math.atan2(apart[1], apart[0])
-        for side in (1, -1):
-            normal = towards + side * math.acos(cosine)
-            if _near(one, normal) and _near(other, normal):
-                yield normal, float(np.dot(one.centre, direction(normal))) + one.range
+        yield from (line for line in common_lines(one, other) if one.is_near(line[0]) and other.is_near(line[0]))
 
 
 @lru_cache(maxsize=8)
@@ -197,24 +132,9 @@ def _points_of(arcs: Sequence[Arc], radius: float) -> Iterator[tuple[float, floa
             x, y = (np.array(arc.centre) + (arc.range + radius) * direction(arc.bearing)).tolist()
             yield x, y
     for one, other in combinations(arcs, 2):
-        apart = np.subtract(other.centre, one.centre)
-        distance = float(np.hypot(*apart))
-        if distance < _OTHER_PLACE:
-            continue
-        first, second = one.range + radius, other.range + radius
-        along = (distance**2 + first**2 - second**2) / (2 * distance)
-        if abs(along) > first:
-            continue
-        towards = math.atan2(apart[1], apart[0])
-        for side in (1, -1):
-            bearing = towards + side * math.acos(along / first)
-            x, y = (np.array(one.centre) + first * direction(bearing)).tolist()
-            if _near(one, bearing) and _near(other, math.atan2(y - other.centre[1], x - other.centre[0])):
+        for x, y in common_points(one, other, radius):
+            if all(arc.is_near(math.atan2(y - arc.centre[1], x - arc.centre[0])) for arc in (one, other)):
                 yield x, y
-
-
-def _near(arc: Arc, bearing: float) -> bool:
-    return abs(math.remainder(arc.bearing - bearing, math.tau)) < _FARTHEST * arc.spread
 
 
 def _same_line(one: FloatArray, other: FloatArray) -> bool:
@@ -234,6 +154,7 @@ def _wall(line: FloatArray, centres: FloatArray) -> DraftWall:
 # Ends of the walls of a draft: where they meet other walls, and where the scans say nothing of them.
 
 
+_EXTENDED = 3.0  # m, by which a wall is extended at most to meet another one
 _JUNCTION = 0.3  # m: an end that meets another wall farther than this from its ends does not make a corner
 _WIDEST_CLOSED = 0.4  # m without a touch; wider, a wall may have a gap
 _BESIDE, _AT_END = 0.1, 0.3  # m: from a corner to the line of its wall, and from the end of this wall inwards
@@ -267,7 +188,7 @@ def cornered(draft: RoomDraft, points: Sequence[tuple[float, float]]) -> Iterato
             away, (first, last) = np.subtract(point, wall.middle), draft.extent(key)
             at, beside = float(away @ wall.along), abs(float(away @ wall.normal))
             inside = first + _AT_END < at < last - _AT_END
-            if beside > _BESIDE or inside or not first - _FARTHEST < at < last + _FARTHEST:
+            if beside > _BESIDE or inside or not first - _EXTENDED < at < last + _EXTENDED:
                 continue
             nearer = 0 if abs(at - first) < abs(at - last) else 1
             yield draft.with_wall(key, wall.with_end(nearer, DraftEnd(at)))
@@ -361,7 +282,7 @@ def _neighbours(draft: RoomDraft, key: int, which: int) -> list[int]:
         hit = meeting(neighbour, wall)
         if 0 < at * sign <= end * sign and hit is not None and first - _JUNCTION < hit < last + _JUNCTION:
             crossed.append((at * sign, other))
-        elif wall.ends[which].meets is None and 0 <= (at - end) * sign <= _FARTHEST:
+        elif wall.ends[which].meets is None and 0 <= (at - end) * sign <= _EXTENDED:
             beyond.append((at * sign, other))
     return [other for _, other in (*sorted(crossed)[:2], *sorted(beyond)[:2])]
 
@@ -375,7 +296,7 @@ def met(draft: RoomDraft, key: int, which: int, other: int) -> RoomDraft:
     if at is None or first + _JUNCTION < at < last - _JUNCTION:
         return moved
     nearer = 0 if abs(at - first) < abs(at - last) else 1
-    if abs(at - (first, last)[nearer]) > _FARTHEST or neighbour.ends[nearer].meets is not None:
+    if abs(at - (first, last)[nearer]) > _EXTENDED or neighbour.ends[nearer].meets is not None:
         return moved
     return moved.with_wall(other, neighbour.with_end(nearer, DraftEnd(neighbour.ends[nearer].at, key)))
 

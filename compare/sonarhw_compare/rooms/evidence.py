@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.room import Room
 
@@ -353,11 +353,12 @@ def evidence_of(
     progress: SearchProgress | None = None,
     prediction: PredictionOptions | None = None,
 ) -> Evidence:
-    """Return scans from places with these spreads as evidence.
+    """Return scans from places with these spreads as evidence, without readings of the carrier's own body.
 
     Likelihoods are those of this prediction, by default of one that follows more reflections if readings have several
     echoes.
     """
+    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
     several = any(len(reading.echo_times) > 1 for scan in scans for reading in scan.readings)
     prediction = prediction or (FOLLOWED_LATER if several else FOLLOWED)
     first = RoomDraft(tuple(scan.place for scan in scans))

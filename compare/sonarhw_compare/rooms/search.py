@@ -19,17 +19,17 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, angle_difference
+from sonarhw_compare.arcs import Arc, arcs_of
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
-from sonarhw_compare.map import Arc
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_compare.processes import LateProcesses
 from sonarhw_compare.regions import mean_run
 from sonarhw_compare.rooms.candidates import (
+    RULE,
     Touches,
-    arcs_of_scans,
     continued,
     cornered,
     joined,
@@ -592,7 +592,7 @@ def grown(evidence: Evidence, best: Scored) -> Scored:
 def _arcs(evidence: Evidence, draft: RoomDraft) -> tuple[Arc, ...]:
     """Return the arcs of all scans at the places of a draft."""
     placed = [replace(scan, place=place) for scan, place in zip(evidence.scans, draft.places, strict=True)]
-    return arcs_of_scans(placed, as_found(evidence.board, draft))
+    return arcs_of(placed, as_found(evidence.board, draft), RULE)
 
 
 def _newest_length(draft: RoomDraft) -> float:

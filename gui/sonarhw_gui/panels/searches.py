@@ -729,7 +729,7 @@ def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
     if not scans:
         return "No scan"
     text = f"Scans: {len(scans)} (the scan shown and the visible ones of the panel Scans)"
-    from sonarhw_compare.calibration.room import place_numbers  # not needed at the start of the window
+    from sonarhw_compare.arcs import place_numbers  # not needed at the start of the window
 
     places = place_numbers([scan.place.position for scan in scans])
     if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.known for scan in scans)):

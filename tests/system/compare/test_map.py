@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_compare.arcs import Arc
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map import Arc, certainty_grid, find_features, map_scans, room_of, with_possible_walls
+from sonarhw_compare.map import certainty_grid, find_features, map_scans, room_of, with_possible_walls
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room, load_room

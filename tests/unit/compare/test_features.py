@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from sonarhw_compare.map import Arc, find_features
+from sonarhw_compare.arcs import Arc
+from sonarhw_compare.map import find_features
 
 
 def arc(centre: tuple[float, float], target: tuple[float, float]) -> Arc:

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_compare.map import Arc, Features, Wall, reachable_walls, room_of
+from sonarhw_compare.arcs import Arc
+from sonarhw_compare.map import Features, Wall, reachable_walls, room_of
 
 
 def wall(start: tuple[float, float], end: tuple[float, float], degrees: float, *arcs: int) -> Wall:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sonarhw_compare.calibration.room as calibration
-from sonarhw_compare.calibration.room import RoomCalibration, StartingTurntable, find_own_body, place_numbers
+from sonarhw_compare.arcs import place_numbers
+from sonarhw_compare.calibration.room import RoomCalibration, StartingTurntable, find_own_body
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_sim.board.profile import load_board

@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_compare.arcs import arcs_of, headings_and_ranges
 from sonarhw_compare.explain import explain_reading, reading_details
 from sonarhw_compare.fit.objective import make_problem
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.map import headings_and_ranges, map_scans
+from sonarhw_compare.locate import PoseSpread
+from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import Kind, compare_readings
-from sonarhw_compare.rooms.candidates import arcs_of_scans
+from sonarhw_compare.rooms.candidates import RULE
+from sonarhw_compare.rooms.evidence import evidence_of
 from sonarhw_compare.score import compare_regions, echo_statistics
 from sonarhw_sim.board.profile import OwnBodyPart, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
@@ -78,8 +81,9 @@ def test_arcs_for_new_surfaces_count_rows_as_the_likelihood_does() -> None:
     """The search of surfaces ended with a traceback: the likelihood has no rows for the own body, the arcs had."""
     readings = scan()
     of_room = [one for k, one in enumerate(readings) if not 8 <= k < 17]
-    arcs = arcs_of_scans([PlacedScan(readings, PLACE)], BOARD)
-    assert arcs == arcs_of_scans([PlacedScan(of_room, PLACE)], NXT)
+    evidence = evidence_of([PlacedScan(readings, PLACE)], [PoseSpread()], BOARD, ROOM.air)
+    arcs = arcs_of(evidence.scans, BOARD, RULE)
+    assert arcs == arcs_of([PlacedScan(of_room, PLACE)], NXT, RULE)
     assert max(max(arc.rows) for arc in arcs) < len(of_room)
 
 

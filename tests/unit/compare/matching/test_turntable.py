@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_compare.arcs import headings_and_ranges
 from sonarhw_compare.fit.objective import make_problem
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.fit.starting import fit_scan
-from sonarhw_compare.map import headings_and_ranges
 from sonarhw_compare.match import compare_readings
 from sonarhw_sim.board.profile import Board, Mount, load_board
 from sonarhw_sim.predict.prediction import PredictionOptions

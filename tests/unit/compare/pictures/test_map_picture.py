@@ -7,9 +7,10 @@ from typing import cast
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from sonarhw_compare.arcs import Arc
 from sonarhw_compare.drawings import draw_map
 from sonarhw_compare.fit import PlacedScan
-from sonarhw_compare.map import Arc, CertaintyGrid, Features, Layer, Point, RoomMap, Wall
+from sonarhw_compare.map import CertaintyGrid, Features, Layer, Point, RoomMap, Wall
 from sonarhw_sim.room.room import Place
 
 from tests.fixtures.rooms_for_tests import room_of

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sonarhw_compare.arcs import Arc
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
-from sonarhw_compare.map import Arc
 from sonarhw_compare.rooms import draft as right_angles
 from sonarhw_compare.rooms import search
 from sonarhw_compare.rooms.candidates import wall_candidates, with_gaps
