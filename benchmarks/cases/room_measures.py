@@ -97,17 +97,14 @@ def truth_held(case: RandomRoom, found: FoundRoom) -> list[tuple[bool, bool]]:
     The offset is that of the middle of the found wall. A wall exists if a true one is within 10 cm and 8°.
     """
     held = []
-    deviations = {(move.which, move.part): sd for move, sd in found.deviations.items() if _is_line(move)}
     for key in found.draft.walls:
         error = _error(case, found.draft.segment(key))
         if error is not None:
-            offset, turn = (abs(away) <= _Z95 * deviations[key, part] for part, away in enumerate(error))
+            offset, turn = (
+                abs(away) <= _Z95 * found.deviations[Move("wall", key, part)] for part, away in enumerate(error)
+            )
             held.append((offset, turn))
     return held
-
-
-def _is_line(move: Move) -> bool:
-    return move.what == "wall" and move.part < 2
 
 
 def _error(case: RandomRoom, segment: FloatArray) -> tuple[float, float] | None:

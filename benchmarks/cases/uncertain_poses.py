@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import UNKNOWN, PoseSpread
-from sonarhw_compare.rooms.search import PlacedRoom
+from sonarhw_compare.rooms.search import Move, PlacedRoom
 from sonarhw_sim.room.room import Place
 
 from benchmarks.cases.random_rooms import RandomRoom
@@ -63,7 +63,6 @@ POSES = {
 def pose_text(case: RandomRoom, placed: PlacedRoom) -> str:
     """Return how many scans were placed, the largest errors, and how many 95 % intervals hold the true values."""
     true = {scan.title: scan.place for scan in case.scans}
-    deviations = {(move.which, move.part): sd for move, sd in placed.found.deviations.items() if move.what == "place"}
     away, turned, held = [], [], []
     for number, scan in enumerate(placed.scans):
         place, expected = scan.place, true[scan.title]
@@ -71,7 +70,7 @@ def pose_text(case: RandomRoom, placed: PlacedRoom) -> str:
         errors = [*shifts, math.remainder(place.heading - expected.heading, math.tau)]
         away.append(math.hypot(*shifts))
         turned.append(abs(errors[2]))
-        known = ((error, deviations.get((number, part))) for part, error in enumerate(errors))
+        known = ((error, placed.found.deviations.get(Move("place", number, part))) for part, error in enumerate(errors))
         held += [abs(error) <= _Z95 * sd for error, sd in known if sd is not None]
     return (
         f"{len(placed.scans)} of {len(case.scans)} placed, within {max(away) * 100:.1f} cm and "

@@ -17,7 +17,7 @@ from sonarhw_sim.predict.predicted_scan import standpoints
 
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.regions import regions_of
+from sonarhw_compare.regions import LEAST, TOLERANCE, regions_of
 
 FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a wall or point
 OTHER_PLACE = 0.05  # m, between places that count as different
@@ -72,7 +72,13 @@ class ArcRule(NamedTuple):
 
     tolerance: float  # m, largest difference of its ranges
     least_width: float  # rad
-    deviation: float  # m, standard deviation of its range
+    deviation: float  # m, standard deviation of its range; larger where an arc may have ranges that differ more
+
+
+CERTAIN = ArcRule(TOLERANCE, LEAST, 0.010)  # for a map, whose features nothing else judges
+# for candidates, which the likelihood judges; 1 cm of noise spreads 10 readings over 3 cm. With a deviation of 0.010,
+# a room of the benchmark lost a wall
+POSSIBLE = ArcRule(0.06, math.radians(4), 0.015)
 
 
 def arcs_of(

@@ -19,9 +19,9 @@ from sonarhw_sim.room.room import Room, parse_room
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.arcs import (
+    CERTAIN,
     FARTHEST,
     Arc,
-    ArcRule,
     ArcTable,
     arcs_of,
     common_lines,
@@ -34,7 +34,6 @@ from sonarhw_compare.arcs import (
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.regions import LEAST, TOLERANCE
 
 # Occupancy grid from readings as cones (Moravec and Elfes, High Resolution Maps from Wide Angle Sonar, 1985).
 #
@@ -173,7 +172,6 @@ def _mark_occupied(
 # first.
 
 
-RULE = ArcRule(TOLERANCE, LEAST, 0.01)  # of arcs that are certain
 CONFIRMING = 3  # places that must agree on a feature; two places always agree on something
 _WALLS_FIRST = 1.01  # weight of walls, which win if both fit equally well, because rooms have more walls
 _AT_CORNER = 0.08  # m, largest distance of a corner from its walls
@@ -236,7 +234,7 @@ class _Hypothesis(NamedTuple):
 def find_features(arcs: Sequence[Arc]) -> Features:
     """Return the features of arcs; an arc belongs to at most one feature, and a feature needs at least two places."""
     walls, points = [], []
-    for (is_wall, values), members in _agreed(arcs, table_of(arcs, RULE)):
+    for (is_wall, values), members in _agreed(arcs, table_of(arcs, CERTAIN)):
         if is_wall:
             walls.append(_wall(arcs, members, *values.tolist()))
         else:
@@ -620,5 +618,5 @@ def map_scans(
 
 
 def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:
-    features = find_features(arcs_of(scans, board, RULE, kept))
+    features = find_features(arcs_of(scans, board, CERTAIN, kept))
     return Layer(kept, certainty_grid(scans, board, kept), with_possible_walls(features, scans, board, kept))

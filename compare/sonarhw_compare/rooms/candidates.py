@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray, angle_difference
-from sonarhw_compare.arcs import FARTHEST, Arc, ArcRule, common_lines, common_points, direction, table_of
+from sonarhw_compare.arcs import FARTHEST, POSSIBLE, Arc, common_lines, common_points, direction, table_of
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, meeting, post_name, wall_name
@@ -22,8 +22,6 @@ from sonarhw_compare.rooms.evidence import FOLLOWED, PRICE, REFLECTANCE, Evidenc
 # on both. Candidates are ranked by the unexplained readings of the arcs that agree.
 
 
-# arcs that may be chance, because the likelihood judges what they show; 1 cm of noise spreads 10 readings over 3 cm
-RULE = ArcRule(tolerance=0.06, least_width=math.radians(4), deviation=0.015)
 _BEYOND = 0.1  # m, by which a wall is longer than its outermost touches
 _SAME_LINE, _SAME_TURN = 0.03, math.radians(4)  # m, rad, between candidates that count as one
 _THROUGH = 0.1  # m, by which an echo is farther than a post before it
@@ -39,7 +37,7 @@ def wall_candidates(
 
     Lines at right angles to a wall at the angle `common` (rad) are among them where they fit an arc.
     """
-    table, weights = table_of(arcs, RULE), _weights(arcs, unexplained)
+    table, weights = table_of(arcs, POSSIBLE), _weights(arcs, unexplained)
     squared = () if common is None else _squared_lines(arcs, common)
     lines = np.array([*_lines(tuple(arcs)), *squared], dtype=np.float64).reshape(-1, 2)
     if not len(lines):
@@ -64,7 +62,7 @@ def post_candidates(
     arcs: Sequence[Arc], unexplained: Sequence[FloatArray], most: int, radii: Sequence[float] = RADII
 ) -> list[DraftPost]:
     """Return the `most` best supported posts, each of several radii (m)."""
-    table, weights = table_of(arcs, RULE), _weights(arcs, unexplained)
+    table, weights = table_of(arcs, POSSIBLE), _weights(arcs, unexplained)
     found: list[tuple[float, DraftPost]] = []
     for radius in radii:
         for point in _points(tuple(arcs), radius):
@@ -460,9 +458,7 @@ class Support:
 def support_of(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> tuple[Support, ...]:
     """Return the support of each wall and post of a draft, in the order of its room."""
     without = [(wall_name(number), draft.without_only(key)) for number, key in enumerate(draft.walls)]
-    for number in range(len(draft.posts)):
-        kept = draft.posts[:number] + draft.posts[number + 1 :]
-        without.append((post_name(number), replace(draft, posts=kept)))
+    without += [(post_name(number), draft.without_post(post)) for number, post in enumerate(draft.posts)]
     whole = evidence.by_reading(draft, noise)
     supports = []
     for name, rest in without:

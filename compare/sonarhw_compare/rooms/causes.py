@@ -16,7 +16,7 @@ from sonarhw_sim.room.room_writing import changed_room, section
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_compare.arcs import arcs_of
+from sonarhw_compare.arcs import POSSIBLE, arcs_of
 from sonarhw_compare.edits import Point, add_post, add_wall, set_material
 from sonarhw_compare.explain import LengthText, in_metres
 from sonarhw_compare.fit.free_walls import can_shift, left_normals, with_shifted_walls, with_written_walls
@@ -25,7 +25,7 @@ from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Comparison, Kind, compare_readings
-from sonarhw_compare.rooms.candidates import RULE, post_candidates
+from sonarhw_compare.rooms.candidates import post_candidates
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.rooms.evidence import FINE, PRICE, REFLECTANCE, Scored, all_scored, evidence_of, scored
 from sonarhw_compare.rooms.search import refined, unexplained_readings, with_post, with_wall
@@ -271,7 +271,7 @@ class _Search:
         self._evidence = evidence_of([scan], [PoseSpread()], board, room.air, prediction=_FOLLOWED)
         # an object before a wall changes the first echo, while later ones are still explained
         self._first_echoes = self._evidence.of_first_echoes() or self._evidence
-        self._arcs = arcs_of(self._evidence.scans, board, RULE)
+        self._arcs = arcs_of(self._evidence.scans, board, POSSIBLE)
         # `Problem` leaves out readings of the own body
         self._rows = np.flatnonzero(~np.asarray(of_own_body(board.own_body, readings)))
         tried = (FINE._replace(range=spread, level=level) for spread, level in product(_RANGES, _LEVELS))

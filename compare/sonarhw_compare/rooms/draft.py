@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -92,24 +92,26 @@ class RoomDraft:
     def without_wall(self, key: int) -> "RoomDraft":
         """Return the draft without a wall; ends that met it meet another wall there, or stay where they are."""
         walls = {other: wall for other, wall in self.walls.items() if other != key}
-        kept = {}
-        for other, wall in walls.items():
-            ends = [
-                self._end_elsewhere(wall, at, walls) if end.meets == key else end
-                for end, at in zip(wall.ends, self.extent(other), strict=True)
-            ]
-            kept[other] = replace(wall, ends=(ends[0], ends[1]))
-        return replace(self, walls=kept)
+        return self._without(key, lambda wall, at: self._end_elsewhere(wall, at, walls))
 
     def without_only(self, key: int) -> "RoomDraft":
         """Return the draft without a wall; all others stay where they are, with free ends where they met it."""
+        return self._without(key, lambda _, at: DraftEnd(at))
+
+    def _without(self, key: int, end_at: Callable[[DraftWall, float], DraftEnd]) -> "RoomDraft":
+        """Return the draft without a wall; `end_at` returns the new end of a wall that met it, m along that wall."""
         kept = {}
         for other, wall in self.walls.items():
             ends = [
-                DraftEnd(at) if end.meets == key else end for end, at in zip(wall.ends, self.extent(other), strict=True)
+                end_at(wall, at) if end.meets == key else end
+                for end, at in zip(wall.ends, self.extent(other), strict=True)
             ]
             kept[other] = replace(wall, ends=(ends[0], ends[1]))
         return replace(self, walls={other: wall for other, wall in kept.items() if other != key})
+
+    def without_post(self, post: DraftPost) -> "RoomDraft":
+        """Return the draft without one of its posts."""
+        return replace(self, posts=tuple(other for other in self.posts if other is not post))
 
     @staticmethod
     def _end_elsewhere(wall: DraftWall, at: float, walls: dict[int, DraftWall]) -> DraftEnd:
@@ -166,6 +168,11 @@ class RoomDraft:
         return np.array([self.segment(key) for key in self.walls], dtype=np.float64).reshape(-1, 4)
 
     @property
+    def round_surfaces(self) -> FloatArray:
+        """Centre and radius of each post, (n, 3) m."""
+        return np.array([(*post.center, post.radius) for post in self.posts], dtype=np.float64).reshape(-1, 3)
+
+    @property
     def is_sound(self) -> bool:
         """Whether every wall has a length, and its ends are in order."""
         return all(last - first >= _SHORTEST for first, last in map(self.extent, self.walls))
@@ -197,7 +204,7 @@ class RoomDraft:
         return Room(
             name=MATERIAL,
             walls=segments,
-            posts=np.array([(*post.center, post.radius) for post in self.posts], dtype=np.float64).reshape(-1, 3),
+            posts=self.round_surfaces,
             reflectances=np.full(len(names), reflectance),
             scattered=np.zeros(len(names)),
             heights=np.tile([-math.inf, math.inf], (len(names), 1)),

@@ -20,8 +20,8 @@ from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.locate import Pose
 from sonarhw_compare.map import RoomMap
 from sonarhw_compare.rooms.draft import MATERIAL, SHARE, SPREAD, at_right_angles, post_name, wall_name
-from sonarhw_compare.rooms.evidence import FOLLOWED, REFLECTANCE
-from sonarhw_compare.rooms.search import RANGE, FoundRoom, LengthSlopes, PlacedRoom
+from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, REFLECTANCE
+from sonarhw_compare.rooms.search import FoundRoom, Move, PlacedRoom, Shifts, shifts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,8 +70,8 @@ def found_room_figures(found: FoundRoom) -> dict[str, Any]:
         "walls": [
             {
                 "points_m": [[x, y], [x2, y2]],
-                "across_sd_m": _deviation(found, "wall", key, 0),
-                "angle_sd_deg": math.degrees(_deviation(found, "wall", key, 1)),
+                "across_sd_m": found.deviations[Move("wall", key, 0)],
+                "angle_sd_deg": math.degrees(found.deviations[Move("wall", key, 1)]),
                 "touches": len(found.touches.walls[key]),
             }
             for key in found.draft.walls
@@ -81,8 +81,8 @@ def found_room_figures(found: FoundRoom) -> dict[str, Any]:
             {
                 "center_m": _rounded(post.center),
                 "radius_m": round(post.radius, _DIGITS),
-                "center_sd_m": [_deviation(found, "post", row, part) for part in (0, 1)],
-                "radius_sd_m": _deviation(found, "post", row, 2),
+                "center_sd_m": [found.deviations[Move("post", row, part)] for part in (0, 1)],
+                "radius_sd_m": found.deviations[Move("post", row, 2)],
                 "touches": found.touches.posts[row],
             }
             for row, post in enumerate(found.draft.posts)
@@ -169,7 +169,7 @@ def _place(found: FoundRoom, number: int) -> Table:
 
 
 def _wall(found: FoundRoom, number: int, key: int) -> Table:
-    across, turned = (_deviation(found, "wall", key, part) for part in (0, 1))
+    across, turned = (found.deviations[Move("wall", key, part)] for part in (0, 1))
     table = tomlkit.table()
     table["name"] = wall_name(number)
     table["edges"] = [wall_name(number)]  # not "wall 1[0]" in `via`
@@ -185,7 +185,7 @@ def _wall(found: FoundRoom, number: int, key: int) -> Table:
 
 def _post(found: FoundRoom, row: int) -> Table:
     post = found.draft.posts[row]
-    x, y, radius = (_deviation(found, "post", row, part) * 1000 for part in range(3))
+    x, y, radius = (found.deviations[Move("post", row, part)] * 1000 for part in range(3))
     table = tomlkit.table()
     table["name"] = post_name(row)
     table["center"] = _point(post.center)
@@ -194,14 +194,6 @@ def _post(found: FoundRoom, row: int) -> Table:
     table["radius"].comment(f"± {radius:.1f} mm")
     table["material"] = MATERIAL
     return table
-
-
-def _deviation(found: FoundRoom, what: str, which: int, part: int) -> float:
-    return next(
-        deviation
-        for move, deviation in found.deviations.items()
-        if (move.what, move.which, move.part) == (what, which, part)
-    )
 
 
 def _point(point: Sequence[float]) -> tomlkit.items.Array:
@@ -256,7 +248,7 @@ def next_places(
     far whenever they change; places all over the room come first.
     """
     moves = [move for move in found.deviations if move.what in ("wall", "post") and found.deviations[move] > 0]
-    draft_room, by_move = found.draft.room(REFLECTANCE, room.air), LengthSlopes(found.draft, moves)
+    draft_room, by_move = found.draft.room(REFLECTANCE, room.air), shifts_of(found.draft, moves)
     spreads = np.minimum([found.deviations[move] for move in moves], _LARGEST)
     tried: list[NextPlace] = []
     known: tuple[NextPlace, ...] = ()
@@ -289,13 +281,13 @@ def _spread_first(positions: FloatArray) -> list[tuple[float, float]]:
     return order
 
 
-def _slopes(position: tuple[float, float], room: Room, by_move: LengthSlopes, board: Board) -> FloatArray:
+def _slopes(position: tuple[float, float], room: Room, by_move: Shifts, board: Board) -> FloatArray:
     """Return the derivative of each predicted range by each move, in standard deviations of a range, (m, n)."""
     headings = np.arange(_HEADINGS, dtype=np.float64) * (math.tau / _HEADINGS)
     scan = predict_scan(room, Place("", position), board, headings, FOLLOWED)
-    slopes = np.zeros((by_move.count, _HEADINGS))  # 0 where there is no echo
+    slopes = np.zeros((len(by_move.turns), _HEADINGS))  # 0 where there is no echo
     for path in np.unique(scan.winners[scan.winners >= 0]).tolist():
-        slopes[:, scan.winners == path] = by_move.of(scan.paths.outline(path))[:, None] / (2 * RANGE)
+        slopes[:, scan.winners == path] = by_move.of_length(scan.paths.outline(path))[:, None] / (2 * FINE.range)
     return slopes
 
 

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, angle_difference
-from sonarhw_compare.arcs import Arc, arcs_of
+from sonarhw_compare.arcs import POSSIBLE, Arc, arcs_of
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.parameters import free_parameters
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
@@ -28,7 +28,6 @@ from sonarhw_compare.match import TOLERANCE
 from sonarhw_compare.processes import LateProcesses
 from sonarhw_compare.regions import mean_run
 from sonarhw_compare.rooms.candidates import (
-    RULE,
     Touches,
     continued,
     cornered,
@@ -93,9 +92,17 @@ def threshold_deviation(evidence: Evidence, draft: RoomDraft) -> float | None:
         for problem, readings in zip(evidence.problems, evidence.by_reading(one, ROUGH), strict=True):
             arrays = problem.scans[0]
             likelihoods[row] += readings.sum() / mean_run(arrays.angles, arrays.ranges[:, 0])
-    weights = softmax(likelihoods + [evidence.log_prior(one) for one in drafts])
-    mean = float(weights @ _BESIDE)
-    return math.hypot(math.sqrt(float(weights @ (_BESIDE - mean) ** 2)), _LEAST_THRESHOLD)
+    return _moments(_BESIDE, likelihoods + [evidence.log_prior(one) for one in drafts], _LEAST_THRESHOLD)[1]
+
+
+def _moments(values: FloatArray, logarithms: FloatArray, least: float) -> tuple[float, float]:
+    """Return mean and standard deviation of values (n,) with these logarithms of their probabilities, (n,).
+
+    `least` is a standard deviation from another source, for example the step between the values.
+    """
+    weights = softmax(logarithms)
+    mean = float(weights @ values)
+    return mean, math.hypot(math.sqrt(float(weights @ (values - mean) ** 2)), least)
 
 
 # The error of the heading of a scan in a draft, from the likelihood of its readings at headings near the present one.
@@ -123,9 +130,7 @@ def heading_error(evidence: Evidence, draft: RoomDraft, room: Room, scan: int) -
     values[:, 0] += turns
     arrays = problem.scans[0]
     likelihoods = problem.near(here).many(values)
-    weights = softmax(likelihoods / mean_run(arrays.angles, arrays.ranges[:, 0]))
-    error = float(weights @ turns)
-    return error, math.hypot(math.sqrt(float(weights @ (turns - error) ** 2)), _LEAST_HEADING_ERROR)
+    return _moments(turns, likelihoods / mean_run(arrays.angles, arrays.ranges[:, 0]), _LEAST_HEADING_ERROR)
 
 
 def _turns(spread: float) -> FloatArray:
@@ -141,14 +146,12 @@ _LENGTH_STEP, _TURN_STEP = 0.002, math.radians(0.2)  # m, rad: steps of the diff
 _THINNEST = 0.005  # m, radius of a post
 
 
-@dataclass(frozen=True)
-class Move:
+class Move(NamedTuple):
     """A way to change a draft: a part of a wall, of a post, of the place of a scan, or the range offset."""
 
     what: str  # "wall", "post", "place" or "offset"
     which: int  # key of the wall, or number of the post or scan
     part: int  # wall: to its left, turned, first and second end along it; post: x, y, radius; place: x, y, heading
-    step: float  # m or rad, a small one
 
     def is_of(self, what: str, which: int) -> bool:
         """Return whether a wall, post or place is changed."""
@@ -158,6 +161,11 @@ class Move:
     def is_turn(self) -> bool:
         """Whether the change is an angle."""
         return self.part == {"wall": 1, "place": 2}.get(self.what)
+
+    @property
+    def step(self) -> float:
+        """A small change, m or rad."""
+        return _TURN_STEP if self.is_turn else _LENGTH_STEP
 
     def of(self, draft: RoomDraft, by: float) -> RoomDraft:
         """Return the draft changed by `by` (m or rad)."""
@@ -194,17 +202,13 @@ def _moved_place(place: Place, part: int, by: float) -> Place:
 
 def moves_of(evidence: Evidence, draft: RoomDraft) -> list[Move]:
     """Return all ways to change a draft: walls, posts, then the uncertain places."""
-    moves = [
-        Move("wall", key, part, step) for key in draft.walls for part, step in ((0, _LENGTH_STEP), (1, _TURN_STEP))
-    ]
-    moves += [
-        Move("wall", key, 2 + end, _LENGTH_STEP) for key in draft.walls for end in (0, 1) if draft.is_free(key, end)
-    ]
-    moves += [Move("post", row, part, _LENGTH_STEP) for row in range(len(draft.posts)) for part in range(3)]
+    moves = [Move("wall", key, part) for key in draft.walls for part in (0, 1)]
+    moves += [Move("wall", key, 2 + end) for key in draft.walls for end in (0, 1) if draft.is_free(key, end)]
+    moves += [Move("post", row, part) for row in range(len(draft.posts)) for part in range(3)]
     for scan, spread in enumerate(evidence.spreads):
-        moves += [Move("place", scan, part, _LENGTH_STEP) for part in (0, 1) if spread.xy > 0]
-        moves += [Move("place", scan, 2, _TURN_STEP)] if spread.heading > 0 else []
-    return [*moves, Move("offset", 0, 0, _LENGTH_STEP)] if evidence.offset_spread > 0 else moves
+        moves += [Move("place", scan, part) for part in (0, 1) if spread.xy > 0]
+        moves += [Move("place", scan, 2)] if spread.heading > 0 else []
+    return [*moves, Move("offset", 0, 0)] if evidence.offset_spread > 0 else moves
 
 
 # Errors of the readings that a draft explains, and their derivatives by its walls, posts and places.
@@ -215,7 +219,6 @@ def moves_of(evidence: Evidence, draft: RoomDraft) -> list[Move]:
 # its path.
 
 
-RANGE = 0.01  # m, standard deviation of a range
 BEARING = math.radians(2)  # standard deviation of the mean heading of the readings of one path
 _LEAST_READINGS = 3  # of a path, for a bearing
 _ON = 1e-6  # m
@@ -232,8 +235,8 @@ class RangeErrors:
 
 
 @dataclass(frozen=True)
-class _Shifts:
-    """Derivatives of walls and posts by each move."""
+class Shifts:
+    """Derivatives of walls and posts by each of m moves."""
 
     segments: FloatArray  # (w, 4) m, of the draft
     posts: FloatArray  # (p, 3) m
@@ -265,13 +268,30 @@ class _Shifts:
         wall = int(np.argmin(beside + beyond))
         return (wall, float(at[wall])) if beside[wall] + beyond[wall] < _ON else (None, 0.0)
 
+    def of_length(self, outline: FloatArray, ends: tuple[FloatArray, FloatArray] | None = None) -> FloatArray:
+        """Return the derivative of the length of a path with these points, (k, 2) m, by each move, (m,).
+
+        `ends` are the derivatives of its ends, (m, 2) each; without them, they do not move.
+        """
+        legs = np.diff(outline, axis=0)
+        # two reflections in a corner are one point, which moves with the corner
+        apart = np.append(True, np.hypot(*legs.T) > _ON)
+        outline, legs = outline[apart], legs[apart[1:]]
+        units = legs / np.hypot(*legs.T)[:, None]
+        slope = np.zeros(len(self.turns)) if ends is None else ends[1] @ units[-1] - ends[0] @ units[0]
+        for point, before, behind in zip(outline[1:-1], units[:-1], units[1:], strict=True):
+            moved = self.of_point(point)
+            if moved is not None:
+                slope = slope + moved @ (before - behind)
+        return np.asarray(slope)
+
 
 def range_errors(
     evidence: Evidence, draft: RoomDraft, moves: Sequence[Move], with_headings: bool = False
 ) -> RangeErrors:
     """Return the errors of the readings within 5 cm of their predicted echo, and if wanted those of the headings."""
     with_headings = with_headings and evidence.has_free_headings
-    shifts = _shifts(draft, moves)
+    shifts = shifts_of(draft, moves)
     parts = evidence.in_processes(_of_scans, range(len(evidence.problems)), draft, moves, shifts, with_headings)
     ranges, bearings, headings = ([one for part in parts for one in part[kind]] for kind in range(3))
     rows = [*ranges, *bearings, *headings]
@@ -288,7 +308,7 @@ def _of_scans(
     scans: Sequence[int],
     draft: RoomDraft,
     moves: Sequence[Move],
-    shifts: _Shifts,
+    shifts: Shifts,
     with_headings: bool,
 ) -> list[tuple[list[Row], list[Row], list[Row]]]:
     """Return the errors of ranges, of bearings and of the heading of each scan."""
@@ -301,7 +321,7 @@ def _of_scans(
 
 
 def _of_scan(
-    evidence: Evidence, draft: RoomDraft, scan: int, room: Room, moves: Sequence[Move], shifts: _Shifts
+    evidence: Evidence, draft: RoomDraft, scan: int, room: Room, moves: Sequence[Move], shifts: Shifts
 ) -> tuple[list[Row], list[Row], list[FloatArray]]:
     """Return the errors of ranges, those of bearings, and the derivatives of the bearing of each reading."""
     board, arrays = as_found(evidence.problems[scan].board, draft), evidence.problems[scan].scans[0]
@@ -319,7 +339,7 @@ def _of_scan(
     for path in np.unique(predicted.winners[explained]).tolist():
         outline = predicted.paths.outline(path)
         ends = _end_shifts(draft, scan, moves, outline)
-        slopes[path] = (_length_slope(outline, ends, shifts) / 2 + of_offset) / RANGE
+        slopes[path] = (shifts.of_length(outline, ends) / 2 + of_offset) / FINE.range
         turned = _bearing_slope(predicted, path, ends[0], shifts)
         away = angle_difference(headings, predicted.paths.departures[path])
         own = explained & (predicted.winners == path)
@@ -329,7 +349,7 @@ def _of_scan(
             turns += [turned] * int(own.sum())
             bearings += [] if mean is None else [(mean / BEARING, turned / BEARING)]
     rows = np.flatnonzero(explained)
-    ranges = [(float(residuals[row]) / RANGE, slopes[int(predicted.winners[row])]) for row in rows]
+    ranges = [(float(residuals[row]) / FINE.range, slopes[int(predicted.winners[row])]) for row in rows]
     return ranges, bearings, turns
 
 
@@ -354,22 +374,7 @@ def _middle(away: FloatArray, own: NDArray[np.bool_], measured: FloatArray) -> f
     return float(away[own].mean())
 
 
-def _length_slope(outline: FloatArray, ends: tuple[FloatArray, FloatArray], shifts: _Shifts) -> FloatArray:
-    """Return the derivative of the length of a path by each move, (m,)."""
-    legs = np.diff(outline, axis=0)
-    # two reflections in a corner are one point, which moves with the corner
-    apart = np.append(True, np.hypot(*legs.T) > _ON)
-    outline, legs = outline[apart], legs[apart[1:]]
-    units = legs / np.hypot(*legs.T)[:, None]
-    slope = ends[1] @ units[-1] - ends[0] @ units[0]
-    for point, before, behind in zip(outline[1:-1], units[:-1], units[1:], strict=True):
-        moved = shifts.of_point(point)
-        if moved is not None:
-            slope = slope + moved @ (before - behind)
-    return np.asarray(slope)
-
-
-def _bearing_slope(predicted: PredictedScan, path: int, start: FloatArray, shifts: _Shifts) -> FloatArray | None:
+def _bearing_slope(predicted: PredictedScan, path: int, start: FloatArray, shifts: Shifts) -> FloatArray | None:
     """Return the derivative of the departure of a path by each move, (m,); None if it touches more than one point."""
     outline, paths = predicted.paths.outline(path), predicted.paths
     if len(outline) != 3:
@@ -400,7 +405,8 @@ def _end_shifts(
     return ends[0], ends[1]
 
 
-def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
+def shifts_of(draft: RoomDraft, moves: Sequence[Move]) -> Shifts:
+    """Return the derivatives of walls and posts of a draft by each move."""
     of_segments, of_posts = [], []
     for move in moves:
         ahead, behind = (
@@ -411,12 +417,12 @@ def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
             if _moves_with(draft, key, move):
                 moved[row] = (ahead.segment(key) - behind.segment(key)) / (2 * move.step)
         of_segments.append(moved)
-        of_posts.append((_posts(ahead) - _posts(behind)) / (2 * move.step))
+        of_posts.append((ahead.round_surfaces - behind.round_surfaces) / (2 * move.step))
     turns = [[float(move.is_of("wall", key) and move.part == 1) for key in draft.walls] for move in moves]
     shape = len(moves), len(draft.walls)
-    return _Shifts(
+    return Shifts(
         draft.segments,
-        _posts(draft),
+        draft.round_surfaces,
         np.array(of_segments).reshape(*shape, 4),
         np.array(of_posts).reshape(len(moves), len(draft.posts), 3),
         np.array(turns).reshape(shape),
@@ -426,23 +432,6 @@ def _shifts(draft: RoomDraft, moves: Sequence[Move]) -> _Shifts:
 def _moves_with(draft: RoomDraft, key: int, move: Move) -> bool:
     """Return whether a move changes an end of a wall: it is of this wall, or of one that an end meets."""
     return move.what == "wall" and move.which in (key, *(end.meets for end in draft.walls[key].ends))
-
-
-def _posts(draft: RoomDraft) -> FloatArray:
-    return np.array([(*post.center, post.radius) for post in draft.posts], dtype=np.float64).reshape(-1, 3)
-
-
-class LengthSlopes:
-    """Derivatives of the lengths of paths at a fixed place by moves of a draft."""
-
-    def __init__(self, draft: RoomDraft, moves: Sequence[Move]) -> None:
-        self._shifts = _shifts(draft, moves)
-        self.count = len(moves)
-        self._still = np.zeros((self.count, 2))
-
-    def of(self, outline: FloatArray) -> FloatArray:
-        """Return the derivative of the length of a path with these points, (k, 2) m, by each move, (m,)."""
-        return _length_slope(outline, (self._still, self._still), self._shifts)
 
 
 # Refinement of a draft: walls, posts and uncertain places move to where they explain the ranges best.
@@ -592,7 +581,7 @@ def grown(evidence: Evidence, best: Scored) -> Scored:
 def _arcs(evidence: Evidence, draft: RoomDraft) -> tuple[Arc, ...]:
     """Return the arcs of all scans at the places of a draft."""
     placed = [replace(scan, place=place) for scan, place in zip(evidence.scans, draft.places, strict=True)]
-    return arcs_of(placed, as_found(evidence.board, draft), RULE)
+    return arcs_of(placed, as_found(evidence.board, draft), POSSIBLE)
 
 
 def _newest_length(draft: RoomDraft) -> float:
@@ -610,7 +599,7 @@ def pruned(evidence: Evidence, best: Scored, price: float = PRICE) -> Scored:
     keys = sorted(best.draft.walls.keys() - evidence.first.walls.keys())
     best = _without_worthless(evidence, best, keys, RoomDraft.without_wall, price)
     posts = best.draft.posts[len(evidence.first.posts) :]
-    return _without_worthless(evidence, best, posts, _without_post, price)
+    return _without_worthless(evidence, best, posts, RoomDraft.without_post, price)
 
 
 def _without_worthless(
@@ -629,10 +618,6 @@ def _without_worthless(
             return best
         best, parts = tried[row], parts[row + 1 :]
     return best
-
-
-def _without_post(draft: RoomDraft, post: DraftPost) -> RoomDraft:
-    return replace(draft, posts=tuple(other for other in draft.posts if other is not post))
 
 
 def unexplained_readings(
@@ -710,7 +695,7 @@ def squared(evidence: Evidence, best: Scored) -> Scored:
 
 def turned_square(evidence: Evidence, draft: RoomDraft, key: int) -> Scored | None:
     """Return the draft with a wall at right angles; None if it is there already, or oblique by more than 30°."""
-    away = _away(draft).get(key, 0.0)
+    away = next((away for other, _, away, _ in pulls(draft) if other == key), 0.0)
     if not _LEAST_SQUARING < abs(away) < _MOST_SQUARING:
         return None
     draft = centred(draft)
@@ -745,11 +730,6 @@ def _long_direction(draft: RoomDraft) -> float:
     angles = np.array([wall.angle for wall in draft.walls.values()])
     lengths = np.array([last - first for first, last in map(draft.extent, draft.walls)])
     return float(np.angle((lengths**3 * np.exp(4j * angles)).sum())) / 4
-
-
-def _away(draft: RoomDraft) -> dict[int, float]:
-    """Return by wall the angle by which it is away from right angles to the common wall, rad."""
-    return {key: away for key, _, away, _ in pulls(draft)}
 
 
 def _turned(wall: DraftWall, about: tuple[float, float], angle: float) -> DraftWall:

@@ -422,9 +422,7 @@ class Hypotheses:
         if row < len(walls):
             draft = self.draft.without_only(walls[row])
         else:
-            posts = self.draft.posts
-            number = row - len(walls)
-            draft = replace(self.draft, posts=posts[:number] + posts[number + 1 :])
+            draft = self.draft.without_post(self.draft.posts[row - len(walls)])
         return replace(self, draft=draft, supports=self.supports[:row] + self.supports[row + 1 :])
 
 
@@ -435,7 +433,6 @@ class RoomAnswer:
     hypotheses: Hypotheses
     found: "FoundRoom"
     room: Room  # with the places of the scans
-    deviations: dict[tuple[str, int, int], float]  # m or rad, by `what`, `which`, `part` of a `Move`
     poses: "dict[str, tuple[Pose, ...]]"  # possible ones of the scans that were located, by their names
     left_out: tuple[str, ...]  # scans that could not be located
 
@@ -468,7 +465,6 @@ def search_room(
         _supported(scans, air, found.draft, FINE),
         found,
         found_room(placed, board),
-        {(move.what, move.which, move.part): deviation for move, deviation in found.deviations.items()},
         placed.poses,
         placed.left_out,
     )

@@ -473,14 +473,17 @@ def _deviations(state: FindState, row: int, unit: LengthUnit) -> str:
     found, answer = state.hypotheses, state.answer
     if found is None or answer is None:
         return ""
-    small = residual_unit(unit)
+    from sonarhw_compare.rooms.search import Move  # loaded by the search
+
+    small, deviations = residual_unit(unit), answer.found.deviations
 
     def length(what: str, which: int, part: int) -> str:
-        return f"{answer.deviations[what, which, part] * small.per_metre:.{max(small.decimals, 1)}f} {small.label}"
+        return f"{deviations[Move(what, which, part)] * small.per_metre:.{max(small.decimals, 1)}f} {small.label}"
 
     keys = list(found.draft.walls)
     if row < len(keys):
-        return f"± {length('wall', keys[row], 0)}, ± {math.degrees(answer.deviations['wall', keys[row], 1]):.2f}°"
+        turned = math.degrees(deviations[Move("wall", keys[row], 1)])
+        return f"± {length('wall', keys[row], 0)}, ± {turned:.2f}°"
     name = found.supports[row].name
     number = [support.name for support in answer.hypotheses.supports].index(name) - len(answer.found.draft.walls)
     return f"± {length('post', number, 0)}, ± {length('post', number, 1)}"

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.arcs import arcs_of, headings_and_ranges
+from sonarhw_compare.arcs import POSSIBLE, arcs_of, headings_and_ranges
 from sonarhw_compare.explain import explain_reading, reading_details
 from sonarhw_compare.fit.objective import make_problem
 from sonarhw_compare.fit.parameters import free_parameters
@@ -13,7 +13,6 @@ from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import Kind, compare_readings
-from sonarhw_compare.rooms.candidates import RULE
 from sonarhw_compare.rooms.evidence import evidence_of
 from sonarhw_compare.score import compare_regions, echo_statistics
 from sonarhw_sim.board.profile import OwnBodyPart, load_board
@@ -82,8 +81,8 @@ def test_arcs_for_new_surfaces_count_rows_as_the_likelihood_does() -> None:
     readings = scan()
     of_room = [one for k, one in enumerate(readings) if not 8 <= k < 17]
     evidence = evidence_of([PlacedScan(readings, PLACE)], [PoseSpread()], BOARD, ROOM.air)
-    arcs = arcs_of(evidence.scans, BOARD, RULE)
-    assert arcs == arcs_of([PlacedScan(of_room, PLACE)], NXT, RULE)
+    arcs = arcs_of(evidence.scans, BOARD, POSSIBLE)
+    assert arcs == arcs_of([PlacedScan(of_room, PLACE)], NXT, POSSIBLE)
     assert max(max(arc.rows) for arc in arcs) < len(of_room)
 
 

@@ -23,7 +23,7 @@ def placed() -> PlacedRoom:
     )
     parts = [("wall", 3, 0), ("wall", 3, 1), ("post", 0, 0), ("post", 0, 1), ("post", 0, 2)]
     parts += [("place", 1, part) for part in range(3)]
-    deviations = {Move(*part, 0.001): 0.001 * number for number, part in enumerate(parts, 1)}
+    deviations = {Move(*part): 0.001 * number for number, part in enumerate(parts, 1)}
     found = FoundRoom(draft, deviations, Touches({3: ()}, (7,), (20, 20), (1, 2)), 0.0)
     scans = tuple(PlacedScan((), at, "scan", f"{folder}/scan.mcap") for at, folder in zip(PLACES, "ab", strict=True))
     poses = (Pose((2.0, 0.7), 0.17, 0.0, 0.64, (0.0,) * 3), Pose((1.0, 1.3), 3.0, 0.0, 0.36, (0.0,) * 3))

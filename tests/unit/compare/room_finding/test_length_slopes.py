@@ -5,7 +5,7 @@ import math
 import pytest
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
 from sonarhw_compare.rooms.evidence import REFLECTANCE
-from sonarhw_compare.rooms.search import LengthSlopes, Move
+from sonarhw_compare.rooms.search import Move, shifts_of
 from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.room import Room
@@ -27,10 +27,11 @@ def draft() -> RoomDraft:
     return RoomDraft((), walls, (DraftPost((2.6, 2.3), 0.05),))
 
 
+STEP = 1e-4  # m or rad
 MOVES = [
-    *(Move("wall", key, part, 1e-4) for key in range(6) for part in (0, 1)),
-    *(Move("wall", key, part, 1e-4) for key in (4, 5) for part in (2, 3)),
-    *(Move("post", 0, part, 1e-4) for part in range(3)),
+    *(Move("wall", key, part) for key in range(6) for part in (0, 1)),
+    *(Move("wall", key, part) for key in (4, 5) for part in (2, 3)),
+    *(Move("post", 0, part) for part in range(3)),
 ]
 
 
@@ -44,17 +45,17 @@ def lengths_by_way(paths: Paths, room: Room) -> dict[tuple[str, ...], list[float
 
 @pytest.mark.parametrize("move", MOVES, ids=lambda move: f"{move.what}{move.which}-{move.part}")
 def test_a_path_gets_longer_by_what_a_new_search_says(move: Move) -> None:
-    room, changed = (move.of(draft(), by).room(REFLECTANCE, Air()) for by in (0.0, move.step))
+    room, changed = (move.of(draft(), by).room(REFLECTANCE, Air()) for by in (0.0, STEP))
     paths = find_paths(room, STANDS, SEARCH)
     before, after = lengths_by_way(paths, room), lengths_by_way(find_paths(changed, STANDS, SEARCH), changed)
-    slopes = LengthSlopes(draft(), [move])
+    slopes = shifts_of(draft(), [move])
     largest, compared = 0.0, 0
     for row in range(len(paths)):
         way = paths.via(row, room)
         if len(before[way]) > 1 or len(after.get(way, [])) != 1:
             continue  # the way exists in one of the rooms only, or twice
-        grown = float(slopes.of(paths.outline(row))[0]) * move.step
+        grown = float(slopes.of_length(paths.outline(row))[0]) * STEP
         assert after[way][0] - before[way][0] == pytest.approx(grown, abs=2e-6)
         compared, largest = compared + 1, max(largest, abs(grown))
     assert compared > 20
-    assert largest > 0.3 * move.step  # some path touches what is moved
+    assert largest > 0.3 * STEP  # some path touches what is moved

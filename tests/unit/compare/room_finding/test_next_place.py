@@ -23,7 +23,7 @@ def rectangle(**deviations: float) -> FoundRoom:
         half = 1.0 if key in (EAST, WEST) else 2.0
         ends = DraftEnd(-half, (key - 1) % 4), DraftEnd(half, (key + 1) % 4)
         walls[key] = DraftWall(middle, math.pi / 2 + key * math.pi / 2, ends)
-    moves = {Move("wall", key, 0, 0.002): deviations.get(name, 0.0) for name, key in NAMES.items()}
+    moves = {Move("wall", key, 0): deviations.get(name, 0.0) for name, key in NAMES.items()}
     return FoundRoom(RoomDraft((Place("a", (2.0, 1.0)),), walls), moves, Touches({}, (), (), ()), 0.0)
 
 

@@ -11,7 +11,6 @@ from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.draft import DraftPost, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, REFLECTANCE, ROUGH, Evidence, evidence_of, scored
 from sonarhw_compare.rooms.search import (
-    RANGE,
     Move,
     deviations_of,
     heading_error,
@@ -100,8 +99,8 @@ def test_derivatives_agree_with_a_new_search_of_paths() -> None:
         other = range_errors(evidence, move.of(draft, by), moves)
         if other.of_range != found.of_range:  # an echo has appeared or disappeared
             continue
-        change = (found.errors[: found.of_range] - other.errors[: found.of_range]) * RANGE / by
-        expected = found.slopes[: found.of_range, row] * RANGE
+        change = (found.errors[: found.of_range] - other.errors[: found.of_range]) * FINE.range / by
+        expected = found.slopes[: found.of_range, row] * FINE.range
         # a few headings have another path now
         assert (np.abs(change - expected) < 0.01).mean() > 0.98, move
         checked += int((np.abs(expected) > 0.1).sum())
@@ -178,7 +177,7 @@ def test_uncertain_places_make_walls_uncertain() -> None:
 
 @pytest.mark.parametrize("part", [0, 1, 2])
 def test_a_place_that_is_off_returns(part: int) -> None:
-    wrong = Move("place", 1, part, 0.01).of(RoomDraft(PLACES), 0.02 if part < 2 else math.radians(2))
+    wrong = Move("place", 1, part).of(RoomDraft(PLACES), 0.02 if part < 2 else math.radians(2))
     evidence, draft = case(spread=PoseSpread(0.03, math.radians(3)), places=wrong.places)
     evidence = replace(evidence, spreads=(PoseSpread(), PoseSpread(0.03, math.radians(3)), PoseSpread()))
     found = refined(evidence, draft, ROUGH, 8).draft.places[1]
@@ -195,7 +194,7 @@ def test_headings_follow_from_where_echoes_begin_and_end() -> None:
         evidence = replace(evidence, spreads=(PoseSpread(), spread, spread))
         found = refined(evidence, draft, FINE, 8, with_headings=True).draft
         deviations = deviations_of(evidence, found)
-        for move in (Move("place", scan, 2, math.radians(0.2)) for scan in (1, 2)):
+        for move in (Move("place", scan, 2) for scan in (1, 2)):
             heading = found.places[move.which].heading
             # middles of echoes, 4° between readings, have errors of up to 2°
             assert abs(heading) < math.radians(0.4), (seed, move.which)

@@ -144,7 +144,7 @@ def test_one_sensor_made_all_scans(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def find_room(*given: Any) -> FoundRoom:
         one = found(*given)
-        of_offset = {Move("offset", 0, 0, 1e-3): 0.004}
+        of_offset = {Move("offset", 0, 0): 0.004}
         draft = replace(one.draft, offset=-0.012, threshold_db=2.5)
         return replace(one, draft=draft, deviations=of_offset, threshold_deviation=0.7)
 
