@@ -1,9 +1,11 @@
 """Change the code in random places, and print the changes that no test detects.
 
-python -m tests.mutation --sample 100 --seed 1
+python -m tests.mutation --sample 100 --seed 1 --folders sonarhw/host sim/sonarhw_sim/rays
 """
 
 import argparse
+import hashlib
+import json
 import math
 import os
 import random
@@ -13,7 +15,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -23,7 +25,7 @@ from tests.mutation.mutants import Mutant, mutants_of
 from tests.mutation.trial import Tree, preload
 
 CHECKOUT = Path(__file__).parents[2]
-PACKAGES = {"sonarhw": "sonarhw", "sonarhw_sim": "sim/sonarhw_sim", "sonarhw_compare": "compare/sonarhw_compare"}
+PACKAGES = ("sonarhw", "sim/sonarhw_sim", "compare/sonarhw_compare")
 TESTS = {
     "unit": ["tests/unit"],
     "system": ["tests/system/sonarhw", "tests/system/sim", "tests/system/compare", "tests/system/cli"],
@@ -39,35 +41,45 @@ _NOT_COPIED = shutil.ignore_patterns(
 class Trial:
     """One mutant and the tests that may detect it."""
 
-    package: str
+    folder: str
     mutant: Mutant
     tests: tuple[str, ...]
     seconds: float  # recorded duration of the tests
 
 
 def main() -> int:
-    """Run the command line. The exit status is 1 if fewer mutants than `--least` are detected."""
+    """Run the command line. The exit status is 1 if fewer mutants of any folder than `--least` are detected."""
     options = _options()
     recorded = Path(options.recorded or tempfile.mkdtemp(prefix="recorded-")).resolve()
     record(recorded)
-    sources = {name: sorted(_sources(folder)) for name, folder in PACKAGES.items()}
-    covering = Covering(CHECKOUT, recorded, [path for paths in sources.values() for path in paths])
-    trials = []
-    for name, paths in sources.items():
-        if name in options.packages:
-            trials += list(_trials(name, paths, covering, options.sample, options.seed))
-    survivors = run(trials, options.processes)
-    return _report(trials, survivors, options.least)
+    covering = Covering(CHECKOUT, recorded, [path for paths in SOURCES.values() for path in paths])
+    trials = [trial for folder in options.folders for trial in _trials(folder, covering, options.sample, options.seed)]
+    survived = run(trials, options.processes, Results(recorded / "results.jsonl"))
+    return _report(trials, survived, options.least)
+
+
+def _sources() -> dict[str, list[str]]:
+    """Return the source files of each folder of the packages, relative to the checkout."""
+    sources: dict[str, list[str]] = {}
+    for package in PACKAGES:
+        for file in sorted((CHECKOUT / package).rglob("*.py")):
+            path = file.relative_to(CHECKOUT)
+            sources.setdefault(path.parent.as_posix(), []).append(path.as_posix())
+    return sources
+
+
+SOURCES = _sources()
 
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__.splitlines()[0])
-    parser.add_argument("--sample", type=int, default=100, help="mutants of each package (default: 100)")
+    parser.add_argument("--sample", type=int, default=100, help="mutants of each folder (default: 100)")
     parser.add_argument("--seed", type=int, default=0, help="selects the sample (default: 0)")
-    parser.add_argument("--packages", nargs="+", choices=PACKAGES, default=[*PACKAGES], help="default: all three")
+    folders = f"default: all, which are {', '.join(SOURCES)}"
+    parser.add_argument("--folders", nargs="+", choices=SOURCES, default=[*SOURCES], metavar="FOLDER", help=folders)
     parser.add_argument("--processes", type=int, default=os.cpu_count(), help="default: one for each core")
-    parser.add_argument("--recorded", metavar="DIR", help="keep and reuse the record of which test executes which line")
-    parser.add_argument("--least", type=float, default=0.0, help="share of mutants that must be detected, 0 to 1")
+    parser.add_argument("--recorded", metavar="DIR", help="keep what ran, and continue from it after an interruption")
+    parser.add_argument("--least", type=float, default=0.0, help="share that must be detected in each folder, 0 to 1")
     return parser.parse_args()
 
 
@@ -98,22 +110,59 @@ def record(folder: Path) -> None:
             raise SystemExit(f"{folder / area}.log: tests fail without a mutant; repair them first")
 
 
-def run(trials: Sequence[Trial], processes: int) -> list[Trial]:
-    """Return the trials whose mutants no test detects, and print each."""
-    survivors = []
+class Results:
+    """Which mutants survived, in a file to which each result is appended: an interrupted run continues from it.
+
+    A result holds for the sources and tests of its time. Those of others are left in the file, and are not used.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        digest = hashlib.sha256()
+        sources = [CHECKOUT / path for paths in SOURCES.values() for path in paths]
+        for path in sorted([*sources, *(CHECKOUT / "tests").rglob("*.py")]):
+            digest.update(path.read_bytes())
+        self._state = digest.hexdigest()[:16]
+        self._survived: dict[str, bool] = {}
+        for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
+            row = json.loads(line)
+            if row["state"] == self._state:
+                self._survived[row["key"]] = row["survived"]
+
+    def get(self, mutant: Mutant) -> bool | None:
+        """Return whether a mutant survived, or None if it has not been tried."""
+        return self._survived.get(_key(mutant))
+
+    def add(self, mutant: Mutant, survived: bool) -> None:
+        """Append a result."""
+        with self._file.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"state": self._state, "key": _key(mutant), "survived": survived}) + "\n")
+
+
+def _key(mutant: Mutant) -> str:
+    return json.dumps(asdict(mutant), sort_keys=True)
+
+
+def run(trials: Sequence[Trial], processes: int, results: Results) -> list[Trial]:
+    """Return the trials whose mutants no test detects, and print each. Mutants in `results` are not tried again."""
     context = get_context("fork")
     preload()
+    survivors = [trial for trial in trials if results.get(trial.mutant)]
+    left = [trial for trial in trials if results.get(trial.mutant) is None]
+    if len(left) < len(trials):
+        print(f"{len(trials) - len(left)} of {len(trials)} mutants were tried before")
     with tempfile.TemporaryDirectory(prefix="mutation-") as place, ProcessPoolExecutor(processes, context) as pool:
-        controls = [_unchanged(trial) for trial in {trial.package: trial for trial in trials if trial.tests}.values()]
+        controls = [_unchanged(trial) for trial in {trial.folder: trial for trial in left if trial.tests}.values()]
         if not all(pool.map(_survives, controls, [place] * len(controls))):
             raise SystemExit("tests fail without a mutant; record again, into another folder")
-        started = {pool.submit(_survives, trial, place): trial for trial in trials}
+        started = {pool.submit(_survives, trial, place): trial for trial in left}
         for number, done in enumerate(as_completed(started), 1):
             trial, survived = started[done], done.result()
+            results.add(trial.mutant, survived)
             if survived:
                 survivors.append(trial)
             result = ("SURVIVED" if trial.tests else "NOT RUN ") if survived else "detected"
-            print(f"{number}/{len(trials)} {result} {trial.mutant}", flush=True)
+            print(f"{number}/{len(left)} {result} {trial.mutant}", flush=True)
     return survivors
 
 
@@ -133,15 +182,10 @@ def _survives(trial: Trial, place: str) -> bool:
     return Tree(tree).survives(trial.mutant, trial.tests, trial.seconds)
 
 
-def _sources(folder: str) -> Iterator[str]:
-    for file in (CHECKOUT / folder).rglob("*.py"):
-        yield str(file.relative_to(CHECKOUT))
-
-
-def _trials(package: str, paths: Sequence[str], covering: Covering, sample: int, seed: int) -> Iterator[Trial]:
-    found = [mutant for path in paths for mutant in mutants_of(path, (CHECKOUT / path).read_bytes())]
-    mutants = [mutant for mutant in found if not is_equivalent(mutant)]
-    chosen = random.Random(f"{seed} {package}").sample(mutants, min(sample, len(mutants)))
+def _trials(folder: str, covering: Covering, sample: int, seed: int) -> Iterator[Trial]:
+    mutants = [mutant for path in SOURCES[folder] for mutant in mutants_of(path, (CHECKOUT / path).read_bytes())]
+    mutants = [mutant for mutant in mutants if not is_equivalent(mutant)]
+    chosen = random.Random(f"{seed} {folder}").sample(mutants, min(sample, len(mutants)))
     for mutant in chosen:
         tests: list[str] = []
         seconds = 0.0
@@ -150,16 +194,17 @@ def _trials(package: str, paths: Sequence[str], covering: Covering, sample: int,
             if tests and seconds > _MOST_SECONDS:
                 break
             tests.append(test)
-        yield Trial(package, mutant, tuple(tests), min(seconds, _MOST_SECONDS))
+        yield Trial(folder, mutant, tuple(tests), min(seconds, _MOST_SECONDS))
 
 
 def _report(trials: Sequence[Trial], survivors: Sequence[Trial], least: float) -> int:
     print("\nnot detected:" if survivors else "")
     for trial in survivors:
         print(f"  {trial.mutant}   {f'{len(trial.tests)} tests' if trial.tests else 'no test executes this line'}")
-    for package in sorted({trial.package for trial in trials}):
-        _print_share(package, [one for one in trials if one.package == package], survivors)
-    return int(_print_share("all", trials, survivors) < least)
+    folders = dict.fromkeys(trial.folder for trial in trials)
+    shares = [_print_share(name, [trial for trial in trials if trial.folder == name], survivors) for name in folders]
+    _print_share("all", trials, survivors)
+    return int(min(shares, default=1.0) < least)
 
 
 def _print_share(name: str, trials: Sequence[Trial], survivors: Sequence[Trial]) -> float:

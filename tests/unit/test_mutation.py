@@ -7,7 +7,8 @@ import pytest
 from coverage import CoverageData
 from scipy.stats import binomtest
 
-from tests.mutation.__main__ import wilson
+from tests.mutation import __main__ as driver
+from tests.mutation.__main__ import Results, wilson
 from tests.mutation.covering import Covering
 from tests.mutation.equivalents import key_of, known
 from tests.mutation.mutants import mutants_of
@@ -184,3 +185,17 @@ def test_a_function_with_a_cache_is_tested_by_all_that_use_it(tmp_path: Path) ->
 def test_the_interval_of_a_share_is_that_of_wilson(hits: int, total: int) -> None:
     expected = binomtest(hits, total).proportion_ci(0.95, method="wilson")
     assert wilson(hits, total) == pytest.approx((expected.low, expected.high), abs=1e-4)
+
+
+def test_an_interrupted_run_continues_until_a_source_or_a_test_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, file = tmp_path / "a.py", tmp_path / "results.jsonl"
+    source.write_text("x = 1 + 2\n")
+    monkeypatch.setattr(driver, "SOURCES", {"sonarhw": [str(source)]})
+    detected, survived, untried, *_ = mutants_of("a.py", source.read_bytes())
+    Results(file).add(detected, False)
+    Results(file).add(survived, True)
+    assert [Results(file).get(mutant) for mutant in (detected, survived, untried)] == [False, True, None]
+    source.write_text("x = 1 + 2 + 3\n")
+    assert Results(file).get(detected) is None
