@@ -93,11 +93,11 @@ collected: $(VENV)/tools
 # at the same time as the other tests, because most window tests wait; the results follow at the end
 window-tests:
 	@mkdir -p build
-	@$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
+	@$(BIN)/pytest tests/system/gui --durations 10 $(AT_ONCE) $(TWO_SCREENS) >build/window-tests.txt; \
 		status=$$?; cat build/window-tests.txt; exit $$status
 
 other-tests:
-	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) $(AT_ONCE) --numprocesses 4
+	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOW) --durations 10 $(AT_ONCE) --numprocesses 4
 
 # the tests without windows once more; fails if they execute less than 90 %. Python code runs at half its speed meanwhile
 coverage: tools firmware

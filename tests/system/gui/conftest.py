@@ -1,6 +1,7 @@
 """Fixtures for tests of real windows: a fake scanner on a loopback socket, a recorded log, windows without leaks."""
 
 import gc
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -61,7 +62,7 @@ def garbage_collected_between_tests() -> Iterator[None]:
 @pytest.fixture
 def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
     """Return a function that opens a window. At the end, windows are closed and must leave no thread."""
-    before = set(threading.enumerate())
+    before = working_threads()
     windows: list[MainWindow] = []
 
     def open_it(**start: object) -> MainWindow:
@@ -77,25 +78,24 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         window.close()
         window.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
-    ours = {
-        "live scanner",
-        "watch the line",
-        "draft paths",
-        "find paths",
-        "compare readings",
-        "traces",
-        "B-scans",
-        "open files",
-        "ask ports",
-        "fit",
-        "causes",
-        "find the room",
-        "add scans",
-        "save files",
-        "list recordings",
-        "read CSV",
-    }
-    assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
+    assert not {thread.name: module for thread, module in working_threads().items() if thread not in before}
+
+
+def working_threads() -> dict[threading.Thread, str]:
+    """Return the threads that run code of the window or of the near end of a line, each with its outermost module.
+
+    The far end, `sonarhw.device`, belongs to the fixture that serves it.
+    """
+    frames, working = sys._current_frames(), {}
+    for thread in threading.enumerate():
+        frame, modules = frames.get(thread.ident), []
+        while frame is not None:
+            modules.append(frame.f_globals.get("__name__", ""))
+            frame = frame.f_back
+        ours = [name for name in modules if name.partition(".")[0].startswith("sonarhw")]
+        if ours and thread is not threading.current_thread() and not ours[-1].startswith("sonarhw.device."):
+            working[thread] = ours[-1]
+    return working
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from sonarhw_gui.jobs.jobs import JobProgress, Jobs
 
 from sonarhw.errors import InputError
 from tests.hang_guard import HANG
+from tests.system.gui.conftest import working_threads
 from tests.system.gui.driving import until
 
 
@@ -139,13 +140,14 @@ def test_a_full_lane_refuses_further_jobs(qtbot: QtBot, jobs: Jobs) -> None:
 
 
 def test_closing_does_what_must_be_done_drops_the_rest_and_ends_the_threads(qtbot: QtBot, jobs: Jobs) -> None:
-    held, done = Held(), []
+    held, done, before = Held(), [], working_threads()
     jobs.run("held", held, lane="files")
     assert held.begun.wait(HANG)
+    assert [module for thread, module in working_threads().items() if thread not in before] == ["sonarhw_gui.jobs.jobs"]
     jobs.run("read", done.append, "read", lane="files")
     jobs.run("save", done.append, "saved", lane="files", at_close=True)
     threading.Timer(0.05, held.gate.set).start()
     jobs.close()
     jobs.run("late", done.append, "late")
     assert done == ["saved"]
-    assert not {"files", "late"} & {thread.name for thread in threading.enumerate()}
+    assert working_threads().keys() <= before.keys()
