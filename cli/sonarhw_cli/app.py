@@ -8,7 +8,7 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
@@ -16,13 +16,6 @@ from sonarhw_sim.compilation import watch_compilation
 
 from sonarhw.errors import ExitStatus, SonarError
 from sonarhw_cli import calibrate, compare, fit, logs, rooms, scan, scanner, simulate, window
-from sonarhw_cli import compare as report
-from sonarhw_cli import fit as locate
-from sonarhw_cli import fit as study
-from sonarhw_cli import scan as ping
-from sonarhw_cli import scan as serve
-from sonarhw_cli import simulate as figures
-from sonarhw_cli import simulate as paths
 from sonarhw_cli.options import (
     CommandList,
     choose_verbosity,
@@ -111,36 +104,57 @@ app = CommandList(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-app.command("demo")(window.demo)
-app.command("ports")(scanner.ports)
-app.command("info")(scanner.info)
-app.command("scan")(scan.scan)
-app.command("serve")(serve.serve)
-app.command("home")(scanner.home)
-app.command("turn", context_settings={"ignore_unknown_options": True})(scanner.turn)  # -90 is an angle
-app.command("stop")(scanner.stop)
-app.command("monitor")(scanner.monitor)
-app.command("ping")(ping.ping)
-app.command("flash")(scanner.flash)
-app.command("doctor")(scanner.doctor)
-app.command("wiring")(scanner.wiring)
-app.command("calibrate")(calibrate.calibrate)
-app.command("fake")(scanner.fake)
-app.command("simulate")(simulate.simulate)
-app.command("paths")(paths.paths)
-app.command("figures")(figures.figures)
-app.command("import")(logs.import_scan)
-app.command("replay")(scanner.replay)
-app.add_typer(logs.app, name="log")
-app.add_typer(rooms.room_app, name="room")
-app.add_typer(rooms.profile_app, name="profile")
-app.command("compare")(compare.compare)
-app.command("report")(report.report)
-app.command("locate")(locate.locate)
-app.command("map")(fit.map_logs)
-app.command("study")(study.study)
-app.command("fit")(fit.fit)
-app.command("gui")(window.gui)
+# the headings of the help, each with its commands; rare ones are last
+_COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+    "Scan": {
+        "demo": window.demo,
+        "scan": scan.scan,
+        "gui": window.gui,
+        "serve": scan.serve,
+        "replay": scanner.replay,
+        "fake": scanner.fake,
+        "ping": scan.ping,
+        "monitor": scanner.monitor,
+    },
+    "Predict": {
+        "simulate": simulate.simulate,
+        "study": fit.study,
+        "paths": simulate.paths,
+        "figures": simulate.figures,
+    },
+    "Compare": {
+        "compare": compare.compare,
+        "report": compare.report,
+        "locate": fit.locate,
+        "fit": fit.fit,
+        "map": fit.map_logs,
+        "calibrate": calibrate.calibrate,
+    },
+    "Files": {
+        "import": logs.import_scan,
+        "log": logs.app,
+        "room": rooms.room_app,
+        "profile": rooms.profile_app,
+    },
+    "Scanner set-up": {
+        "ports": scanner.ports,
+        "doctor": scanner.doctor,
+        "info": scanner.info,
+        "flash": scanner.flash,
+        "wiring": scanner.wiring,
+        "home": scanner.home,
+        "turn": scanner.turn,
+        "stop": scanner.stop,
+    },
+}
+_NEGATIVE = {"turn": {"ignore_unknown_options": True}}  # -90 is an angle
+
+for heading, commands in _COMMANDS.items():
+    for name, command in commands.items():
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name, rich_help_panel=heading)
+        else:
+            app.command(name, rich_help_panel=heading, context_settings=_NEGATIVE.get(name))(command)
 app.command("board", hidden=True)(scanner.board)
 
 
@@ -173,6 +187,17 @@ def sonarhw(
 ) -> None:
     """Scan a room with an ultrasonic ranging board, and compare the scan with its prediction."""
     choose_verbosity(quiet=quiet, verbose=verbose)
+
+
+_FIRST_STEPS = """\
+Scan a room with an ultrasonic ranging board, and compare the scan with its prediction.
+
+First steps:
+  sonarhw demo                                     watch a fake scanner and the prediction of its scan
+  sonarhw simulate laboratory --out predicted.png  predict a scan of a room, without a scanner
+  sonarhw ports                                    find a scanner at a serial port
+
+sonarhw --help lists all commands, and sonarhw COMMAND --help the options of one."""
 
 
 def run(arguments: list[str] | None = None) -> int:
@@ -220,7 +245,7 @@ def _refuse(message: str, status: int) -> int:
     # without a command, the message is the help
     if not message.startswith("Usage:"):
         return _report(message, status)
-    print_help(message)
+    print_help(_FIRST_STEPS if message.startswith("Usage: sonarhw [OPTIONS] COMMAND") else message)
     return status
 
 

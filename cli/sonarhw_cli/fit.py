@@ -124,7 +124,10 @@ def fit(
     board_out: FittedBoardFile = None,
     force: Force = False,
 ) -> None:
-    """Fit place, heading, board and room to scans. Each value is printed with its credible interval."""
+    """Fit place, board and room to scans (unknown place: `locate`).
+
+    Each value is printed with its credible interval.
+    """
     _check_files(out, board_out, free, force, room_name, board, *log_files)
     from sonarhw_compare import one_call
     from sonarhw_compare.fit.fitting import check_count
@@ -220,7 +223,10 @@ def locate(
     as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
     force: Force = False,
 ) -> None:
-    """Find the pose of a scan in a known room. Each possible pose is printed with its probability."""
+    """Find the pose of a scan in a known room (unknown room: `map`).
+
+    Each possible pose is printed with its probability.
+    """
     if out is not None:
         checked_out(out, PICTURES, force, log_file, room_name, board)
     scan, room, chosen = open_in_room(log_file, room_name, board)
@@ -333,7 +339,7 @@ def map_logs(
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     force: Force = False,
 ) -> None:
-    """Estimate a room from scans.
+    """Find the room from scans (known room: `locate`).
 
     A map has a certainty grid, and walls, corners and edges from regions of constant depth. Two maps are made: one
     from all readings, and one without the readings that came by several reflections. Those readings are found by

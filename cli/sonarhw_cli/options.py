@@ -539,6 +539,17 @@ class _PlainGroup(TyperGroup):
     def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:
         return super().get_short_help_str(max(limit, _WHOLE_SENTENCE))
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        shown = {name: command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden}
+        width = max(len(name) for name in shown)
+        headings: dict[str, list[tuple[str, str]]] = {}
+        for name, command in shown.items():
+            heading = getattr(command, "rich_help_panel", None) or "Commands"
+            headings.setdefault(heading, []).append((name.ljust(width), command.get_short_help_str()))
+        for heading, rows in headings.items():
+            with formatter.section(heading):
+                formatter.write_dl(rows)
+
 
 class _PlainCommand(TyperCommand):
     def get_short_help_str(self, limit: int = _WHOLE_SENTENCE) -> str:

@@ -364,7 +364,7 @@ def ping(
     traces: ShowTraces = False,
     force: Force = False,
 ) -> None:
-    """Ping at the present angle, and print the readings.
+    """Ping at the present angle (at all angles: `scan`).
 
     Each is printed as it arrives. The turntable is not homed or turned and its motor stays off, so a ranging board
     alone is enough.
@@ -497,7 +497,9 @@ def serve(
     reconnect: Reconnect = RECONNECT,
     force: Force = False,
 ) -> None:
-    """Scan until Ctrl-C, and publish the readings for other programs. The first line of standard output is the address.
+    """Scan until Ctrl-C, for other programs (to record a log: `scan`).
+
+    The first line of standard output is the address.
 
     The topics are those of a log: /readings, /traces, and /scan with each whole sweep. With --room, /prediction has the
     predicted ranges beside each /scan.

@@ -99,9 +99,10 @@ def _ended(outcome: "Outcome", done: str) -> str:
 
 
 def monitor(url: ScannerUrl) -> None:
-    """Print frames and rejected bytes as they arrive, until Ctrl-C. Their numbers follow at the end.
+    """Print frames as they arrive, until Ctrl-C (to measure: `ping`).
 
-    The scanner is stopped first. Of a device that prints text, the received bytes and the readings in them are printed.
+    Rejected bytes are printed too, and the numbers of both follow at the end. The scanner is stopped first. Of a device
+    that prints text, the received bytes and the readings in them are printed.
     """
     from sonarhw.link import Link
     from sonarhw.plugins.device_plugin import is_plugin, make_plugin
@@ -211,7 +212,7 @@ def info(
     watch: Watch = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print identity, capabilities and link quality of a scanner."""
+    """Print identity and link quality of a scanner (to test it: `doctor`). Its capabilities are printed too."""
     with connect(url) as scanner:
         device = _exercise_link(scanner)
         if as_json:
@@ -468,7 +469,9 @@ def fake(
     pace: Pace = "real",
     faults: Faults = "",
 ) -> None:
-    """Serve a fake scanner. The first line of standard output is its URL.
+    """Serve a fake scanner for other programs (to watch one: `demo`).
+
+    The first line of standard output is its URL.
 
     --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; miswire=WIRE; stall, deaf, mute, reset,
     nonsense, unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable. Faults with SECONDS or MICROSTEPS
@@ -528,7 +531,10 @@ def replay(
     pty: PtyLink = None,
     tcp: TcpAddress = None,
 ) -> None:
-    """Serve a log as a live scanner. Each scan command replays it. The first line of standard output is its URL."""
+    """Serve a log as a live scanner (to look at a log: `gui`).
+
+    Each scan command replays it. The first line of standard output is its URL.
+    """
     from sonarhw.device.replayed_log import ReplayDevice
     from sonarhw.device.served import Endpoint, open_server_port
     from sonarhw_cli.interruption import sigterm_exits
@@ -568,7 +574,7 @@ def doctor(
     plate: PlateAngle = None,
     distance: PlateDistance = None,
 ) -> None:
-    """Check a new scanner step by step.
+    """Test a scanner part by part (identity only: `info`).
 
     The steps are line, firmware, ranging board, turntable, and a first plate. Each check is a line: pass, FAIL or skip,
     what was found, and what to do. Exit status 1 if any check fails.

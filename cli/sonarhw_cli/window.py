@@ -352,7 +352,7 @@ def demo(
     headless: Headless = None,
     force: ForceFiles = False,
 ) -> int:
-    """Scan the demo room with a fake scanner and show the overlay.
+    """Watch a fake scanner in the demo room (your own scanner: `scan`).
 
     The overlay is the scan drawn over its prediction. Without a display and without --headless, the files are written
     to a new folder: demo-result, or demo-result-2 and so on. The seed is fixed, so each run gives the same result.

@@ -35,10 +35,14 @@ def man_page() -> str:
     group = typer.main.get_command(app)
     summary = group.help.split(".")[0]
     options = [(", ".join(option.opts), option.help) for option in group.params if option.help]
-    commands = [row for name, command in group.commands.items() for row in _rows(name, command)]
+    sections: dict[str, list[tuple[str, str]]] = {}
+    for name, command in group.commands.items():
+        sections.setdefault(f"COMMANDS: {(command.rich_help_panel or '').upper()}", []).extend(_rows(name, command))
+    sections["OPTIONS"] = options
     body = "".join(
         f".SH {title}\n" + "".join(f".TP\n.B {_roff(name)}\n{_roff(text)}\n" for name, text in rows)
-        for title, rows in (("COMMANDS", commands), ("OPTIONS", options))
+        for title, rows in sections.items()
+        if rows
     )
     return _HEAD.format(summary=_roff(summary[0].lower() + summary[1:])) + body + _TAIL
 
