@@ -105,7 +105,7 @@ app = CommandList(
 )
 
 # the headings of the help, each with its commands; rare ones are last
-_COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+_COMMANDS: dict[str, dict[str, Callable[..., int | None] | typer.Typer]] = {
     "Scan": {
         "demo": window.demo,
         "scan": scan.scan,
