@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.rooms.causes import MISFITS, FoundCauses, NewPost, NewWall, RoomChange, cause_text, find_causes
+from sonarhw_compare.rooms.causes import MISFITS, Change, FoundCauses, NewPost, NewWall, cause_text, find_causes
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, Room, load_room
 
@@ -113,7 +113,7 @@ def _changed_scans(room: Room, place: Place, board: Board) -> Iterator[tuple[New
             yield wall, readings
 
 
-def _distance(change: RoomChange, wall: NewWall) -> float:
+def _distance(change: Change, wall: NewWall) -> float:
     """Return the distance of the middle of a new wall or post from a wall, m; infinite for other changes."""
     if isinstance(change, NewPost):
         middle = np.array(change.center)

@@ -7,17 +7,18 @@ and a point equally well. With two places, a wall is the line that touches both 
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sonarhw_sim.board.profile import Board, of_own_body
+from sonarhw_sim.board.profile import Board, of_own_body, without_own_body
 from sonarhw_sim.predict.predicted_scan import standpoints
 
+from sonarhw.errors import InputError
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
-from sonarhw_compare.fit.result import PlacedScan
-from sonarhw_compare.regions import LEAST, TOLERANCE, regions_of
+from sonarhw_compare.fit.result import PlacedScan, check_given_once
+from sonarhw_compare.regions import LEAST, TOLERANCE, angles_and_ranges, regions_of
 
 FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a wall or point
 OTHER_PLACE = 0.05  # m, between places that count as different
@@ -61,10 +62,23 @@ def direction(angle: float) -> FloatArray:
 
 def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, FloatArray]:
     """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo of the room; (n,) each."""
-    headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
-    ranges = np.array([np.nan if reading.range is None else reading.range for reading in scan.readings])
+    angles, ranges = angles_and_ranges(scan.readings)
     ranges[of_own_body(board.own_body, scan.readings)] = np.nan
-    return np.array(headings, dtype=np.float64), board.true_ranges(ranges)
+    return board.heading_at(angles, scan.place.heading), board.true_ranges(ranges)
+
+
+def mappable(scans: Sequence[PlacedScan], board: Board) -> list[PlacedScan]:
+    """Return scans for a map, without readings of the carrier's own body.
+
+    Raises InputError if no reading has an echo, a scan is given twice or the board is a ring.
+    """
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
+    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
+    if all(reading.range is None for scan in scans for reading in scan.readings):
+        raise InputError("nothing to map: no reading has an echo")
+    check_given_once(scans)
+    return scans
 
 
 class ArcRule(NamedTuple):

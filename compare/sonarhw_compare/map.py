@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.predict.predicted_scan import standpoints
 from sonarhw_sim.predict.prediction import CONE_HALF_ANGLE
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Room, parse_room
 
-from sonarhw.errors import InputError, counted
+from sonarhw.errors import counted
 from sonarhw.readings import BoolArray, FloatArray, angle_difference
 from sonarhw_compare.arcs import (
     CERTAIN,
@@ -29,9 +29,10 @@ from sonarhw_compare.arcs import (
     count_places,
     direction,
     headings_and_ranges,
+    mappable,
     table_of,
 )
-from sonarhw_compare.fit.result import PlacedScan, check_given_once
+from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.match import compare_readings
 
@@ -592,13 +593,7 @@ def map_scans(
     Sound is followed in `room` if given, or else in a room of the walls that three places agree on. `tick` receives the
     completed share, 0..1. Raises InputError if no reading has an echo, a scan is given twice or the board is a ring.
     """
-    if board.ring is not None:
-        raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
-    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
-    if all(reading.range is None for scan in scans for reading in scan.readings):
-        raise InputError("nothing to map: no reading has an echo")
-    check_given_once(scans)
-    parts = count()
+    scans, parts = mappable(scans, board), count()
 
     def begin_part() -> None:
         # a layer of all readings, one part for each scan, a layer of the kept readings

@@ -41,7 +41,7 @@ from sonarhw_compare.fit.quantities import (
 )
 from sonarhw_compare.fit.result import PlacedScan, Progress, check_given_once
 from sonarhw_compare.fit.search import climb, covariance_of, refined
-from sonarhw_compare.fit.starting import all_round, best_agreement, fit_scan, places_near
+from sonarhw_compare.fit.starting import all_round, best_agreement, fit_scan
 from sonarhw_compare.match import TOLERANCE, Comparison, Kind, compare_readings, drawn_blocks
 from sonarhw_compare.regions import angles_and_ranges, mean_run
 
@@ -401,8 +401,7 @@ def starting_turntable(
     fits = []
     for k, scan in enumerate(scans):
         tick(k / len(scans))
-        near = ((place, predict_scan(room, place, turned, all_round()).ranges) for place in places_near(scan.place))
-        fits.append(best_agreement(scan.readings, near, _FREE | {"position"}, turned))
+        fits.append(fit_scan(scan.readings, room, scan.place, turned, _FREE | {"position"}))
     return StartingTurntable(scale, deviation, plain.threshold_db, tuple(fit.place for fit in fits))
 
 

@@ -14,7 +14,17 @@ from sonarhw_compare.arcs import FARTHEST, POSSIBLE, Arc, common_lines, common_p
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft, meeting, post_name, wall_name
-from sonarhw_compare.rooms.evidence import FOLLOWED, PRICE, REFLECTANCE, Evidence, Scored, all_scored, as_found, scored
+from sonarhw_compare.rooms.evidence import (
+    CLEARLY,
+    FOLLOWED,
+    PRICE,
+    REFLECTANCE,
+    Evidence,
+    Scored,
+    all_scored,
+    as_found,
+    scored,
+)
 
 # Walls and posts that might exist, from regions of constant depth.
 #
@@ -440,9 +450,6 @@ def trimmed(draft: RoomDraft, touches: Touches, first: RoomDraft, only: int | No
 # Which readings speak for and against each wall and post of a draft.
 
 
-_CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks for or against a wall
-
-
 @dataclass(frozen=True, eq=False)
 class Support:
     """The readings that speak for and against one wall or post."""
@@ -452,16 +459,11 @@ class Support:
 
     def speaking(self, sign: int) -> tuple[NDArray[np.bool_], ...]:
         """Return which readings clearly speak for it (1) or against it (-1), (n,) for each scan."""
-        return tuple(sign * gains > _CLEARLY for gains in self.gains)
+        return tuple(sign * gains > CLEARLY for gains in self.gains)
 
 
 def support_of(evidence: Evidence, draft: RoomDraft, noise: ReadingNoise) -> tuple[Support, ...]:
     """Return the support of each wall and post of a draft, in the order of its room."""
     without = [(wall_name(number), draft.without_only(key)) for number, key in enumerate(draft.walls)]
     without += [(post_name(number), draft.without_post(post)) for number, post in enumerate(draft.posts)]
-    whole = evidence.by_reading(draft, noise)
-    supports = []
-    for name, rest in without:
-        less = evidence.by_reading(rest, noise)
-        supports.append(Support(name, tuple(one - other for one, other in zip(whole, less, strict=True))))
-    return tuple(supports)
+    return tuple(Support(name, tuple(evidence.gains(rest, draft, noise))) for name, rest in without)

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize_scalar
@@ -27,24 +27,16 @@ from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.rooms.candidates import post_candidates
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.rooms.evidence import FINE, PRICE, REFLECTANCE, Scored, all_scored, evidence_of, scored
+from sonarhw_compare.rooms.evidence import CLEARLY, FINE, PRICE, REFLECTANCE, Scored, all_scored, evidence_of, scored
 from sonarhw_compare.rooms.search import refined, unexplained_readings, with_post, with_wall
 
-# Changes of a room that may explain misfits: a new post or wall, a moved wall, another reflectance.
+# Changes of a room that may explain misfits: a new post or wall, a moved wall, another reflectance. Each has a price,
+# returns the changed room, of which the text is edited, so that it can be saved, and states what is changed.
 
 
 OBJECT = "found object"  # material of new posts and walls
 _DIGITS = 4  # of metres in a room file
-
-
-class RoomChange(Protocol):
-    """A change of a room."""
-
-    def applied(self, room: Room) -> Room:
-        """Return the changed room. Its text is edited, so it can be saved. Raises InputError if it is not possible."""
-
-    def text(self, length: LengthText) -> str:
-        """Return what is changed; `length` formats lengths, m."""
+_PRICE_OF_ONE = 7.0  # as `PRICE`, for changes of one number
 
 
 @dataclass(frozen=True)
@@ -53,6 +45,7 @@ class NewPost:
 
     center: Point  # m
     radius: float  # m
+    price: ClassVar[float] = PRICE
 
     def applied(self, room: Room) -> Room:
         """Return the room with the post. Raises InputError if it overlaps another post."""
@@ -72,6 +65,7 @@ class NewWall:
 
     start: Point  # m
     end: Point  # m
+    price: ClassVar[float] = PRICE
 
     def applied(self, room: Room) -> Room:
         """Return the room with the wall."""
@@ -90,6 +84,7 @@ class MovedWall:
     wall: str
     left: float  # m, to its left, seen from its start to its end
     farther: float  # m, from the sensor
+    price: ClassVar[float] = _PRICE_OF_ONE
 
     def applied(self, room: Room) -> Room:
         """Return the room with the moved wall."""
@@ -108,6 +103,7 @@ class OtherReflectance:
     before: float  # amplitude ratio
     reflectance: float
     edge: str | None = None  # where its sound is diffracted, if that is what changes
+    price: ClassVar[float] = _PRICE_OF_ONE
 
     def applied(self, room: Room) -> Room:
         """Return the room with a material of this reflectance for the surface."""
@@ -133,6 +129,9 @@ class OtherReflectance:
         return f"{self.surface} reflects {'less' if weaker else 'more'} than assumed: {change}"
 
 
+Change = NewPost | NewWall | MovedWall | OtherReflectance
+
+
 def _with_object(room: Room) -> Room:
     return changed_room(
         room, lambda document: section(document, "materials", OBJECT).setdefault("reflectance", REFLECTANCE)
@@ -153,7 +152,6 @@ def _point(at: Point) -> str:
 _MOST = 6  # causes
 # all reflections: an echo that the given room explains by many of them would else speak for objects that do not exist
 _FOLLOWED = PredictionOptions(rays=720)
-_PRICE_OF_ONE = 7.0  # as `PRICE`, for changes of one number
 _EDGES = 4  # points at which a wall may end that are tried
 _DIRECTIONS = tuple(np.radians(np.arange(0.0, 360.0, 11.25)).tolist())  # rad, of a wall from an edge
 _LENGTHS = (0.15, 0.4)  # m, likewise
@@ -166,7 +164,6 @@ _LEAST_SHIFT = 0.01  # m; room files and overlapping echoes are not more accurat
 _REFLECTANCES = (0.1, 0.3, 0.5, 0.7, 0.95)
 _LEAST_CHANGE = 0.1  # of a reflectance
 _FEWEST = 3  # readings whose first echo touches a wall, without which it is not moved
-_BETTER = 1.0  # log-likelihood by which a change explains a reading better
 _AGREE = 4  # readings that a change must explain better
 _MOST_OF_ONE = 3.0  # log-likelihood that one reading counts for or against a change
 _RANGES, _LEVELS = (0.003, 0.006, 0.012, 0.025), (1.5, 3.0)  # m, dB, noise that is tried
@@ -178,7 +175,7 @@ MISFITS = (Kind.SHORT, Kind.LONG, Kind.MISSED, Kind.EXTRA)
 class Cause:
     """A change of the room, and the readings that it explains."""
 
-    change: RoomChange
+    change: Change
     gain: float  # of log-likelihood by this change beside all others; no reading counts for more than 3
     readings: tuple[int, ...]  # rows of the readings that are more likely with it
     kinds: tuple[tuple[Kind, int], ...]  # classes of these readings in the given room, the most frequent first
@@ -242,7 +239,7 @@ def find_causes(
     if all(reading.range is None for reading in readings):
         raise InputError("no reading has an echo; nothing shows what is missing in the room")
     search = _Search(tuple(readings), room, place, board)
-    changes: list[RoomChange] = []
+    changes: list[Change] = []
     while len(changes) < _MOST and not cancelled():
         tick(len(changes) / (_MOST + 1))
         change = search.best_change(_with_all(room, changes))
@@ -252,14 +249,6 @@ def find_causes(
     found = search.judged(changes)
     tick(1.0)
     return found
-
-
-@dataclass(frozen=True)
-class _Proposal:
-    """A change and the log-likelihood with it."""
-
-    change: RoomChange
-    score: float
 
 
 class _Search:
@@ -277,63 +266,48 @@ class _Search:
         tried = (FINE._replace(range=spread, level=level) for spread, level in product(_RANGES, _LEVELS))
         self._noise: ReadingNoise = max(tried, key=lambda noise: self._scored(room, noise).score)
 
-    def best_change(self, room: Room) -> RoomChange | None:
+    def best_change(self, room: Room) -> Change | None:
         """Return the change that explains most; None if none is worth its price."""
         now = self._scored(room)
         proposals = [*self._objects(now), *self._moved_walls(room), *self._reflectances(room)]
-        for proposal in sorted(proposals, key=lambda one: -one.score):
-            if proposal.score - now.score < _price(proposal.change):
+        for change, score in sorted(proposals, key=lambda proposal: -proposal[1]):
+            if score - now.score < change.price:
                 continue
             try:
-                changed = proposal.change.applied(room)
+                changed = change.applied(room)
             except InputError:
                 continue  # a post around the sensor or in another post, or a wall without a length
-            if self._agreed_gain(room, changed) >= _price(proposal.change):
-                return proposal.change
+            if _agreed(self._gains(room, changed)) >= change.price:
+                return change
         return None
 
-    def judged(self, changes: Sequence[RoomChange]) -> FoundCauses:
+    def judged(self, changes: Sequence[Change]) -> FoundCauses:
         """Return the changes that are still worth their price beside the others, worst first."""
         changes = list(changes)
         causes: list[Cause] = []
         for change in list(changes):
             others = [other for other in changes if other is not change]
-            with_it, without = _with_all(self._room, changes), _with_all(self._room, others)
-            gain = self._agreed_gain(without, with_it)
-            if gain < _price(change):
+            gains = self._gains(_with_all(self._room, others), _with_all(self._room, changes))
+            if _agreed(gains) < change.price:
                 changes = others
                 continue
-            causes.append(self._cause(change, gain, self._better(without, with_it)))
+            causes.append(self._cause(change, gains))
         causes.sort(key=lambda cause: -cause.gain)
         changed = _with_all(self._room, changes)
         before, after = self._compared(self._room), self._compared(changed)
         left = tuple(row.index for row in after.rows if row.kind in MISFITS)
         return FoundCauses(tuple(causes), changed, before, after, left)
 
-    def _cause(self, change: RoomChange, gain: float, readings: tuple[int, ...]) -> Cause:
+    def _cause(self, change: Change, gains: FloatArray) -> Cause:
         rows = self._compared(self._room).rows
-        kinds = Counter(rows[k].kind for k in readings)
-        return Cause(change, gain, readings, tuple(kinds.most_common()), _sectors([rows[k].heading for k in readings]))
-
-    def _better(self, before: Room, after: Room) -> tuple[int, ...]:
-        """Return the rows of readings that are more likely in the second room."""
-        return tuple(self._rows[np.flatnonzero(self._gains(before, after) > _BETTER)].tolist())
-
-    def _agreed_gain(self, before: Room, after: Room) -> float:
-        """Return the gain of log-likelihood, to which no reading contributes much alone; 0 if few readings agree."""
-        gains = self._gains(before, after)
-        if (gains > _BETTER).sum() < _AGREE:
-            return 0.0
-        return _limited(gains)
+        better = tuple(self._rows[np.flatnonzero(gains > CLEARLY)].tolist())
+        kinds = tuple(Counter(rows[k].kind for k in better).most_common())
+        return Cause(change, _agreed(gains), better, kinds, _sectors([rows[k].heading for k in better]))
 
     def _gains(self, before: Room, after: Room) -> FloatArray:
-        return self._gains_of(self._draft(before), self._draft(after))
+        return self._evidence.gains(self._draft(before), self._draft(after), self._noise)[0]
 
-    def _gains_of(self, before: RoomDraft, after: RoomDraft) -> FloatArray:
-        one, other = (self._evidence.by_reading(draft, self._noise)[0] for draft in (before, after))
-        return other - one
-
-    def _objects(self, now: Scored) -> Iterator[_Proposal]:
+    def _objects(self, now: Scored) -> Iterator[tuple[Change, float]]:
         """Yield the post and the wall that explain most, refined."""
         unexplained = unexplained_readings(self._first_echoes, now.draft, self._noise)
         extended = (
@@ -348,10 +322,10 @@ class _Search:
             if found.draft.posts:
                 found = self._with_post_moved(now, found)
                 (post,) = found.draft.posts
-                yield _Proposal(NewPost(post.center, post.radius), found.score)
+                yield NewPost(post.center, post.radius), found.score
             else:
                 x0, y0, x1, y1 = found.draft.segments[0].tolist()
-                yield _Proposal(NewWall((x0, y0), (x1, y1)), found.score)
+                yield NewWall((x0, y0), (x1, y1)), found.score
 
     def _with_post_moved(self, now: Scored, found: Scored) -> Scored:
         """Return a draft with its post where the readings are most likely, within some centimetres.
@@ -363,7 +337,7 @@ class _Search:
         drafts = [replace(found.draft, posts=(other,)) for other in _posts_near(post, self._place)]
         best = max(all_scored(self._evidence, drafts, self._noise), key=lambda one: one.score)
         moved = refined(self._evidence, best.draft, self._noise, _STEPS)
-        return max(found, moved, key=lambda one: _limited(self._gains_of(now.draft, one.draft)))
+        return max(found, moved, key=lambda one: _limited(self._evidence.gains(now.draft, one.draft, self._noise)[0]))
 
     def _with_wall_from_edge(self, now: Scored, unexplained: list[FloatArray]) -> Scored:
         """Return the draft with the wall that explains most, of those with one end where an arc shows an edge.
@@ -377,7 +351,7 @@ class _Search:
         ]
         return max(all_scored(self._evidence, drafts, self._noise), key=lambda one: one.score, default=now)
 
-    def _moved_walls(self, room: Room) -> Iterator[_Proposal]:
+    def _moved_walls(self, room: Room) -> Iterator[tuple[Change, float]]:
         """Yield the best shift of each wall that a predicted echo touches."""
         touched = self._touched(room, only_misfits=False)
         for wall in range(len(room.walls)):
@@ -385,7 +359,7 @@ class _Search:
                 continue
             found = self._best_shift(room, wall)
             if abs(found.x) >= _LEAST_SHIFT:
-                yield _Proposal(_moved_wall(room, wall, float(found.x), self._place), -float(found.fun))
+                yield _moved_wall(room, wall, float(found.x), self._place), -float(found.fun)
 
     def _best_shift(self, room: Room, wall: int) -> OptimizeResult:
         """Return the best shift of a wall to its left (m) as `x`, and its negative log-likelihood as `fun`."""
@@ -398,7 +372,7 @@ class _Search:
         bounds = left - abs(left) / 2, left + abs(left) / 2
         return minimize_scalar(unlikely, bounds=bounds, method="bounded", options={"maxiter": 8, "xatol": 5e-4})
 
-    def _reflectances(self, room: Room) -> Iterator[_Proposal]:
+    def _reflectances(self, room: Room) -> Iterator[tuple[Change, float]]:
         """Yield the best reflectance of each surface on a path of a misfit."""
         edges = self._edges_of_misfits(room)
         for name in self._touched(room, only_misfits=True):
@@ -413,7 +387,7 @@ class _Search:
             ]
             scores = [self._scored(one.in_arrays(room)).score for one in tried]
             best = int(np.argmax(scores))
-            yield _Proposal(tried[best], scores[best])
+            yield tried[best], scores[best]
 
     def _touched(self, room: Room, only_misfits: bool) -> Counter[str]:
         """Return how many readings have a predicted first echo from each surface."""
@@ -451,6 +425,11 @@ class _Search:
         return scored(self._evidence, self._draft(room), noise or self._noise)
 
 
+def _agreed(gains: FloatArray) -> float:
+    """Return the gain of log-likelihood, to which no reading contributes much alone; 0 if few readings agree."""
+    return _limited(gains) if (gains > CLEARLY).sum() >= _AGREE else 0.0
+
+
 def _limited(gains: FloatArray) -> float:
     """Return the sum of the gains of readings, to which none contributes much alone."""
     return float(np.clip(gains, -_MOST_OF_ONE, _MOST_OF_ONE).sum())
@@ -485,12 +464,7 @@ def _moved_wall(room: Room, wall: int, left: float, place: Place) -> MovedWall:
     return MovedWall(room.names[wall], left, -left if on_the_left else left)
 
 
-def _price(change: RoomChange) -> float:
-    """Return the log-likelihood that a change must add."""
-    return _PRICE_OF_ONE if isinstance(change, MovedWall | OtherReflectance) else PRICE
-
-
-def _with_all(room: Room, changes: Sequence[RoomChange]) -> Room:
+def _with_all(room: Room, changes: Sequence[Change]) -> Room:
     for change in changes:
         room = change.applied(room)
     return room

@@ -72,6 +72,7 @@ FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every
 # later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
 FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
 PRICE = 10.0  # log-likelihood that a wall or post must add
+CLEARLY = 1.0  # change of the log-likelihood of a reading that clearly speaks for or against a change
 _ALIKE, _ALIKE_TURNED = 0.1, math.radians(8)  # m, rad, between a candidate and a refused wall or post
 ROUGH = ReadingNoise(0.02, 2.0, 0.08, 0.03, 0.05)  # for walls not yet refined
 FINE = ReadingNoise(0.01, 1.5, 0.05, 0.03, 0.03)
@@ -144,6 +145,11 @@ class Evidence:
     def by_reading(self, draft: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
         """Return the log-likelihood of each reading, (n,) for each scan."""
         return self._by_reading([draft], noise)[0]
+
+    def gains(self, before: RoomDraft, after: RoomDraft, noise: ReadingNoise) -> list[FloatArray]:
+        """Return the log-likelihood of each reading in a draft minus that in another one, (n,) for each scan."""
+        pairs = zip(self.by_reading(before, noise), self.by_reading(after, noise), strict=True)
+        return [now - then for then, now in pairs]
 
     def _by_reading(
         self, drafts: Sequence[RoomDraft], noise: ReadingNoise, scans: Sequence[int] | None = None

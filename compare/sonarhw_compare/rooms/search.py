@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, softmax
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import Board, without_own_body
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, angle_difference
-from sonarhw_compare.arcs import POSSIBLE, Arc, arcs_of
+from sonarhw_compare.arcs import POSSIBLE, Arc, arcs_of, mappable
 from sonarhw_compare.fit.likelihood import ReadingNoise
 from sonarhw_compare.fit.parameters import free_parameters
-from sonarhw_compare.fit.result import PlacedScan, check_given_once
+from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import Located, Pose, PoseSpread, locate_scan
 from sonarhw_compare.match import TOLERANCE
 from sonarhw_compare.processes import LateProcesses
@@ -853,12 +853,7 @@ def find_room(
     default started and ended by this one. Raises InputError if no reading has an echo, no wall is found, a scan
     is given twice, or the board is a ring.
     """
-    scans = [replace(scan, readings=without_own_body(board.own_body, scan.readings)) for scan in scans]
-    if board.ring is not None:
-        raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
-    if all(reading.range is None for scan in scans for reading in scan.readings):
-        raise InputError("nothing to map: no reading has an echo")
-    check_given_once(scans)
+    scans = mappable(scans, board)
     own = LateProcesses(len(scans), LARGE) if processes is None else nullcontext(processes)
     with own as used:
         spreads, progress = spreads or [PoseSpread()] * len(scans), SearchProgress(tick)
