@@ -1,8 +1,8 @@
-"""Small widgets that are not specific to sonar: labels, fields, sliders, icons and layouts."""
+"""Small widgets that are not specific to sonar: labels, number fields, sliders, lists, tables, bars and layouts."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from typing import Any
+from typing import Any, TypeVar
 
 from PySide6 import QtGui
 from PySide6.QtCore import (
@@ -18,21 +18,28 @@ from PySide6.QtCore import (
     QSize,
     Qt,
     Signal,
+    SignalInstance,
     Slot,
 )
 from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPaintEvent, QPixmap, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QBoxLayout,
     QComboBox,
     QDoubleSpinBox,
     QHBoxLayout,
     QLabel,
     QLayout,
     QLayoutItem,
+    QPushButton,
     QSizePolicy,
     QSlider,
+    QTableWidget,
+    QTableWidgetItem,
     QWidget,
 )
 
+_Box = TypeVar("_Box", bound=QBoxLayout)
 # A layout that wraps its items into further lines, so that a long row never makes the window too wide.
 
 
@@ -251,9 +258,6 @@ def plain_tip(text: str) -> str:
     return f"<p>{escape(text)}</p>" if QtGui.Qt.mightBeRichText(text) else text
 
 
-# A label of any width. Text that does not fit ends in …, and the tooltip has the full text.
-
-
 class ElidedLabel(PlainLabel):
     """One line of text, shortened to the width of the label."""
 
@@ -416,3 +420,48 @@ class SliderField(QWidget):
     def _set(self, value: float) -> None:
         self._set_both(value)
         self.changed.emit(self.field.value(), self._gesture)
+
+
+def text_table(*columns: str) -> QTableWidget:
+    """Return an empty table of texts with these columns, of which the user can select a row."""
+    table = QTableWidget(0, len(columns))
+    table.setHorizontalHeaderLabels(columns)
+    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.verticalHeader().hide()
+    table.horizontalHeader().setStretchLastSection(True)
+    return table
+
+
+def cell(text: str, tip: str = "") -> QTableWidgetItem:
+    """Return a cell of a table; its tooltip is `tip`, or else the whole text."""
+    item = QTableWidgetItem(text)
+    item.setToolTip(plain_tip(tip or text))
+    return item
+
+
+def arranged(
+    layout: _Box,
+    *parts: QWidget | QLayout,
+    rest: QWidget | None = None,
+    margins: tuple[int, int, int, int] = (0, 0, 0, 0),
+    gap: int = 0,
+) -> _Box:
+    """Return a row or column with these parts; `rest` is the one that gets the space that is left."""
+    layout.setContentsMargins(*margins)
+    layout.setSpacing(gap)
+    for part in parts:
+        if isinstance(part, QLayout):
+            layout.addLayout(part)
+        else:
+            layout.addWidget(part, stretch=int(part is rest))
+    return layout
+
+
+def button(text: str, tip: str, slot: Callable[..., object] | SignalInstance) -> QPushButton:
+    """Return a button that runs `slot`, or emits that signal."""
+    made = QPushButton(text)
+    made.setToolTip(tip)
+    made.clicked.connect(slot)
+    return made

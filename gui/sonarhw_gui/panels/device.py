@@ -20,7 +20,6 @@ from PySide6.QtWidgets import (
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
-from sonarhw_gui.session.scanner import ScanSettings
 from sonarhw_gui.session.status import (
     Status,
     angle_text,
@@ -31,7 +30,7 @@ from sonarhw_gui.session.status import (
     state_text,
     temperature_text,
 )
-from sonarhw_gui.widgets import NumberField, PlainLabel, ignore_wheel_without_focus
+from sonarhw_gui.widgets import NumberField, PlainLabel, button, ignore_wheel_without_focus
 from sonarhw_gui.window.commands import Commands
 
 _FARTHEST = 720.0  # degrees, limit of the cable
@@ -63,18 +62,15 @@ class DevicePanel(QWidget):
         super().__init__()
         self._status = Status()
         self._look = Look()
-        self.state = PlainLabel("")
-        self.hint = PlainLabel("")
-        self.hint.setWordWrap(True)
-        self.connect_button, self.disconnect_button = QPushButton("Connect"), QPushButton("Disconnect")
-        self.connect_button.setToolTip("Connect and read the scanner's identity; the turntable does not move")
-        self.disconnect_button.setToolTip("Stop and release the port for other programs")
-        self.identity, self.temperature, self.angle = PlainLabel(), PlainLabel(), PlainLabel()
-        self.identity.setWordWrap(True)
+        self.state, self.hint, self.identity = PlainLabel(), PlainLabel(wordWrap=True), PlainLabel(wordWrap=True)
+        self.temperature, self.angle, self.summary = PlainLabel(), PlainLabel(), PlainLabel(wordWrap=True)
+        tip = "Connect and read the scanner's identity; the turntable does not move"
+        self.connect_button = button("Connect", tip, self.connect_requested)
+        tip = "Stop and release the port for other programs"
+        self.disconnect_button = button("Disconnect", tip, self.disconnect_requested)
         self.identity.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.target = _degrees(0.0, "Target angle of the turntable; press Enter to turn")
-        self.turn = QPushButton("Turn")
-        self.turn.setToolTip("Turn to this angle; home first if the zero is unknown")
+        self.turn = button("Turn", "Turn to this angle; home first if the zero is unknown", self._turn)
         self.start, self.end = _degrees(0.0, "Start of the sector"), _degrees(360.0, "End of the sector, excluded")
         self.step = _degrees(5.0, "Angle from one heading to the next", lowest=0.01, decimals=2)
         self.sweeps = _count(_MOST_SWEEPS, "Number of passes over the sector, in alternate directions")
@@ -84,9 +80,8 @@ class DevicePanel(QWidget):
         self.max_range.setSpecialValueText("maximum")
         self.traces = QCheckBox("Record traces")
         self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
-        self.summary = PlainLabel()
-        self.summary.setWordWrap(True)
         self.figures = [PlainLabel() for _ in link_figures(None)]
+        self._fields = self.start, self.end, self.step, self.sweeps, self.pings, self.max_range
         self._turntable = self._made_turntable(commands)
         self._scan = self._made_scan(commands)
         self._lay_out(commands)
@@ -138,16 +133,8 @@ class DevicePanel(QWidget):
     def _made_scan(self, commands: Commands) -> QGroupBox:
         group = QGroupBox("Scan")
         grid = QGridLayout(group)
-        for place, (name, field) in enumerate(
-            (
-                ("From", self.start),
-                ("to", self.end),
-                ("Step", self.step),
-                ("Pings", self.pings),
-                ("Sweeps", self.sweeps),
-                ("Range", self.max_range),
-            )
-        ):
+        fields = {"From": self.start, "to": self.end, "Step": self.step, "Pings": self.pings, "Sweeps": self.sweeps}
+        for place, (name, field) in enumerate([*fields.items(), ("Range", self.max_range)]):
             row, column = divmod(place, 2)
             label = PlainLabel(name)
             label.setBuddy(field)
@@ -182,11 +169,8 @@ class DevicePanel(QWidget):
         column.addStretch(1)
 
     def _connect(self) -> None:
-        self.connect_button.clicked.connect(self.connect_requested)
-        self.disconnect_button.clicked.connect(self.disconnect_requested)
-        self.turn.clicked.connect(self._turn)
         self.target.entered.connect(self._turn)
-        for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range):
+        for field in self._fields:
             field.valueChanged.connect(self._send_settings)
         self.traces.toggled.connect(self._send_settings)
 
@@ -206,16 +190,12 @@ class DevicePanel(QWidget):
                 replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=max_range)
             )
 
-    def _sector(self) -> tuple[float, float, float, int, int]:
-        return self.start.value(), self.end.value(), self.step.value(), self.sweeps.value(), self.pings.value()
-
     # display
 
     def _show_settings(self) -> None:
         """Fill the fields from the scan settings. Fields that describe this scan already keep the typed text."""
         unit = self._look.unit
-        fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range, self.traces)
-        blocked = [QSignalBlocker(field) for field in fields]
+        blocked = [QSignalBlocker(field) for field in (*self._fields, self.traces)]
         self.max_range.setRange(0.0, unit.of(_LONGEST))
         self.max_range.setSuffix(f" {unit.label}")
         self.max_range.setSingleStep(unit.of(0.5))
@@ -223,13 +203,12 @@ class DevicePanel(QWidget):
         if scan_settings is not None:
             self.max_range.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
             self.traces.setChecked(scan_settings.traces)
-            if not self._has_order_of(scan_settings):
-                self._fill(scan_settings)
+            if not self._has_order(scan_settings.order):
+                self._fill(scan_settings.order)
         for block in blocked:
             block.unblock()
 
-    def _fill(self, scan_settings: ScanSettings) -> None:
-        order = scan_settings.order
+    def _fill(self, order: ScanOrder) -> None:
         start, step = math.degrees(order.start), math.degrees(order.step)
         self.start.setValue(start)
         self.end.setValue(start + order.headings * step)
@@ -237,16 +216,21 @@ class DevicePanel(QWidget):
         self.sweeps.setValue(order.sweeps)
         self.pings.setValue(order.pings)
 
-    def _has_order_of(self, scan_settings: ScanSettings) -> bool:
+    def _order(self) -> ScanOrder:
+        """Return the order in the fields. Raises ValueError if it is impossible."""
+        angles = self.start.value(), self.end.value(), self.step.value()
+        return order_of_sector(*angles, self.sweeps.value(), self.pings.value())
+
+    def _has_order(self, order: ScanOrder) -> bool:
         try:
-            return order_of_sector(*self._sector()) == scan_settings.order
+            return self._order() == order
         except ValueError:
             return False
 
     def _show_summary(self) -> ScanOrder | None:
         """Show a summary of the scan and return its order; None if the settings are invalid."""
         try:
-            order = order_of_sector(*self._sector())
+            order = self._order()
         except ValueError as error:
             self.summary.setText(f"⚠ {error}")
             return None
@@ -264,12 +248,10 @@ def _hint(status: Status) -> str:
 
 
 def _button(action: QAction) -> QPushButton:
-    button = QPushButton(f"{action.text()}   {action.shortcut().toString()}")
-    button.setToolTip(action.toolTip())
-    button.setEnabled(action.isEnabled())
-    button.clicked.connect(action.trigger)
-    action.enabledChanged.connect(button.setEnabled)
-    return button
+    made = button(f"{action.text()}   {action.shortcut().toString()}", action.toolTip(), action.trigger)
+    made.setEnabled(action.isEnabled())
+    action.enabledChanged.connect(made.setEnabled)
+    return made
 
 
 def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:

@@ -32,6 +32,7 @@ from sonarhw_gui.widgets import (
     NarrowBar,
     PlainLabel,
     Shape,
+    arranged,
     media_icon,
 )
 from sonarhw_gui.window.commands import Commands
@@ -136,7 +137,7 @@ class ReplayBar(NarrowBar):
         self.badge = PlainLabel("REPLAY")
         self.badge.setToolTip("The readings come from a log; the scanner is not in use")
         self.play = QPushButton()
-        self.play.setToolTip(commands.play.toolTip())
+        self.play.setToolTip(commands.toggle.toolTip())
         self.slider = TimeSlider()
         self.time = PlainLabel()
         self.time.setToolTip("Time in the log · readings up to this time of all readings")
@@ -159,8 +160,8 @@ class ReplayBar(NarrowBar):
         )
         for action, shape in (
             (self._commands.previous_scan, PREVIOUS_SCAN),
-            (self._commands.back, STEP_BACK),
-            (self._commands.forward, STEP_FORTH),
+            (self._commands.step_back, STEP_BACK),
+            (self._commands.step_forward, STEP_FORTH),
             (self._commands.next_scan, NEXT_SCAN),
         ):
             action.setIcon(self._icon(shape))
@@ -172,11 +173,6 @@ class ReplayBar(NarrowBar):
     def show_state(self, state: Replay | None) -> None:
         """Show the state of the replay; None hides the bar."""
         self.setVisible(state is not None)
-        commands = self._commands
-        for action in (commands.play, commands.back, commands.forward, commands.loop, commands.skip_gaps):
-            action.setEnabled(state is not None)
-        for action in (commands.previous_scan, commands.next_scan, commands.leave_replay):
-            action.setEnabled(state is not None)
         if state is None:
             return
         if self._playing != state.playing:
@@ -187,8 +183,6 @@ class ReplayBar(NarrowBar):
         self._widest = _time_text(state.duration, state.duration, len(state.readings), len(state.readings))
         self._reserve_time()
         self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
-        commands.loop.setChecked(state.loop)
-        commands.skip_gaps.setChecked(state.skip_gaps)
 
     def _reserve_time(self) -> None:
         # width of the longest text; otherwise the slider moves at every additional digit
@@ -196,12 +190,9 @@ class ReplayBar(NarrowBar):
 
     def _arrange(self) -> None:
         commands = self._commands
-        row = QHBoxLayout(self)
-        row.setContentsMargins(12, 2, 12, 6)
-        row.setSpacing(GAP)
         loop, gaps, leave = (
             _button(action, Qt.ToolButtonStyle.ToolButtonTextOnly)
-            for action in (commands.loop, commands.skip_gaps, commands.leave_replay)
+            for action in (commands.set_loop, commands.set_skip_gaps, commands.leave_replay)
         )
         previous, following = (
             _button(action, Qt.ToolButtonStyle.ToolButtonIconOnly)
@@ -209,12 +200,12 @@ class ReplayBar(NarrowBar):
         )
         # a narrow bar hides the first group, a narrower one the second too: menu and status bar have them
         self.dispensable = (loop, gaps, leave), (self.badge, previous, following)
-        for part in (
+        parts = (
             self.badge,
             previous,
-            _button(commands.back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            _button(commands.step_back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
             self.play,
-            _button(commands.forward, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            _button(commands.step_forward, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
             following,
             self.slider,
             self.time,
@@ -222,8 +213,8 @@ class ReplayBar(NarrowBar):
             loop,
             gaps,
             leave,
-        ):
-            row.addWidget(part, stretch=1 if part is self.slider else 0)
+        )
+        arranged(QHBoxLayout(self), *parts, rest=self.slider, margins=(12, 2, 12, 6), gap=GAP)
 
     @Slot(int)
     def _choose_speed(self, index: int) -> None:
@@ -346,18 +337,11 @@ class SoundBar(NarrowBar):
             self.play.setText(text)
 
     def _arrange(self) -> None:
-        row = QHBoxLayout()
-        row.setSpacing(GAP)
         # the menu has the film, and the caption the time
         self.dispensable = ((self.film, self.time),)
         parts = (self.play, self.slider, self.time, self.slowness, self.every, self.loop, self.film, self.close_button)
-        for part in parts:
-            row.addWidget(part, stretch=1 if part is self.slider else 0)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(12, 2, 12, 4)
-        column.setSpacing(2)
-        column.addWidget(self.caption)
-        column.addLayout(row)
+        row = arranged(QHBoxLayout(), *parts, rest=self.slider, gap=GAP)
+        arranged(QVBoxLayout(self), self.caption, row, margins=(12, 2, 12, 4), gap=2)
 
     def _connect(self) -> None:
         self.play.clicked.connect(self.toggled)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
-from typing import Protocol
+from typing import NamedTuple
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtWidgets import (
@@ -43,19 +43,56 @@ from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.views.plan_tools import surface_text
-from sonarhw_gui.widgets import NumberField, PlainLabel, SliderField, TitleLabel, short_list, show_names
+from sonarhw_gui.widgets import NumberField, PlainLabel, SliderField, TitleLabel, button, short_list, show_names
 
-# Groups of the room panel: their base class, the pose of the sensor, and the selected wall or post.
-
-
+# applies an edit of the scene; edits of one gesture, a second argument, are one undo step
+Change = Callable[..., None]
 _FARTHEST = 1000.0  # m
+_MEANINGS: dict[Enum, tuple[str, str]] = {
+    Receiver.FIRST_ECHO: ("first echo", "First echo above the threshold, at its true range, as in the paper"),
+    Receiver.BOARD: ("board", "Echoes as the ranging board detects them: gain steps, integration, re-arming"),
+    Unit.PASS: ("lets sound pass", "Sound that returns to the sensor unit continues unchanged"),
+    Unit.BLOCK: ("stops sound", "Sound that hits the face of the transducer is absorbed"),
+    Unit.REFLECT: (
+        "reflects sound",
+        "Sound that hits the face of the transducer is reflected; slow to predict",
+    ),
+    EdgeStrength.UNIFORM: (
+        "uniform theory",
+        "Diffraction by angles, distances and reflectances, continuous with reflection",
+    ),
+    EdgeStrength.PAPER: ("as in the paper", "An edge diffracts sound equally in all directions"),
+    EdgeStrength.KELLER: ("after Keller", "Diffraction depends on the angles to the faces of the edge"),
+}
+_FROM_FILE = "From file…"
 
 
-class Change(Protocol):
-    """A function that applies an edit to the scene."""
+class _Value(NamedTuple):
+    """A value of the air or of a material, with its slider."""
 
-    def __call__(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
-        """Apply an edit. Edits of one `gesture` are one undo step."""
+    name: str
+    key: str  # of the value in the scene
+    per_unit: float  # the number that is shown, for each unit of the value
+    limits: tuple[float, float, int, str]  # lowest and highest number, decimals, unit
+    tip: str
+
+
+_AIR = (
+    _Value("Temperature", "temperature_c", 1.0, (-40, 60, 1, " °C"), "Sound is faster in warmer air: 0.18 % per °C"),
+    _Value(
+        "Humidity",
+        "relative_humidity",
+        100.0,
+        (0, 100, 0, " %"),
+        "Relative humidity; changes the absorption of ultrasound",
+    ),
+    _Value("Pressure", "pressure_kpa", 1.0, (30, 120, 1, " kPa"), "101.3 kPa at sea level, about 90 kPa at 1000 m"),
+)
+_OF_TABLE = "Largest value of the table in the room file. Another value replaces the table"
+_SHARES = (
+    _Value("Reflectance", "reflectance", 1.0, (0, 1, 2, ""), "Ratio of reflected to incident amplitude, 0 to 1"),
+    _Value("Scatter", "scatter", 1.0, (0, 1, 2, ""), "Diffuse share of the reflected sound: 0 mirror, 1 fully diffuse"),
+)
 
 
 class Group(QGroupBox):
@@ -71,6 +108,22 @@ class Group(QGroupBox):
         """Show the values of the scene; `room` and `place` are its room and place."""
         raise NotImplementedError
 
+    def _add_name(self, what: str, text: str, tip: str, slot: Callable[[], None]) -> tuple[QLineEdit, QPushButton]:
+        """Add a row with a field for a name, and a button that uses it, as Enter does."""
+        field, use = QLineEdit(placeholderText=what), button(text, tip, slot)
+        field.returnPressed.connect(slot)
+        row = QHBoxLayout()
+        row.addWidget(field, stretch=1)
+        row.addWidget(use)
+        self.rows.addRow(row)
+        return field, use
+
+    def _slider(self, value: _Value, set_value: Callable[[float, object], None], tip: str = "") -> SliderField:
+        """Return a slider for a value; `set_value` takes another value and the gesture."""
+        slider = SliderField(*value.limits, tip or value.tip)
+        slider.changed.connect(lambda number, gesture: set_value(number / value.per_unit, gesture))
+        return slider
+
 
 class SensorGroup(Group):
     """Position of the sensor and heading of its step 0."""
@@ -78,23 +131,20 @@ class SensorGroup(Group):
     def __init__(self, change: Change) -> None:
         super().__init__("Sensor", change)
         self._unit = LengthUnit.M
-        self.along_x, self.along_y = (self._field(-_FARTHEST, _FARTHEST, self._move) for _ in range(2))
-        self.heading = self._field(0.0, 360.0, self._turn)
-        self.heading.setDecimals(1)
-        self.heading.setSuffix(" °")
-        self.heading.setWrapping(True)
         self._gesture = object()
-        for name, field in (("x", self.along_x), ("y", self.along_y), ("Step 0 at", self.heading)):
+        self.along_x, self.along_y = NumberField(-_FARTHEST, _FARTHEST), NumberField(-_FARTHEST, _FARTHEST)
+        self.heading = NumberField(0.0, 360.0, 1, " °")
+        self.heading.setWrapping(True)
+        for name, field, changed in (
+            ("x", self.along_x, self._move),
+            ("y", self.along_y, self._move),
+            ("Step 0 at", self.heading, self._turn),
+        ):
+            field.valueChanged.connect(changed)
+            field.editingFinished.connect(self._finish)
             self.rows.addRow(name, field)
-        self.name = QLineEdit(placeholderText="name of this place")
-        self.save = QPushButton("Save")
-        self.save.setToolTip("Save this place in the room under this name")
-        last = QHBoxLayout()
-        last.addWidget(self.name, stretch=1)
-        last.addWidget(self.save)
-        self.rows.addRow(last)
-        self.save.clicked.connect(self._save_place)
-        self.name.returnPressed.connect(self._save_place)
+        tip = "Save this place in the room under this name"
+        self.name, self.save = self._add_name("name of this place", "Save", tip, self._save_place)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Show the values of the scene."""
@@ -107,12 +157,6 @@ class SensorGroup(Group):
             _show_number(field, unit.of(metres))
         _show_number(self.heading, math.degrees(place.heading) % 360)
 
-    def _field(self, low: float, high: float, changed: Callable[[], None]) -> NumberField:
-        field = NumberField(low, high)
-        field.valueChanged.connect(changed)
-        field.editingFinished.connect(self._finish)
-        return field
-
     @Slot()
     def _finish(self) -> None:
         self._gesture = object()
@@ -120,19 +164,18 @@ class SensorGroup(Group):
     @Slot()
     def _move(self) -> None:
         to = self._unit.metres(self.along_x.value()), self._unit.metres(self.along_y.value())
-        self._change(lambda scene: sensor_at(scene, to), self._gesture)
+        self._change(partial(sensor_at, position=to), self._gesture)
+
+    @Slot()
+    def _turn(self) -> None:
+        self._change(partial(sensor_facing, heading=math.radians(self.heading.value())), self._gesture)
 
     @Slot()
     def _save_place(self) -> None:
         name = self.name.text().strip()
         if name:
-            self._change(lambda scene: with_named_place(scene, name))
+            self._change(partial(with_named_place, name=name))
             self.name.clear()
-
-    @Slot()
-    def _turn(self) -> None:
-        to = math.radians(self.heading.value())
-        self._change(lambda scene: sensor_facing(scene, to), self._gesture)
 
 
 class SurfaceGroup(Group):
@@ -144,20 +187,15 @@ class SurfaceGroup(Group):
         super().__init__("Wall or post", change)
         self.surface, self.material = short_list(), short_list()
         self.description = PlainLabel(wordWrap=True)
-        self.remove = QPushButton("Remove")
-        self.remove.setToolTip("Remove it from the room (Del)")
+        self.remove = button("Remove", "Remove it from the room (Del)", self._remove)
         self._room: Room | None = None
         self._chosen_name = ""  # name of the selected wall or post
-        for name, field in (
-            ("Name", self.surface),
-            ("Material", self.material),
-            ("", self.description),
-            ("", self.remove),
-        ):
-            self.rows.addRow(name, field)
+        self.rows.addRow("Name", self.surface)
+        self.rows.addRow("Material", self.material)
+        self.rows.addRow("", self.description)
+        self.rows.addRow("", self.remove)
         self.surface.activated.connect(self._choose)
         self.material.textActivated.connect(self._set_material)
-        self.remove.clicked.connect(self._remove)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Show the values of the scene."""
@@ -168,6 +206,7 @@ class SurfaceGroup(Group):
         show_names(self.material, materials(room), "")
         self._draw_surface(room)
 
+    @Slot(object)
     def choose(self, name: str | None) -> None:
         """Select a wall or post. The name may belong to one that is not shown yet."""
         self._chosen_name = name or self._chosen_name
@@ -192,21 +231,57 @@ class SurfaceGroup(Group):
     def _set_material(self, material: str) -> None:
         number = self.surface.currentIndex()
         if self._room is not None and self._room.materials[number] != material:
-            self._change(lambda scene: with_surface_material(scene, number, material))
+            self._change(partial(with_surface_material, surface=number, material=material))
 
     @Slot()
     def _remove(self) -> None:
-        number = self.surface.currentIndex()
-        self._change(lambda scene: without_surface(scene, number))
+        self._change(partial(without_surface, surface=self.surface.currentIndex()))
 
 
-def _show_number(field: NumberField, value: float) -> None:
-    if abs(field.value() - value) >= 10.0 ** -field.decimals() / 2:
-        with QSignalBlocker(field):
-            field.setValue(value)
+class MaterialGroup(Group):
+    """Two sliders for each material, and a field to add a new one."""
 
+    def __init__(self, change: Change) -> None:
+        super().__init__("Materials", change)
+        self.sliders: dict[str, tuple[SliderField, SliderField]] = {}  # reflectance and scatter
+        self._room: Room | None = None
+        self._known: dict[str, Material] = {}
+        tip = "Define a material. Assign it under Wall or post"
+        self.name, self.add = self._add_name("name of a new material", "Add", tip, self._define)
 
-# Groups of the room panel about the sound model: the air, the board, and the options of the prediction.
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw the materials of the room."""
+        if room is not self._room:  # parsing its text takes milliseconds
+            self._room, self._known = room, materials(room)
+        if [*self._known] != [*self.sliders]:
+            self._lay_out()
+        for name, (reflectance, scatter) in self.sliders.items():
+            reflectance.show_value(self._known[name].largest)
+            scatter.show_value(self._known[name].scatter)
+
+    def _lay_out(self) -> None:
+        while self.rows.rowCount() > 1:
+            self.rows.removeRow(0)
+        self.sliders = {}
+        for row, (name, material) in enumerate(self._known.items()):
+            self.rows.insertRow(3 * row, TitleLabel(name))
+            reflectance, scatter = (
+                self._slider(value, partial(self._set_share, name, value.key), tip)
+                for value, tip in zip(_SHARES, (_OF_TABLE if material.table else "", ""), strict=True)
+            )
+            self.rows.insertRow(3 * row + 1, _SHARES[0].name, reflectance)
+            self.rows.insertRow(3 * row + 2, _SHARES[1].name, scatter)
+            self.sliders[name] = reflectance, scatter
+
+    @Slot()
+    def _define(self) -> None:
+        name = self.name.text().strip()
+        if name and name not in self.sliders:
+            self._change(partial(with_material_values, material=name))
+            self.name.clear()
+
+    def _set_share(self, material: str, share: str, value: float, gesture: object) -> None:
+        self._change(partial(with_material_values, material=material, shares={share: value}), gesture)
 
 
 class AirGroup(Group):
@@ -214,58 +289,21 @@ class AirGroup(Group):
 
     def __init__(self, change: Change) -> None:
         super().__init__("Air", change)
-        self.temperature = SliderField(-40, 60, 1, " °C", "Sound is faster in warmer air: 0.18 % per °C")
-        self.humidity = SliderField(0, 100, 0, " %", "Relative humidity; changes the absorption of ultrasound")
-        self.pressure = SliderField(30, 120, 1, " kPa", "101.3 kPa at sea level, about 90 kPa at 1000 m")
+        self.sliders = [self._slider(value, partial(self._set_state, value.key)) for value in _AIR]
+        self.temperature, self.humidity, self.pressure = self.sliders
         self.speed = PlainLabel()
-        rows = (("Temperature", self.temperature), ("Humidity", self.humidity), ("Pressure", self.pressure))
-        for name, slider in rows:
-            self.rows.addRow(name, slider)
-        self.temperature.changed.connect(self._set_temperature)
-        self.humidity.changed.connect(self._set_humidity)
-        self.pressure.changed.connect(self._set_pressure)
+        for value, slider in zip(_AIR, self.sliders, strict=True):
+            self.rows.addRow(value.name, slider)
         self.rows.addRow("Speed of sound", self.speed)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Show the values of the scene."""
-        air = room.air
-        self.temperature.show_value(air.temperature_c)
-        self.humidity.show_value(100 * air.relative_humidity)
-        self.pressure.show_value(air.pressure_kpa)
-        self.speed.setText(f"{air.speed_of_sound:.1f} m/s")
+        for value, slider in zip(_AIR, self.sliders, strict=True):
+            slider.show_value(value.per_unit * getattr(room.air, value.key))
+        self.speed.setText(f"{room.air.speed_of_sound:.1f} m/s")
 
-    @Slot(float, object)
-    def _set_temperature(self, celsius: float, gesture: object) -> None:
-        self._change(partial(with_air_state, temperature_c=celsius), gesture)
-
-    @Slot(float, object)
-    def _set_humidity(self, percent: float, gesture: object) -> None:
-        self._change(partial(with_air_state, relative_humidity=percent / 100), gesture)
-
-    @Slot(float, object)
-    def _set_pressure(self, kilopascals: float, gesture: object) -> None:
-        self._change(partial(with_air_state, pressure_kpa=kilopascals), gesture)
-
-
-_MEANINGS: dict[Enum, tuple[str, str]] = {
-    Receiver.FIRST_ECHO: ("first echo", "First echo above the threshold, at its true range, as in the paper"),
-    Receiver.BOARD: ("board", "Echoes as the ranging board detects them: gain steps, integration, re-arming"),
-    Unit.PASS: ("lets sound pass", "Sound that returns to the sensor unit continues unchanged"),
-    Unit.BLOCK: ("stops sound", "Sound that hits the face of the transducer is absorbed"),
-    Unit.REFLECT: (
-        "reflects sound",
-        "Sound that hits the face of the transducer is reflected; slow to predict",
-    ),
-    EdgeStrength.UNIFORM: (
-        "uniform theory",
-        "Diffraction by angles, distances and reflectances, continuous with reflection",
-    ),
-    EdgeStrength.PAPER: ("as in the paper", "An edge diffracts sound equally in all directions"),
-    EdgeStrength.KELLER: ("after Keller", "Diffraction depends on the angles to the faces of the edge"),
-}
-
-
-_FROM_FILE = "From file…"
+    def _set_state(self, key: str, value: float, gesture: object) -> None:
+        self._change(lambda scene: with_air_state(scene, **{key: value}), gesture)
 
 
 class ModelGroup(Group):
@@ -289,11 +327,11 @@ class ModelGroup(Group):
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Show the values of the scene."""
         self._name_board(shown.scene.board)
-        options = shown.scene.options
+        options, board = shown.scene.options, shown.scene.board
         for field, value in (
-            (self.receiver, options.receiver_of(shown.scene.board)),
+            (self.receiver, options.receiver_of(board)),
             (self.unit, options.unit),
-            (self.edges, options.edge_strength or shown.scene.board.edge_strength),
+            (self.edges, options.edge_strength or board.edge_strength),
         ):
             text, tip = _MEANINGS[value]
             field.setCurrentText(text)
@@ -333,76 +371,16 @@ class ModelGroup(Group):
         self._change(partial(with_options, receiver=receiver, unit=unit, edge_strength=strength))
 
 
-# The group "Materials" of the room panel: reflectance and scatter of each material.
-
-
-class MaterialGroup(Group):
-    """Two sliders for each material, and a field to add a new one."""
-
-    def __init__(self, change: Change) -> None:
-        super().__init__("Materials", change)
-        self.sliders: dict[str, tuple[SliderField, SliderField]] = {}  # reflectance and scatter
-        self._room: Room | None = None
-        self._known: dict[str, Material] = {}
-        self.name = QLineEdit(placeholderText="name of a new material")
-        self.add = QPushButton("Add")
-        self.add.setToolTip("Define a material. Assign it under Wall or post")
-        last = QHBoxLayout()
-        last.addWidget(self.name, stretch=1)
-        last.addWidget(self.add)
-        self.rows.addRow(last)
-        self.add.clicked.connect(self._define)
-        self.name.returnPressed.connect(self._define)
-
-    def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw the materials of the room."""
-        if room is not self._room:  # parsing its text takes milliseconds
-            self._room, self._known = room, materials(room)
-        known = self._known
-        if [*known] != [*self.sliders]:
-            self._lay_out(known)
-        for name, (reflectance, scatter) in self.sliders.items():
-            reflectance.show_value(known[name].largest)
-            scatter.show_value(known[name].scatter)
-
-    def _lay_out(self, known: dict[str, Material]) -> None:
-        while self.rows.rowCount() > 1:
-            self.rows.removeRow(0)
-        self.sliders = {}
-        for row, name in enumerate(known):
-            tip = "Ratio of reflected to incident amplitude, 0 to 1"
-            if known[name].table:
-                tip = "Largest value of the table in the room file. Another value replaces the table"
-            reflectance = SliderField(0, 1, 2, "", tip)
-            scatter = SliderField(0, 1, 2, "", "Diffuse share of the reflected sound: 0 mirror, 1 fully diffuse")
-            self.sliders[name] = reflectance, scatter
-            reflectance.changed.connect(self._set_share)
-            scatter.changed.connect(self._set_share)
-            self.rows.insertRow(3 * row, TitleLabel(name))
-            self.rows.insertRow(3 * row + 1, "Reflectance", reflectance)
-            self.rows.insertRow(3 * row + 2, "Scatter", scatter)
-
-    @Slot()
-    def _define(self) -> None:
-        name = self.name.text().strip()
-        if name and name not in self.sliders:
-            self._change(partial(with_material_values, material=name))
-            self.name.clear()
-
-    @Slot(float, object)
-    def _set_share(self, value: float, gesture: object) -> None:
-        for name, sliders in self.sliders.items():
-            for share, slider in zip(("reflectance", "scatter"), sliders, strict=True):
-                if slider is self.sender():
-                    self._change(partial(with_material_values, material=name, shares={share: value}), gesture)
-                    return
+def _show_number(field: NumberField, value: float) -> None:
+    if abs(field.value() - value) >= 10.0 ** -field.decimals() / 2:
+        with QSignalBlocker(field):
+            field.setValue(value)
 
 
 class RoomPanel(QWidget):
     """Shows and edits the values of the room that cannot be edited in the plan."""
 
     edited = Signal(object, str, object)  # Scene, label for Undo, gesture
-    surface_chosen = Signal(object)  # name of a wall or post, or None
 
     def __init__(self) -> None:
         super().__init__()
@@ -410,27 +388,19 @@ class RoomPanel(QWidget):
         self._refused = PlainLabel(wordWrap=True)
         self._refused.hide()
         self.sensor, self.surface = SensorGroup(self.change), SurfaceGroup(self.change)
-        self.materials = MaterialGroup(self.change)
-        self.air, self.model = AirGroup(self.change), ModelGroup(self.change)
+        self.materials, self.air = MaterialGroup(self.change), AirGroup(self.change)
+        self.model = ModelGroup(self.change)
         self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.model)
         column = QVBoxLayout(self)
-        column.addWidget(self._refused)
-        for group in self._groups:
-            column.addWidget(group)
+        for part in (self._refused, *self._groups):
+            column.addWidget(part)
         column.addStretch(1)
-        self.surface.chosen.connect(self.surface_chosen)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if before is not None and before.scene is shown.scene and before.look == shown.look:
-            return
-        self._draw(shown)
-
-    @Slot(object)
-    def choose_surface(self, name: str | None) -> None:
-        """Select a wall or post."""
-        self.surface.choose(name)
+        if before is None or before.scene is not shown.scene or before.look != shown.look:
+            self._draw(shown)
 
     def change(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
         """Apply an edit to the shown scene, or show why it is rejected."""

@@ -1,14 +1,18 @@
-"""The panels of the searches: fit, causes, find the room, and the scans drawn together."""
+"""The panels that search with scans: the fit, the causes of misfits, the room; and the list of several scans.
+
+A search runs in a thread. Its panel starts it, follows its progress and lists what it has found; what the user accepts
+is one undo step.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QPointF, QSize, Qt, Signal, Slot
+from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Slot
 from PySide6.QtGui import QColor, QHideEvent, QIcon, QPainter, QPen, QPixmap, QShowEvent
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -18,10 +22,10 @@ from PySide6.QtWidgets import (
     QGroupBox,
     QHBoxLayout,
     QLabel,
+    QLayout,
     QListWidget,
     QListWidgetItem,
     QProgressBar,
-    QPushButton,
     QVBoxLayout,
     QWidget,
 )
@@ -39,7 +43,9 @@ from sonarhw_gui.jobs.searches import (
     ACCURACIES,
     NEAR,
     Accuracy,
+    CausesAnswer,
     FindState,
+    FitFound,
     FitSettings,
     Hypotheses,
     LoadedScan,
@@ -52,47 +58,110 @@ from sonarhw_gui.jobs.searches import (
     solution_line,
     warnings,
 )
-from sonarhw_gui.model.edits import with_room
+from sonarhw_gui.model.edits import Edit, with_room
 from sonarhw_gui.model.look import OVERLAYS, LengthUnit, residual_unit
 from sonarhw_gui.model.rows import ReadingRows
 from sonarhw_gui.model.scene import first_place
 from sonarhw_gui.model.shown import NO_POINTS, SHOWN, FoundDrawing, NextScan, OverlaidScan, ScanPair, Shown, proposal_of
-from sonarhw_gui.widgets import PlainLabel, ignore_wheel_without_focus, plain_tip, short_list
+from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.widgets import PlainLabel, button, ignore_wheel_without_focus, plain_tip, short_list
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate import Pose
     from sonarhw_compare.rooms.causes import Cause  # importing it takes a third of the start of the window
 
-# The fit panel: find the pose of the scanner from its readings. An accepted result is one undo step.
+TRYING = "trying a cause"  # label of Undo
+_CAUSES_HINT = (
+    "Find causes searches for changes of the room that explain misfits: missing objects, moved walls, weaker edges."
+)
+ACCEPTING, REJECTING = "accepting the found room", "rejecting"  # labels of Undo
+_FIND_HINT = (
+    "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
+    "(F12). This takes seconds to minutes."
+)
+_ELSEWHERE = "These walls were found while another room was shown, so they are not drawn in this one."
+_KEY = "Rings in the plan: echoes that speak for the selected wall. Crosses: against it. Silence counts too."
+_ICON = 16  # pixels
+_SCANS_HINT = "Add a log, or keep this scan and make another: both are drawn in the plan and in the ranges."
 
 
-class FitPanel(QWidget):
-    """Starts a fit and shows its result."""
+class SearchPanel(QWidget):
+    """The parts of every search: a button that starts it, its progress, a button that cancels it, and a note."""
 
-    edited = Signal(object, str, object)  # Scene, label for Undo, gesture
-    requested = Signal(object)  # FitSettings
-    cancelled = Signal()  # a running fit is cancelled, or a result is discarded
-
-    def __init__(self) -> None:
+    def __init__(self, session: WindowSession, control: Any, begin: str) -> None:
+        """`control`: starts, cancels and observes the search; `begin`: the text of the button that starts it."""
         super().__init__()
-        self._shown: Shown | None = None
-        self._state = SearchState()
+        self._session, self._control = session, control
+        self._state, self._drawn = control.state, session.shown
+        self.begin, self.cancel = button(begin, "", self._begin), button("Cancel", "", control.cancel)
+        self.progress, self.note = QProgressBar(), PlainLabel(wordWrap=True)
+        control.changed.connect(self._follow)
+
+    @property
+    def _shown(self) -> Shown:
+        return self._session.shown
+
+    @property
+    def _is_ready(self) -> bool:
+        """Whether there are readings and a room."""
+        return self._shown.scene.room is not None and bool(self._shown.readings)
+
+    @Slot()
+    def _begin(self) -> None:
+        self._control.start()
+
+    @Slot(object)
+    def _follow(self, state: Any) -> None:
+        before, self._state = self._state, state
+        self.progress.setValue(round(100 * state.share))
+        self._show_changes(before)
+
+    def _show_changes(self, before: Any) -> None:
+        """Show the state of the search, which was `before`."""
+        raise NotImplementedError
+
+    def _allow(self, ready: bool, needs: str, possible: bool = True) -> None:
+        """Enable the button that starts the search; its tooltip says what it `needs` to be ready."""
+        running = bool(self._state.running)
+        self.begin.setEnabled(ready and possible and not running)
+        self.begin.setToolTip("" if ready else needs)
+        _show(running, self.progress, self.cancel)
+
+    def _apply(self, edit: Callable[[], Edit]) -> bool:
+        """Apply an edit, and return whether the room allows it; if it does not, show why."""
+        try:
+            scene, label = edit()
+        except (InputError, ValueError) as error:
+            self.note.setText(f"⚠ {error}")
+            self.note.show()
+            return False
+        self._session.showing.edit(scene, label)
+        return True
+
+
+class FitPanel(SearchPanel):
+    """Finds the pose of the scanner, and other values, from its readings."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__(session, session.fitting, "Find pose")
         self.free = {one.word: _box(one.offer) for one in QUANTITIES if one.offer is not None}
-        self.where = short_list()
-        self.begin = QPushButton("Find pose")
-        self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
-        self.solutions = QComboBox()
-        ignore_wheel_without_focus(self.solutions)
+        self.where, self.solutions = short_list(), QComboBox()
+        self.where.addItems(["", "in the whole room"])
+        self.where.setToolTip("Search area for the position; the whole room takes longer")
         self.solutions.setToolTip("Solutions that fit almost equally well, the best first")
+        ignore_wheel_without_focus(self.solutions)
         self.table, self.notes = QLabel(textFormat=Qt.TextFormat.RichText), PlainLabel(wordWrap=True)
-        self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")
-        self._refused = PlainLabel(wordWrap=True)
-        self._request, self._work, self._result = self._request_group(), self._work_row(), self._result_group()
-        column = QVBoxLayout(self)
-        for part in (self._request, self._work, self._refused, self._result):
-            column.addWidget(part)
-        column.addStretch(1)
-        self._connect()
+        self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.accept = button("Accept", "Move the sensor there; Undo moves it back", self._accept)
+        self.discard = button("Discard", "", session.fitting.cancel)
+        request, self._result = QGroupBox("Free parameters"), QGroupBox("Result")
+        _stack(request, *self.free.values(), self.where, self.begin)
+        _stack(self._result, self.solutions, self.table, self.notes, (self.accept, self.discard))
+        _stack(self, request, (self.progress, self.cancel), self.note, self._result, None)
+        for box in self.free.values():
+            box.toggled.connect(self._enable)
+        self.solutions.activated.connect(self._draw_solution)
+        self._name_area()
         self._draw()
 
     @property
@@ -103,100 +172,49 @@ class FitPanel(QWidget):
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
-        before, self._shown = self._shown, shown
+        before, self._drawn = self._drawn, shown
         if shown.changed_since(before, "look"):
-            unit = shown.look.unit
-            self.where.setItemText(0, f"within {unit.of(NEAR):.2g} {unit.label} of here")
+            self._name_area()
             self._draw()
         self._enable()
 
-    @Slot(object)
-    def show_fit(self, state: SearchState) -> None:
-        """Show the progress or the result of the fit."""
-        fresh = state.answer is not self._state.answer or state.running != self._state.running
-        self._state = state
-        self.progress.setValue(round(100 * state.share))
-        self.progress.setFormat(f"{state.step}  %p %")
-        if fresh:
+    def _name_area(self) -> None:
+        unit = self._shown.look.unit
+        self.where.setItemText(0, f"within {unit.of(NEAR):.2g} {unit.label} of here")
+
+    def _show_changes(self, before: SearchState) -> None:
+        self.progress.setFormat(f"{self._state.step}  %p %")
+        if (self._state.answer, self._state.running) != (before.answer, before.running):
             self._draw()
 
     @Slot()
-    def request_fit(self) -> None:
-        """Start a fit with the selected settings."""
-        if self.begin.isEnabled():
-            self.requested.emit(self.settings)
-
-    def _request_group(self) -> QWidget:
-        group = QGroupBox("Free parameters")
-        column = QVBoxLayout(group)
-        for box in self.free.values():
-            column.addWidget(box)
-        self.where.addItems(["", "in the whole room"])
-        self.where.setToolTip("Search area for the position; the whole room takes longer")
-        column.addWidget(self.where)
-        column.addWidget(self.begin)
-        return group
-
-    def _work_row(self) -> QWidget:
-        part = QWidget()
-        row = QHBoxLayout(part)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.addWidget(self.progress, stretch=1)
-        row.addWidget(self.cancel)
-        return part
-
-    def _result_group(self) -> QWidget:
-        group = QGroupBox("Result")
-        layout = QGridLayout(group)
-        self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        for row, part in enumerate((self.solutions, self.table, self.notes)):
-            layout.addWidget(part, row, 0, 1, 2)
-        layout.addWidget(self.accept, 3, 0)
-        layout.addWidget(self.discard, 3, 1)
-        self.accept.setToolTip("Move the sensor there; Undo moves it back")
-        return group
-
-    def _connect(self) -> None:
-        for box in self.free.values():
-            box.toggled.connect(self._enable)
-        self.begin.clicked.connect(self.request_fit)
-        self.cancel.clicked.connect(self.cancelled)
-        self.discard.clicked.connect(self.cancelled)
-        self.accept.clicked.connect(self._accept)
-        self.solutions.activated.connect(self._draw_solution)
+    def _begin(self) -> None:
+        self._control.start(self.settings)
 
     @Slot()
     def _enable(self) -> None:
-        shown = self._shown
-        ready = shown is not None and shown.scene.room is not None and bool(shown.readings)
-        self.begin.setEnabled(ready and bool(self.settings.free) and not self._state.running)
-        self.begin.setToolTip("" if ready else "Needs readings and a room")
+        self._allow(self._is_ready, "Needs readings and a room", possible=bool(self.settings.free))
         self.where.setEnabled(self.free["position"].isChecked())
 
     def _draw(self) -> None:
-        found = self._state.answer
-        self._work.setVisible(self._state.running)
+        found: FitFound | None = self._state.answer
         self._result.setVisible(found is not None)
-        self._refused.hide()
+        self.note.hide()
         self._enable()
-        if found is not None and self._shown is not None:
-            unit = self._shown.look.unit
-            chosen = max(self.solutions.currentIndex(), 0)
+        if found is not None:
+            chosen, count = max(self.solutions.currentIndex(), 0), len(found.solutions)
             self.solutions.clear()
-            self.solutions.addItems([solution_line(found, k, unit) for k in range(len(found.solutions))])
-            self.solutions.setCurrentIndex(min(chosen, len(found.solutions) - 1))
-            self.solutions.setVisible(len(found.solutions) > 1)
+            self.solutions.addItems([solution_line(found, k, self._shown.look.unit) for k in range(count)])
+            self.solutions.setCurrentIndex(min(chosen, count - 1))
+            self.solutions.setVisible(count > 1)
             self._draw_solution()
 
     @Slot()
     def _draw_solution(self) -> None:
-        found, shown = self._state.answer, self._shown
-        if found is None or shown is None:
-            return
-        solution = self.solutions.currentIndex()
+        found, solution = self._state.answer, self.solutions.currentIndex()
         lines = "".join(
             f"<tr><td>{escape(name)}&nbsp;&nbsp;</td><td align=right>{value}</td><td>&nbsp;&nbsp;{deviation}</td></tr>"
-            for name, value, deviation in rows(found, solution, shown.look.unit)
+            for name, value, deviation in rows(found, solution, self._shown.look.unit)
         )
         self.table.setText(f"<table>{lines}</table>")
         warned = [f"⚠ {warning}" for warning in warnings(found)]
@@ -205,160 +223,90 @@ class FitPanel(QWidget):
 
     @Slot()
     def _accept(self) -> None:
-        found, shown = self._state.answer, self._shown
-        if found is None or shown is None:
-            return
+        found = self._state.answer
         values = found.solutions[self.solutions.currentIndex()].values
-        try:
-            scene, label = fitted(shown.scene, values, found.scene.board)
-        except InputError as error:
-            self._refused.setText(f"⚠ {error}")
-            self._refused.show()
-            return
-        self.edited.emit(scene, label, None)
-        self.cancelled.emit()
+        if self._apply(lambda: fitted(self._shown.scene, values, found.scene.board)):
+            self._control.cancel()
 
 
-def _box(offer: Offer) -> QCheckBox:
-    box = QCheckBox(offer.label)
-    box.setToolTip(offer.tip)
-    box.setChecked(offer.checked)
-    return box
+class CausesPanel(SearchPanel):
+    """Lists changes of the room that explain misfits, worst first. Each can be tried, and undone.
 
+    A click on a cause selects its first misfit and draws the proposed change in the plan.
+    """
 
-# The panel "Causes": changes of the room that explain misfits, worst first. Each can be tried, and undone.
-#
-# A click on a cause selects its first misfit and draws the proposed change in the plan.
-
-
-TRYING = "trying a cause"  # label of Undo
-_CAUSES_HINT = (
-    "Find causes searches for changes of the room that explain misfits: missing objects, moved walls, weaker edges."
-)
-
-
-class CausesPanel(QWidget):
-    """Starts the search and lists its results."""
-
-    requested = Signal()
-    cancelled = Signal()
-    edited = Signal(object, str, object)  # Scene, label for Undo, gesture
-    undone = Signal()
-    proposed = Signal(object)  # Proposal, or None
-    picked = Signal(int)  # the first misfit of a cause
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._shown: Shown | None = None
-        self._state = SearchState()
-        self._tried: list[tuple[Room, frozenset[int]]] = []  # rooms of this search, with the causes tried in each
-        self.begin, self.cancel = QPushButton("Find causes"), QPushButton("Cancel")
-        self.progress = QProgressBar()
-        self.list = QListWidget()
-        self.list.setWordWrap(True)
-        self.list.setAccessibleName("Causes of misfits, worst first")
-        self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.try_it, self.undo = QPushButton("Try"), QPushButton("Undo")
-        self.try_it.setToolTip("Change the room, and predict again")
-        self.undo.setToolTip("Undo the change that was tried last")
-        self.shares, self.note = PlainLabel(wordWrap=True), PlainLabel(wordWrap=True)
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__(session, session.causes, "Find causes")
+        self._tried: list[
+            tuple[Room | None, frozenset[int]]
+        ] = []  # rooms of this search, with the causes tried in each
+        self.list = _list("Causes of misfits, worst first")
+        self.try_it = button("Try", "Change the room, and predict again", self._try)
+        self.undo = button("Undo", "Undo the change that was tried last", session.showing.undo)
+        self.shares = PlainLabel(wordWrap=True)
         self.note.setAlignment(Qt.AlignmentFlag.AlignTop)  # it has the whole panel before the first search
-        self._arrange()
-        self.begin.clicked.connect(self.requested)
-        self.cancel.clicked.connect(self.cancelled)
+        decide = self.try_it, self.undo
+        _stack(self, self.begin, (self.progress, self.cancel), self.list, decide, self.shares, self.note)
         self.list.currentRowChanged.connect(self._select)
         self.list.itemClicked.connect(self._select)
         self.list.itemActivated.connect(self._try)
-        self.try_it.clicked.connect(self._try)
-        self.undo.clicked.connect(self.undone)
         self._draw()
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
-        self._shown = shown
         self._enable()
 
-    @Slot(object)
-    def show_causes(self, state: SearchState) -> None:
-        """Show the progress or the result of the search."""
-        fresh = state.answer is not self._state.answer or state.running != self._state.running
-        self._state = state
-        self.progress.setValue(round(100 * state.share))
-        if fresh:
+    def _show_changes(self, before: SearchState) -> None:
+        if (self._state.answer, self._state.running) != (before.answer, before.running):
             self._draw()
 
-    def _arrange(self) -> None:
-        work, decide = QHBoxLayout(), QHBoxLayout()
-        for row, parts in ((work, (self.progress, self.cancel)), (decide, (self.try_it, self.undo))):
-            for part in parts:
-                row.addWidget(part)
-        column = QVBoxLayout(self)
-        column.addWidget(self.begin)
-        column.addLayout(work)
-        column.addWidget(self.list, stretch=1)
-        column.addLayout(decide)
-        column.addWidget(self.shares)
-        column.addWidget(self.note)
-
     def _draw(self) -> None:
-        answer, running = self._state.answer, self._state.running
-        for part in (self.progress, self.cancel):
-            part.setVisible(running)
-        for result in (self.list, self.try_it, self.undo, self.shares):
-            result.setVisible(answer is not None)
+        answer: CausesAnswer | None = self._state.answer
+        _show(answer is not None, self.list, self.try_it, self.undo, self.shares)
         self.list.clear()
-        self.proposed.emit(None)
-        self.note.setText("" if running else _CAUSES_HINT)
+        self._session.showing.propose(None)
+        self.note.setText("" if self._state.running else _CAUSES_HINT)
         if answer is not None and answer.scene.room is not None:
             from sonarhw_compare.rooms.causes import cause_text, left_text  # loaded by the search
 
             self._tried = [(answer.scene.room, frozenset())]
-            unit = self._shown.look.unit.text if self._shown else "{:.3f} m".format
             for number, cause in enumerate(answer.found.causes, 1):
-                text = f"{number}. {cause_text(cause, unit)}"
-                item = QListWidgetItem(text)
-                item.setToolTip(plain_tip(f"{text}; log-likelihood +{cause.gain:.0f}"))
-                self.list.addItem(item)
+                text = f"{number}. {cause_text(cause, self._shown.look.unit.text)}"
+                self.list.addItem(_item(text, f"{text}; log-likelihood +{cause.gain:.0f}"))
             count = "no change of the room explains misfits; " if not answer.found.causes else ""
-            self.note.setText(
-                f"{count}with all changes, {left_text(answer.found)}".replace("changes, no", "changes no")
-            )
+            left = left_text(answer.found)
+            self.note.setText(f"{count}with all changes, {left}".replace("changes, no", "changes no"))
         self._enable()
 
     @Slot()
     def _select(self) -> None:
         """Draw the proposal of the current cause, and select its first misfit."""
-        cause, shown, answer = self._cause, self._shown, self._state.answer
-        if cause is None or shown is None or answer is None or shown.scene.room is None:
+        cause, room, answer = self._cause, self._shown.scene.room, self._state.answer
+        if cause is None or room is None:
             return
         from sonarhw_compare.rooms.causes import OtherReflectance
 
         numbers = tuple(answer.first + row for row in cause.readings)
         surface = cause.change.surface if isinstance(cause.change, OtherReflectance) else None
         try:
-            changed = cause.change.applied(shown.scene.room)
+            changed = cause.change.applied(room)
         except (InputError, ValueError):
-            changed = shown.scene.room  # the room was edited since the search
+            changed = room  # the room was edited since the search
         kinds = {row.index: row.kind for row in answer.found.before.rows}
         misfits = (row for row in cause.readings if kinds[row] not in (Kind.MATCH, Kind.BOTH_SILENT))
-        self.picked.emit(answer.first + next(misfits, cause.readings[0]))
-        self.proposed.emit(proposal_of(shown.scene.room, changed, numbers, surface))
+        self._session.showing.choose(answer.first + next(misfits, cause.readings[0]))
+        self._session.showing.propose(proposal_of(room, changed, numbers, surface))
         self._enable()
 
     @Slot()
     def _try(self) -> None:
-        cause, shown = self._cause, self._shown
-        if cause is None or shown is None or shown.scene.room is None or not self.try_it.isEnabled():
+        cause, scene, room, tried = self._cause, self._shown.scene, self._shown.scene.room, self._tried_now
+        if cause is None or room is None or not self.try_it.isEnabled():
             return
-        try:
-            changed = with_room(shown.scene, cause.change.applied(shown.scene.room))
-        except (InputError, ValueError) as error:
-            self.note.setText(f"⚠ {error}")
-            return
-        if changed.room is not None:
-            self._tried.append((changed.room, self._tried_now | {self.list.currentRow()}))
-        self.edited.emit(changed, TRYING, None)
-        self.proposed.emit(None)
+        if self._apply(lambda: (with_room(scene, cause.change.applied(room)), TRYING)):
+            self._tried.append((self._shown.scene.room, tried | {self.list.currentRow()}))
+            self._session.showing.propose(None)
+            self._enable()
 
     @property
     def _cause(self) -> "Cause | None":
@@ -368,23 +316,18 @@ class CausesPanel(QWidget):
     @property
     def _tried_now(self) -> frozenset[int]:
         """The causes that were tried in the room shown."""
-        room = self._shown.scene.room if self._shown else None
-        return next((tried for known, tried in self._tried if known is room), frozenset())
+        return next((tried for room, tried in self._tried if room is self._shown.scene.room), frozenset())
 
     def _enable(self) -> None:
-        shown, answer, tried = self._shown, self._state.answer, self._tried_now
-        ready = shown is not None and shown.scene.room is not None and bool(shown.readings)
-        self.begin.setEnabled(ready and not self._state.running)
-        self.begin.setToolTip("" if ready else "Needs readings and a room")
+        answer, tried = self._state.answer, self._tried_now
+        self._allow(self._is_ready, "Needs readings and a room")
         self.try_it.setEnabled(self._cause is not None and self.list.currentRow() not in tried)
         self.undo.setEnabled(bool(tried))
         for row in range(self.list.count()):
-            item = self.list.item(row)
-            text = item.text().removesuffix(" — tried")
-            item.setText(f"{text} — tried" if row in tried else text)
-        if shown is not None and answer is not None:
-            before = answer.found.before.summary().within_5cm
-            now = _share(shown.rows)
+            text = self.list.item(row).text().removesuffix(" — tried")
+            self.list.item(row).setText(f"{text} — tried" if row in tried else text)
+        if answer is not None:
+            before, now = answer.found.before.summary().within_5cm, _share(self._shown.rows)
             self.shares.setText(f"within 5 cm of the prediction: {_percent(before)} before, {_percent(now)} now")
 
 
@@ -398,7 +341,175 @@ def _percent(share: float | None) -> str:
     return "none" if share is None else f"{share:.1%}"
 
 
-# The texts and the drawing of a search for the room.
+class FindPanel(SearchPanel):
+    """Searches the room that the loaded scans show, lists its walls, and plans the next scan.
+
+    A click on a wall highlights it in the plan, with the readings that speak for and against it.
+    """
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__(session, session.finding, "Find")
+        self._room: Room | None = None  # the accepted one, while it is the room of the window
+        self.scans, self.places = PlainLabel(wordWrap=True), QComboBox()
+        self.places.addItems([accuracy.text for accuracy in ACCURACIES])
+        self.places.setToolTip("How well the places of the scans are known; those of logs without a room are unknown")
+        ignore_wheel_without_focus(self.places)
+        self.go_on = button(
+            "Go on", "Search further: without what you rejected, from the room as you edited it", self._go_on
+        )
+        self.list = _list("Walls and posts found")
+        self.list.setSpacing(2)
+        self.list.setResizeMode(QListWidget.ResizeMode.Adjust)
+        self.list.currentRowChanged.connect(self._select)
+        self.accept = button("Accept", "Make this the room of the window; Undo takes it back", self._accept)
+        self.reject = button("Reject", "Remove the selected wall or post; Go on does not find it again", self._reject)
+        self.plan = button(
+            "Next place to scan", "Find where another scan makes the walls most certain", session.finding.plan_next
+        )
+        self.step, self.poses, self.next = (PlainLabel(wordWrap=True) for _ in range(3))
+        self._space = QWidget()  # below all, while there is no list
+        form, begin = QFormLayout(), QGridLayout()
+        form.addRow("Places", self.places)
+        begin.addWidget(self.begin, 0, 0)
+        begin.addWidget(self.go_on, 0, 1)
+        above = self.scans, form, begin, (self.progress, self.cancel), self.step
+        below = self.poses, (self.accept, self.reject), self.plan, self.next, self.note
+        column = _stack(self, *above, self.list, *below)
+        column.addWidget(self._space, stretch=1)
+        self._fill()
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How well the places of the scans are known, as chosen."""
+        return ACCURACIES[self.places.currentIndex()]
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw the changes since the last call."""
+        before, self._drawn = self._drawn, shown
+        if before.look is not shown.look:
+            self._fill()
+        elif shown.changed_since(before, "readings", "overlays", "scene"):
+            self._enable()
+            if self._is_elsewhere(before) is not self._is_elsewhere(shown):
+                self._draw()
+
+    def _show_changes(self, before: FindState) -> None:
+        state = self._state
+        if (state.hypotheses, state.answer) != (before.hypotheses, before.answer):
+            self._fill()
+        elif state.running != before.running or state.places != before.places:
+            self._select()
+        self.step.setText(_step_text(state))
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Draw what was found."""
+        super().showEvent(event)
+        self._draw()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Remove the drawing from the plan."""
+        super().hideEvent(event)
+        self._session.showing.draw_found(None)
+
+    @Slot()
+    def _begin(self) -> None:
+        self._control.start(self.accuracy)
+
+    @Slot()
+    def _go_on(self) -> None:
+        self._control.go_on(self.accuracy)
+
+    def _fill(self) -> None:
+        """List the hypotheses; the same row stays selected."""
+        row = self.list.currentRow()
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for text in row_texts(self._state, self._shown.look.unit):
+                self.list.addItem(_item(text, text))
+            self.list.setCurrentRow(min(row, self.list.count() - 1))
+        self._select()
+
+    @Slot()
+    def _select(self) -> None:
+        self._enable()
+        self._draw()
+
+    def _draw(self) -> None:
+        if self.isVisible():
+            elsewhere = self._is_elsewhere(self._shown)
+            found = None if elsewhere else drawing_of(self._state, self.list.currentRow())
+            self._session.showing.draw_found(found)
+
+    def _is_elsewhere(self, shown: Shown) -> bool:
+        """Return whether the walls found belong to another room than the one shown."""
+        return self._state.hypotheses is not None and not self._state.is_in(shown.scene)
+
+    @Slot()
+    def _accept(self) -> None:
+        shown, room, answer = self._shown, self._state.room, self._state.answer
+        own = (scan.name for scan in answer.hypotheses.scans if share_readings(scan.readings, shown.readings))
+        here = next(own, None)
+        place = first_place(room) if here is None else room.places[here]
+        changed = replace(shown.scene, room=room, place=place, room_file="")
+        if self._apply(lambda: (with_room(changed, room), ACCEPTING)):
+            self._room = room
+            self._control.note_accepted()
+            self._select()
+
+    @Slot()
+    def _reject(self) -> None:
+        """Remove the selected wall from the list, and from the room of the window if it was accepted."""
+        row, scene = self.list.currentRow(), self._shown.scene
+        name, room = self._state.hypotheses.supports[row].name, scene.room
+        if room is not None and room is self._room and name in room.names:
+            number = room.names.index(name)
+            if not self._apply(lambda: (with_room(scene, remove_surface(room, number)), f"{REJECTING} {name}")):
+                return  # the last wall
+            self._room = self._shown.scene.room
+        self._control.reject(row)
+
+    def _enable(self) -> None:
+        shown, state, row = self._shown, self._state, self.list.currentRow()
+        scans, some, unit = loaded_scans(shown, ""), state.hypotheses is not None, shown.look.unit
+        self._allow(bool(scans), "Needs a scan with readings")
+        free, accepted = not state.running, self._room is not None and shown.scene.room is self._room
+        self.go_on.setEnabled(free and some and bool(scans))
+        self.accept.setEnabled(free and state.room is not None and not (accepted and state.accepted))
+        self.reject.setEnabled(row >= 0 and state.running != "planning")
+        self.plan.setEnabled(free and state.whole)
+        _show(not free, self.step)
+        _show(some, self.list, self.accept, self.reject, self.plan)
+        _show(not some, self._space)
+        elsewhere = self._is_elsewhere(shown)
+        for label, text in (
+            (self.scans, _scans_text(scans)),
+            (self.poses, poses_text(state, unit)),
+            (self.next, next_text(state, unit.text)),
+            (self.note, _ELSEWHERE if elsewhere else _KEY if row >= 0 else "" if some else _FIND_HINT),
+        ):
+            label.setText(text)
+            label.setVisible(bool(text))
+
+
+def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
+    """Return the number of the scans, and a warning if all have one place."""
+    if not scans:
+        return "No scan"
+    text = f"Scans: {len(scans)} (the scan shown and the visible ones of the panel Scans)"
+    from sonarhw_compare.arcs import place_numbers  # not needed at the start of the window
+
+    places = place_numbers([scan.place.position for scan in scans])
+    if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.known for scan in scans)):
+        return text
+    return f"{text}\n⚠ One place alone does not determine a room: walls and posts may be false. Add a scan of another."
+
+
+def _step_text(state: FindState) -> str:
+    if state.running == "planning":
+        return "trying places for the next scan"
+    found = state.hypotheses
+    walls, posts = (len(found.draft.walls), len(found.draft.posts)) if found is not None else (0, 0)
+    return f"{counted(walls, 'wall')} and {counted(posts, 'post')} so far"
 
 
 def row_texts(state: FindState, unit: LengthUnit) -> list[str]:
@@ -503,275 +614,21 @@ def _points(found: Hypotheses, chosen: tuple[BoolArray, ...]) -> FloatArray:
     return np.vstack(parts) if parts else NO_POINTS
 
 
-# The panel "Find the room": searches the room that the loaded scans show, lists its walls, and plans the next scan.
-#
-# A click on a wall highlights it in the plan, with the readings that speak for and against it.
-
-
-ACCEPTING, REJECTING = "accepting the found room", "rejecting"  # labels of Undo
-_FIND_HINT = (
-    "Finds walls and posts that explain all echoes of the scan shown and of the visible scans of the panel Scans "
-    "(F12). This takes seconds to minutes."
-)
-_ELSEWHERE = "These walls were found while another room was shown, so they are not drawn in this one."
-_KEY = "Rings in the plan: echoes that speak for the selected wall. Crosses: against it. Silence counts too."
-
-
-class FindPanel(QWidget):
-    """Starts the search, lists what it has found, and passes on what the user decides."""
-
-    requested = Signal(object)  # Accuracy
-    continued = Signal(object)  # Accuracy
-    cancelled = Signal()
-    rejected = Signal(int)  # row of the list
-    edited = Signal(object, str, object)  # Scene, label for Undo, gesture
-    accepted = Signal()
-    next_requested = Signal()
-    drawn = Signal(object)  # FoundDrawing, or None
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._shown: Shown | None = None
-        self._state = FindState()
-        self._room: Room | None = None  # the accepted one, while it is the room of the window
-        self.scans, self.places = PlainLabel(wordWrap=True), QComboBox()
-        for accuracy in ACCURACIES:
-            self.places.addItem(accuracy.text)
-        self.places.setToolTip("How well the places of the scans are known; those of logs without a room are unknown")
-        ignore_wheel_without_focus(self.places)
-        self.begin, self.go_on, self.cancel = QPushButton("Find"), QPushButton("Go on"), QPushButton("Cancel")
-        self.go_on.setToolTip("Search further: without what you rejected, from the room as you edited it")
-        self.progress, self.step = QProgressBar(), PlainLabel(wordWrap=True)
-        self.list = QListWidget()
-        self.list.setAccessibleName("Walls and posts found")
-        self.list.setSpacing(2)
-        self.list.setWordWrap(True)  # the line of a post is wider than the narrow panel
-        self.list.setResizeMode(QListWidget.ResizeMode.Adjust)
-        self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.accept, self.reject = QPushButton("Accept"), QPushButton("Reject")
-        self.accept.setToolTip("Make this the room of the window; Undo takes it back")
-        self.reject.setToolTip("Remove the selected wall or post; Go on does not find it again")
-        self.plan = QPushButton("Next place to scan")
-        self.plan.setToolTip("Find where another scan makes the walls most certain")
-        self.poses, self.next, self.note = (PlainLabel(wordWrap=True) for _ in range(3))
-        self._space = QWidget()  # below all, while there is no list
-        self._arrange()
-        self._connect()
-        self._fill()
-
-    @property
-    def accuracy(self) -> Accuracy:
-        """How well the places of the scans are known, as chosen."""
-        return ACCURACIES[self.places.currentIndex()]
-
-    def show_state(self, shown: Shown) -> None:
-        """Draw the changes since the last call."""
-        before, self._shown = self._shown, shown
-        if before is None or before.look is not shown.look:
-            self._fill()
-        elif shown.changed_since(before, "readings", "overlays", "scene"):
-            self._enable()
-            if self._is_elsewhere(before) is not self._is_elsewhere(shown):
-                self._draw()
-
-    @Slot(object)
-    def show_search(self, state: FindState) -> None:
-        """Show the progress and the hypotheses of the search."""
-        before, self._state = self._state, state
-        self.progress.setValue(round(100 * state.share))
-        if (state.hypotheses, state.answer) != (before.hypotheses, before.answer):
-            self._fill()
-        elif state.running != before.running or state.places != before.places:
-            self._enable()
-            self._draw()
-        self.step.setText(_step_text(state))
-
-    def showEvent(self, event: QShowEvent) -> None:
-        """Draw what was found."""
-        super().showEvent(event)
-        self._draw()
-
-    def hideEvent(self, event: QHideEvent) -> None:
-        """Remove the drawing from the plan."""
-        super().hideEvent(event)
-        self.drawn.emit(None)
-
-    def _arrange(self) -> None:
-        form, begin, decide, work = QFormLayout(), QGridLayout(), QHBoxLayout(), QHBoxLayout()
-        form.addRow("Places", self.places)
-        begin.addWidget(self.begin, 0, 0)
-        begin.addWidget(self.go_on, 0, 1)
-        for row, parts in ((work, (self.progress, self.cancel)), (decide, (self.accept, self.reject))):
-            for part in parts:
-                row.addWidget(part)
-        column = QVBoxLayout(self)
-        column.addWidget(self.scans)
-        column.addLayout(form)
-        column.addLayout(begin)
-        column.addLayout(work)
-        column.addWidget(self.step)
-        column.addWidget(self.list, stretch=1)
-        column.addWidget(self.poses)
-        column.addLayout(decide)
-        column.addWidget(self.plan)
-        column.addWidget(self.next)
-        column.addWidget(self.note)
-        column.addWidget(self._space, stretch=1)
-
-    def _connect(self) -> None:
-        self.begin.clicked.connect(self._begin)
-        self.go_on.clicked.connect(self._go_on)
-        self.cancel.clicked.connect(self.cancelled)
-        self.list.currentRowChanged.connect(self._select)
-        self.accept.clicked.connect(self._accept)
-        self.reject.clicked.connect(self._reject)
-        self.plan.clicked.connect(self.next_requested)
-
-    @Slot()
-    def _begin(self) -> None:
-        self.requested.emit(self.accuracy)
-
-    @Slot()
-    def _go_on(self) -> None:
-        self.continued.emit(self.accuracy)
-
-    def _fill(self) -> None:
-        """List the hypotheses; the same row stays selected."""
-        row = self.list.currentRow()
-        self.list.blockSignals(True)
-        self.list.clear()
-        if self._shown is not None:
-            for text in row_texts(self._state, self._shown.look.unit):
-                item = QListWidgetItem(text)
-                item.setToolTip(plain_tip(text))
-                self.list.addItem(item)
-        self.list.setCurrentRow(min(row, self.list.count() - 1))
-        self.list.blockSignals(False)
-        self._enable()
-        self._draw()
-
-    @Slot()
-    def _select(self) -> None:
-        self._enable()
-        self._draw()
-
-    def _draw(self) -> None:
-        if self.isVisible():
-            elsewhere = self._shown is not None and self._is_elsewhere(self._shown)
-            self.drawn.emit(None if elsewhere else drawing_of(self._state, self.list.currentRow()))
-
-    def _is_elsewhere(self, shown: Shown) -> bool:
-        """Return whether the walls found belong to another room than the one shown."""
-        return self._state.hypotheses is not None and not self._state.is_in(shown.scene)
-
-    @Slot()
-    def _accept(self) -> None:
-        shown, room, answer = self._shown, self._state.room, self._state.answer
-        if shown is None or room is None or answer is None:
-            return
-        own = (scan.name for scan in answer.hypotheses.scans if share_readings(scan.readings, shown.readings))
-        here = next(own, None)
-        place = first_place(room) if here is None else room.places[here]
-        try:
-            changed = with_room(replace(shown.scene, room=room, place=place, room_file=""), room)
-        except InputError as error:
-            self.note.setText(f"⚠ {error}")
-            return
-        self._room = room
-        self.accepted.emit()
-        self.edited.emit(changed, ACCEPTING, None)
-
-    @Slot()
-    def _reject(self) -> None:
-        """Remove the selected wall from the list, and from the room of the window if it was accepted."""
-        row, found, shown = self.list.currentRow(), self._state.hypotheses, self._shown
-        if row < 0 or found is None or shown is None:
-            return
-        name, room = found.supports[row].name, shown.scene.room
-        if room is not None and room is self._room and name in room.names:
-            try:
-                self._room = remove_surface(room, room.names.index(name))
-            except InputError as error:  # the last wall
-                self.note.setText(f"⚠ {error}")
-                return
-            self.edited.emit(with_room(shown.scene, self._room), f"{REJECTING} {name}", None)
-        self.rejected.emit(row)
-
-    def _enable(self) -> None:
-        shown, state = self._shown, self._state
-        scans = loaded_scans(shown, "") if shown is not None else ()
-        count = len(scans)
-        free, some = not state.running, state.hypotheses is not None
-        self.scans.setText(_scans_text(scans))
-        self.begin.setEnabled(free and count > 0)
-        self.begin.setToolTip("" if count else "Needs a scan with readings")
-        self.go_on.setEnabled(free and some and count > 0)
-        accepted = self._room is not None and shown is not None and shown.scene.room is self._room
-        self.accept.setEnabled(free and state.room is not None and not (accepted and state.accepted))
-        self.reject.setEnabled(self.list.currentRow() >= 0 and state.running != "planning")
-        self.plan.setEnabled(free and state.whole)
-        for part in (self.progress, self.cancel):
-            part.setVisible(bool(state.running))
-        self.step.setVisible(bool(state.running))
-        self._space.setVisible(not some)
-        for result in (self.list, self.accept, self.reject, self.plan):
-            result.setVisible(some)
-        self.poses.setText(poses_text(state, shown.look.unit) if shown is not None else "")
-        self.poses.setVisible(bool(self.poses.text()))
-        self.next.setText(next_text(state, shown.look.unit.text) if shown is not None else "")
-        self.next.setVisible(bool(self.next.text()))
-        elsewhere = shown is not None and self._is_elsewhere(shown)
-        self.note.setText(
-            _ELSEWHERE if elsewhere else _KEY if self.list.currentRow() >= 0 else "" if some else _FIND_HINT
-        )
-        self.note.setVisible(bool(self.note.text()))
-
-
-def _scans_text(scans: tuple[LoadedScan, ...]) -> str:
-    """Return the number of the scans, and a warning if all have one place."""
-    if not scans:
-        return "No scan"
-    text = f"Scans: {len(scans)} (the scan shown and the visible ones of the panel Scans)"
-    from sonarhw_compare.arcs import place_numbers  # not needed at the start of the window
-
-    places = place_numbers([scan.place.position for scan in scans])
-    if len(set(places.tolist())) > 1 or (len(scans) > 1 and not all(scan.known for scan in scans)):
-        return text
-    return f"{text}\n⚠ One place alone does not determine a room: walls and posts may be false. Add a scan of another."
-
-
-def _step_text(state: FindState) -> str:
-    if state.running == "planning":
-        return "trying places for the next scan"
-    found = state.hypotheses
-    walls, posts = (len(found.draft.walls), len(found.draft.posts)) if found is not None else (0, 0)
-    return f"{counted(walls, 'wall')} and {counted(posts, 'post')} so far"
-
-
-# The panel "Scans": scans drawn over the one shown, each with colour and eye, and the two that are compared.
-
-
-_ICON = 16  # pixels
-_SCANS_HINT = "Add a log, or keep this scan and make another: both are drawn in the plan and in the ranges."
-
-
 class ScansPanel(QWidget):
-    """Lists the scans."""
+    """Lists the scans drawn over the one shown, each with colour and eye, and the two that are compared."""
 
-    add_requested = Signal()
-    kept = Signal()
-    sweeps_kept = Signal()
-    removed = Signal(int)
-    switched = Signal(int, bool)
-    pair_chosen = Signal(int, int)
-
-    def __init__(self) -> None:
+    def __init__(self, session: WindowSession, add: Callable[[], None]) -> None:
+        """`add`: asks for a log to add."""
         super().__init__()
+        self._scans = session.scans
         self._filling = False
-        self.add, self.keep = QPushButton("Add log…"), QPushButton("Keep this scan")
-        self.sweeps, self.remove = QPushButton("Keep sweeps"), QPushButton("Remove")
-        self.keep.setToolTip("Add the readings shown now; they stay when another scan is shown")
-        self.sweeps.setToolTip("Add each sweep of the readings shown as a scan of its own")
+        self.add, self.remove = button("Add log…", "", add), button("Remove", "", self._remove)
+        self.keep = button(
+            "Keep this scan", "Add the readings shown now; they stay when another scan is shown", session.scans.keep
+        )
+        self.sweeps = button(
+            "Keep sweeps", "Add each sweep of the readings shown as a scan of its own", session.scans.keep_sweeps
+        )
         self.list = QListWidget()
         self.list.setAccessibleName("Scans drawn over the one shown")
         self.list.setIconSize(QSize(_ICON, _ICON))
@@ -781,13 +638,15 @@ class ScansPanel(QWidget):
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.activated.connect(self._choose_pair)
         self.note = PlainLabel(_SCANS_HINT, wordWrap=True)
-        self._arrange()
-        self.add.clicked.connect(self.add_requested)
-        self.keep.clicked.connect(self.kept)
-        self.sweeps.clicked.connect(self.sweeps_kept)
-        self.remove.clicked.connect(self._remove)
+        buttons, pair = QGridLayout(), QFormLayout()
+        for number, part in enumerate((self.add, self.keep, self.sweeps, self.remove)):
+            buttons.addWidget(part, number // 2, number % 2)
+        pair.addRow("First", self.first)
+        pair.addRow("Second", self.second)
+        _stack(self, buttons, self.list, pair, self.note)
         self.list.itemChanged.connect(self._switch)
         self.list.currentRowChanged.connect(self._enable)
+        session.scans.changed.connect(self.show_scans)
         self.show_scans((), None)
 
     def show_state(self, shown: Shown) -> None:
@@ -802,8 +661,8 @@ class ScansPanel(QWidget):
         row = self.list.currentRow()
         self.list.clear()
         for scan in scans:
-            item = QListWidgetItem(_icon(scan.style), scan.name)
-            item.setToolTip(plain_tip(f"{scan.name}: {len(scan.series.ranges)} readings"))
+            item = _item(scan.name, f"{scan.name}: {len(scan.series.ranges)} readings")
+            item.setIcon(_icon(scan.style))
             item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
             item.setCheckState(Qt.CheckState.Checked if scan.visible else Qt.CheckState.Unchecked)
             self.list.addItem(item)
@@ -819,19 +678,6 @@ class ScansPanel(QWidget):
         self._filling = False
         self._enable()
 
-    def _arrange(self) -> None:
-        buttons = QGridLayout()
-        for number, button in enumerate((self.add, self.keep, self.sweeps, self.remove)):
-            buttons.addWidget(button, number // 2, number % 2)
-        pair = QFormLayout()
-        pair.addRow("First", self.first)
-        pair.addRow("Second", self.second)
-        column = QVBoxLayout(self)
-        column.addLayout(buttons)
-        column.addWidget(self.list, stretch=1)
-        column.addLayout(pair)
-        column.addWidget(self.note)
-
     @Slot()
     def _enable(self) -> None:
         self.remove.setEnabled(self.list.currentRow() >= 0)
@@ -841,16 +687,60 @@ class ScansPanel(QWidget):
 
     @Slot()
     def _remove(self) -> None:
-        self.removed.emit(self.list.currentRow())
+        self._scans.remove(self.list.currentRow())
 
     @Slot(QListWidgetItem)
     def _switch(self, item: QListWidgetItem) -> None:
         if not self._filling:
-            self.switched.emit(self.list.row(item), item.checkState() is Qt.CheckState.Checked)
+            self._scans.switch(self.list.row(item), item.checkState() is Qt.CheckState.Checked)
 
     @Slot()
     def _choose_pair(self) -> None:
-        self.pair_chosen.emit(self.first.currentData(), self.second.currentData())
+        self._scans.compare(self.first.currentData(), self.second.currentData())
+
+
+def _stack(widget: QWidget, *parts: QWidget | QLayout | tuple[QWidget, ...] | None) -> QVBoxLayout:
+    """Arrange parts of a widget one below the other; those of a tuple side by side. A list, or None, takes the rest."""
+    column = QVBoxLayout(widget)
+    for part in parts:
+        if part is None:
+            column.addStretch(1)
+        elif isinstance(part, QWidget):
+            column.addWidget(part, stretch=int(isinstance(part, QListWidget)))
+        elif isinstance(part, QLayout):
+            column.addLayout(part)
+        else:
+            row = QHBoxLayout()
+            for beside in part:
+                row.addWidget(beside)
+            column.addLayout(row)
+    return column
+
+
+def _box(offer: Offer) -> QCheckBox:
+    box = QCheckBox(offer.label)
+    box.setToolTip(offer.tip)
+    box.setChecked(offer.checked)
+    return box
+
+
+def _list(name: str) -> QListWidget:
+    found = QListWidget()
+    found.setAccessibleName(name)
+    found.setWordWrap(True)  # a long line is wider than a narrow panel
+    found.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    return found
+
+
+def _item(text: str, tip: str) -> QListWidgetItem:
+    item = QListWidgetItem(text)
+    item.setToolTip(plain_tip(tip))
+    return item
+
+
+def _show(visible: bool, *parts: QWidget) -> None:
+    for part in parts:
+        part.setVisible(visible)
 
 
 def _icon(style: int) -> QIcon:

@@ -1,11 +1,11 @@
 """What all views share: the `View` protocol, plot axes, picking, actions and pictures."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol, TypeAlias, cast, runtime_checkable
+from typing import Any, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
 import numpy as np
 import pyqtgraph as pg
@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw.readings import FloatArray
+from sonarhw.readings import FloatArray, angle_difference
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import ClassPoints, Shown, bounces_text
 from sonarhw_gui.model.theme import text_font
@@ -34,6 +34,8 @@ from sonarhw_gui.widgets import PlainLabel
 # The `View` protocol: the interface between the window and a widget that draws readings and their prediction.
 #
 # `shell/view_area.py` lists all views, one line each. No other module names them.
+
+_Item = TypeVar("_Item", bound=QGraphicsItem)
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,60 @@ def cosmetic_pen(colour: str, width: float = 1.0, style: Qt.PenStyle = Qt.PenSty
     ratio = cast(QGuiApplication, QGuiApplication.instance()).devicePixelRatio()
     pen: QPen = pg.mkPen(colour, width=width * ratio, style=style)
     return pen
+
+
+class PlotLayer:
+    """A part of a plot: its items, each with its height over the plot, and with its colours in every palette."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._plot = plot
+        self._pens: list[tuple[Any, str, float, Qt.PenStyle]] = []  # item, colour, width, style
+        self._brushes: list[tuple[Any, str]] = []
+        self._label_colours: list[tuple[pg.TextItem, str, str, float]] = []  # item, colours of text and paper, size
+
+    def _add(
+        self,
+        item: _Item,
+        z: float | None = None,
+        pen: str = "",
+        width: float = 1.0,
+        style: Qt.PenStyle = Qt.PenStyle.SolidLine,
+        brush: str = "",
+        bounds: bool = False,
+    ) -> _Item:
+        """Add and return an item. `pen`, `brush`: colours of the palette. `bounds`: whether automatic zoom shows it."""
+        if z is not None:
+            item.setZValue(z)
+        self._plot.addItem(item, ignoreBounds=not bounds)
+        if pen:
+            self._pens.append((item, pen, width, style))
+        if brush:
+            self._brushes.append((item, brush))
+        return item
+
+    def _add_label(self, z: float, ink: str, paper: str, size: float = 1.0, **options: Any) -> pg.TextItem:
+        """Add and return a label; `ink`, `paper`: colours of the palette."""
+        label = self._add(pg.TextItem(**options), z)
+        self._label_colours.append((label, ink, paper, size))
+        return label
+
+    def set_look(self, look: Look) -> None:
+        """Use the colours and sizes of `look`."""
+        for item, colour, width, style in self._pens:
+            item.setPen(cosmetic_pen(getattr(look.palette, colour), width, style))
+        for item, colour in self._brushes:
+            item.setBrush(pg.mkBrush(getattr(look.palette, colour)))
+        for label, ink, paper, size in self._label_colours:
+            label.setColor(getattr(look.palette, ink))
+            label.fill = pg.mkBrush(getattr(look.palette, paper))
+            label.setFont(text_font(look, size))
+
+
+def with_gaps(lines: Iterable[FloatArray]) -> FloatArray:
+    """Return lines of points, (n, 2) each, as one array with NaN between them."""
+    gap = np.full((1, 2), np.nan)
+    parts = [part for line in lines if len(line) for part in (line, gap)]
+    return np.vstack(parts) if parts else np.empty((0, 2))
 
 
 def style_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
@@ -361,6 +417,14 @@ def nearest_reading(
         if away[k] <= nearest:
             best, nearest = points.readings[k], float(away[k])
     return best
+
+
+def reading_towards(shown: Shown, heading: float) -> int | None:
+    """Return the newest of the readings nearest to `heading`, rad; None without readings."""
+    if not shown.readings:
+        return None
+    away = np.abs(angle_difference(np.radians(shown.rows.headings), heading))
+    return int(np.flatnonzero(away <= away.min() + 1e-6)[-1])
 
 
 def is_plain_click(event: MouseClickEvent) -> bool:

@@ -18,7 +18,7 @@ from sonarhw_compare.pictures import RangeCells
 from sonarhw_sim.air import Air
 from sonarhw_sim.predict.predicted_scan import arm
 
-from sonarhw.readings import FloatArray, angle_difference
+from sonarhw.readings import FloatArray
 from sonarhw_gui.jobs.traces import Arm, BScans, BScanSettings, ColourScale, Pane, flat_area, polar_area
 from sonarhw_gui.model.look import Look, ViewLayer
 from sonarhw_gui.model.scene import wall_lines
@@ -33,10 +33,11 @@ from sonarhw_gui.views.base import (
     label_axis,
     label_length,
     new_plot,
+    reading_towards,
     style_plot,
     view_action,
 )
-from sonarhw_gui.widgets import ElidedLabel, FlowLayout
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, arranged
 
 # One pane of the B-scan: an image with axes, colour bar, blanking and cursor; a polar image also has the walls.
 #
@@ -304,12 +305,7 @@ class BScanView(QWidget):
         add_buttons(FlowLayout(bar, QMargins(8, 4, 8, 2), gap=3), (*self.choices.actions(), self.polar, self.decibels))
         self.note.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.note.setContentsMargins(8, 0, 8, 2)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(bar)
-        column.addWidget(self.canvas, stretch=1)
-        column.addWidget(self.note)
+        arranged(QVBoxLayout(self), bar, self.canvas, self.note, rest=self.canvas)
 
     def _connect(self) -> None:
         self.choices.triggered.connect(self._settle)
@@ -386,7 +382,7 @@ class BScanView(QWidget):
         place = self._cursor_under(event.scenePos())
         if self._shown is None or place is None:
             return
-        index = reading_along(self._shown, place.heading)
+        index = reading_towards(self._shown, place.heading)
         if index is not None:
             event.accept()
             self.gestures.picked.emit(index)
@@ -401,17 +397,6 @@ class BScanView(QWidget):
             if place is not None:
                 return place
         return None
-
-
-def reading_along(shown: Shown, heading: float) -> int | None:
-    """Return the newest of the readings nearest to `heading`, rad; None without readings."""
-    if not shown.readings:
-        return None
-    zero = shown.scene.pose.heading
-    angles = shown.scene.board.turned(np.array([reading.angle for reading in shown.readings]))
-    apart = np.abs(angle_difference(zero + angles, heading))
-    nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
-    return int(nearest[-1])
 
 
 def _cursor_text(bscan: BScans | None, shown: Shown) -> str:

@@ -14,9 +14,18 @@ from sonarhw.errors import InputError
 from sonarhw_gui.model.look import Look, Palette
 from sonarhw_gui.model.shown import SHOWN, Cursor, Shown
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import Canvas, Gestures, ViewEntry, cosmetic_pen, label_axis, label_length, new_plot
+from sonarhw_gui.views.base import (
+    Canvas,
+    Gestures,
+    ViewEntry,
+    cosmetic_pen,
+    label_axis,
+    label_length,
+    new_plot,
+    reading_towards,
+)
 from sonarhw_gui.views.marks import Spots
-from sonarhw_gui.widgets import PlainLabel
+from sonarhw_gui.widgets import PlainLabel, arranged
 
 # A sentence in the middle of a plot that has nothing to draw, instead of its axes.
 
@@ -90,11 +99,7 @@ class DifferenceView(QWidget):
         self.plot.getAxis("bottom").setTickSpacing(90, 30)
         self.canvas.hovered.connect(self._move)
         self.canvas.clicked.connect(lambda event: self._pick(event.scenePos()))
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self.summary)
-        column.addWidget(self.canvas, stretch=1)
+        arranged(QVBoxLayout(self), self.summary, self.canvas, rest=self.canvas)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the differences of other scans, and redraw after a change of the look."""
@@ -156,9 +161,10 @@ class DifferenceView(QWidget):
     def _pick(self, place: QPointF) -> None:
         """Select the reading shown at the heading of a click."""
         row, shown = self._nearest(place), self._shown
-        if row is not None and self.difference is not None and shown is not None and shown.readings:
-            away = shown.rows.headings - math.degrees(self.difference.rows[row].heading)
-            self.gestures.picked.emit(int(np.argmin(np.abs((away + 180) % 360 - 180))))
+        if row is not None and self.difference is not None and shown is not None:
+            reading = reading_towards(shown, self.difference.rows[row].heading)
+            if reading is not None:
+                self.gestures.picked.emit(reading)
 
     def _nearest(self, place: QPointF | None) -> int | None:
         box = self.plot.vb

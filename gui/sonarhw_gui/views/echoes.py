@@ -11,13 +11,11 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw_gui.model.look import LengthUnit
+from sonarhw_gui.model.scene import decibels_text
 from sonarhw_gui.model.shown import Shown, is_same_question
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Gestures, ViewEntry
-from sonarhw_gui.widgets import ElidedLabel, PlainLabel, plain_tip
-
-# The texts of the list of echoes at one heading, without widgets.
-
+from sonarhw_gui.widgets import ElidedLabel, PlainLabel, arranged, plain_tip
 
 COLUMNS = ("½ path", "level", "what becomes of it", "path")
 
@@ -39,7 +37,7 @@ class EchoList:
         """Return the texts of one row, one for each of `COLUMNS`."""
         echo = self.found[row]
         via = ">".join(self.prediction.paths.via(echo.path, self.prediction.room))
-        level = f"{echo.level_db:.1f} dB".replace("-", "−")
+        level = decibels_text(echo.level_db)
         return self.unit.text(echo.half), level, outcome_text(echo, self.unit.text), via
 
     def is_out(self, row: int) -> bool:
@@ -99,16 +97,8 @@ class EchoListView(QWidget):
         self.table.cellEntered.connect(self._point)
         self.table.currentCellChanged.connect(self._point)
         self.table.left.connect(self._leave)
-        head = QHBoxLayout()
-        head.setContentsMargins(8, 2, 8, 2)
-        head.setSpacing(12)
-        head.addWidget(self.title)
-        head.addWidget(self.note, stretch=1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addLayout(head)
-        column.addWidget(self.table)
+        head = arranged(QHBoxLayout(), self.title, self.note, rest=self.note, margins=(8, 2, 8, 2), gap=12)
+        arranged(QVBoxLayout(self), head, self.table)
 
     def show_state(self, shown: Shown) -> None:
         """List the echoes of another heading, and redraw after a change of the look."""

@@ -15,11 +15,11 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 from sonarhw_compare.headings import heading_text
 
 from sonarhw.readings import FloatArray
-from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Palette, residual_unit
+from sonarhw_gui.model.look import LIGHT, MARKS, OVERLAYS, Class, LengthUnit, Look, residual_unit
 from sonarhw_gui.model.scene import NoteTexts
 from sonarhw_gui.model.shown import ClassPoints, Shown
 from sonarhw_gui.model.theme import NOTE_SIZE, note_symbol
-from sonarhw_gui.views.base import cosmetic_pen
+from sonarhw_gui.views.base import PlotLayer, cosmetic_pen
 
 # Points of equal look, and lines, fast enough for 30 repaints per second of a whole window.
 #
@@ -298,10 +298,10 @@ class Outline(PlotLine):
         self._points = Spots(size=3, symbol="o", pen=None)
         self._points.setParentItem(self)
 
-    def set_look(self, colours: Palette) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the colour of predictions."""
-        self.setPen(cosmetic_pen(colours.predicted, width=1))
-        self._points.setBrush(colours.predicted)
+        self.setPen(cosmetic_pen(look.palette.predicted, width=1))
+        self._points.setBrush(look.palette.predicted)
 
     def draw(self, positions: FloatArray) -> None:
         """Draw the outline at `positions`, (n, 2) float; NaN where no echo is predicted."""
@@ -372,9 +372,9 @@ class ReadingMarks:
         for scatter in self.scatters.values():
             scatter.setVisible(False)
 
-    def set_look(self, colours: Palette) -> None:
+    def set_look(self, look: Look) -> None:
         """Use these colours."""
-        self._colours = colours
+        self._colours = colours = look.palette
         self._style_scatters()
         for kind, dots in self._dots.items():
             dots.set_pen(cosmetic_pen(colours.of(kind), width=_DOT))
@@ -438,18 +438,12 @@ def _unchanged_count(before: Placed, now: Placed) -> int:
 # The marks of notes: a small sheet above the mark of each reading that has one.
 
 
-class NoteMarks:
+class NoteMarks(PlotLayer):
     """One mark for each note on a visible reading."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.spots = Spots(size=NOTE_SIZE, symbol=note_symbol())
-        self.spots.setZValue(ABOVE_MARKS)
-        plot.addItem(self.spots, ignoreBounds=True)
-
-    def set_look(self, colours: Palette) -> None:
-        """Use these colours."""
-        self.spots.setPen(cosmetic_pen(colours.note_ink, width=1))
-        self.spots.setBrush(colours.note_paper)
+        super().__init__(plot)
+        self.spots = self._add(Spots(size=NOTE_SIZE, symbol=note_symbol()), ABOVE_MARKS, "note_ink", brush="note_paper")
 
     def draw(self, notes: NoteTexts, marks: ReadingMarks) -> None:
         """Draw the notes on the readings that `marks` draws."""
@@ -479,7 +473,7 @@ class OverlayMarks:
             scatter.setZValue(_BELOW_MARKS)
             plot.addItem(scatter, ignoreBounds=True)
 
-    def set_look(self) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the width of lines of the screen."""
         for scatter, overlay in zip(self.scatters, OVERLAYS, strict=True):
             scatter.setPen(cosmetic_pen(overlay.colour, width=1.5))

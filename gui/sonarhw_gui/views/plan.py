@@ -1,7 +1,7 @@
 """The view "Plan": the plan, its tools, and a line that describes the object under the mouse."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property, partial
 from typing import cast
 
@@ -9,14 +9,13 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QMargins, QPointF, QRectF, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QActionGroup, QFontMetrics, QKeyEvent, QKeySequence
+from PySide6.QtGui import QAction, QActionGroup, QFontMetrics, QKeyEvent
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
     QFormLayout,
     QHBoxLayout,
     QSizePolicy,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -33,7 +32,17 @@ from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer
 from sonarhw_gui.model.scene import Scene, outline_points, plan_bounds
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import Canvas, Gestures, ViewEntry, label_length, nearest_reading, new_plot
+from sonarhw_gui.views.base import (
+    Canvas,
+    Gestures,
+    ViewEntry,
+    add_buttons,
+    label_length,
+    nearest_reading,
+    new_plot,
+    reading_towards,
+    view_action,
+)
 from sonarhw_gui.views.marks import NO_POSITIONS, NoteMarks, Outline, OverlayMarks, ReadingMarks, reading_tip
 from sonarhw_gui.views.plan_layers import (
     CursorLayer,
@@ -47,15 +56,18 @@ from sonarhw_gui.views.plan_layers import (
     SoundLayer,
 )
 from sonarhw_gui.views.plan_tools import TOOLS, PlanController
-from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, NumberField, PlainLabel, TitleLabel
-from sonarhw_gui.window.dialogs import close_dialogs
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, NumberField, PlainLabel, TitleLabel, arranged
+from sonarhw_gui.window.dialogs import show_alone
 
 # The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
 #
 # `plan.plan_controller` and `plan.plan_tools` handle mouse and keys; `plan.plan_layers` draws the parts.
 
 
-_PATH_PARTS = "scene", "compared", "readings", "chosen", "asked", "answer", "pointed_path", "look", "hidden"
+_Parts = tuple[str, ...]  # of `Shown`
+_MARK_PARTS: _Parts = ("readings", "compared", "scene", "hidden")
+_BEAM_PARTS: _Parts = ("scene", "readings", "chosen", "asked", "look", "hidden")
+_PATH_PARTS: _Parts = (*_MARK_PARTS, "chosen", "asked", "answer", "pointed_path", "look")
 _WIDEST = "-00.00"  # tick value on the left axis
 _OUTLINE_REACH = 8.0  # pixels
 _BEYOND = 0.08  # margin, share of the room's longer side
@@ -96,6 +108,23 @@ class PlanDrawing(Canvas):
         self._box.sigRangeChangedManually.connect(self._note_choice)
         self._box.sigResized.connect(self._show_frame)
 
+    def _layer_table(self) -> Iterator[tuple[_Parts, Callable[[Shown], None]]]:
+        """Yield the parts of `Shown` that each layer depends on, and what draws it, in order."""
+        yield _BEAM_PARTS, self.sensor.draw
+        if self._predicted:
+            yield ("outline", "hidden"), self._draw_outline
+            yield _PATH_PARTS, self.path.draw
+        if self._measured:
+            yield _MARK_PARTS, self._draw_marks
+            yield (*_MARK_PARTS, "notes"), lambda shown: self.notes.draw(shown.notes, self._marks)
+            yield (*_MARK_PARTS, "chosen"), lambda shown: self._marks.ring(shown.chosen)
+            yield ("overlays",), self._draw_overlays
+        yield ("scene", "cursor"), self.pointer.draw
+        yield (*_MARK_PARTS, "proposal", "look"), lambda shown: self.proposal.draw(shown.proposal, self._marks)
+        yield ("found",), lambda shown: self.found.draw(shown.found)
+        yield ("sound", "look"), self.sound.draw
+        yield (*_MARK_PARTS, "chosen", "look"), self._draw_arrows
+
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self.shown = self.shown, shown
@@ -104,28 +133,13 @@ class PlanDrawing(Canvas):
             self._set_look(shown.look)
         if before is None or before.scene.room is not shown.scene.room:
             self.draw_room()
-        if self._predicted:
-            self._draw_predicted(before, shown)
-        if self._measured:
-            self._draw_measured(before, shown)
-        if shown.changed_since(before, "scene", "readings", "chosen", "asked", "look", "hidden"):
-            self.sensor.draw(shown)
-        if shown.changed_since(before, "scene", "cursor"):
-            self.pointer.draw(shown)
-        if shown.changed_since(before, "proposal", "compared", "readings", "scene", "hidden", "look"):
-            self.proposal.draw(shown.proposal, self._marks)
-        if shown.changed_since(before, "found"):
-            self.found.draw(shown.found)
-        if self._measured and shown.changed_since(before, "overlays"):
-            self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
-        if shown.changed_since(before, "sound", "look"):
-            self.sound.draw(shown)
-            if shown.sound is not None and (before is None or before.sound is None):
-                self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
+        for parts, draw in self._layer_table():
+            if shown.changed_since(before, *parts):
+                draw(shown)
+        if shown.sound is not None and (before is None or before.sound is None):
+            self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
         if before is None or _is_another_room(before, shown) or self._grows(before, shown):
             self.fit()
-        if shown.changed_since(before, "readings", "compared", "scene", "chosen", "hidden", "look"):
-            self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
 
     def _grows(self, before: Shown, shown: Shown) -> bool:
         """Return whether there are other readings, and no room to show instead of them."""
@@ -264,12 +278,10 @@ class PlanDrawing(Canvas):
         return bool((away <= _OUTLINE_REACH * self.pixel).any())
 
     def _towards(self, event: MouseClickEvent) -> int | None:
-        if self.shown is None or not self.shown.readings:
+        if self.shown is None:
             return None
         at = self._box.mapSceneToView(event.scenePos())
-        heading = bearing(self.shown.scene.pose.position, (at.x(), at.y()))
-        apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
-        return int(np.argmin(apart))
+        return reading_towards(self.shown, bearing(self.shown.scene.pose.position, (at.x(), at.y())))
 
     def event(self, event: QEvent) -> bool:
         """Let Esc cancel a drag; without a drag, the window handles it."""
@@ -286,37 +298,28 @@ class PlanDrawing(Canvas):
         metrics = QFontMetrics(text_font(look, 0.9))
         # wider tick values would change the size of the plan, and with it the visible range
         self.plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound):
+        drawn = self.room, self.sensor, self.path, self.pointer, self.ruler, self.sound, self.proposal, self.found
+        for layer in (*drawn, self.overlays, self._outline, self._marks, self.notes, self.arrows):
             layer.set_look(look)
-        for proposed in (self.proposal, self.found):
-            proposed.set_look(look)
-        self.overlays.set_look()
-        self._outline.set_look(look.palette)
-        self._marks.set_look(look.palette)
-        self.notes.set_look(look.palette)
-        self.arrows.set_look(look)
 
-    def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
-        if shown.changed_since(before, "outline"):
-            self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
+    def _draw_outline(self, shown: Shown) -> None:
+        self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
-        if shown.changed_since(before, *_PATH_PARTS):
-            self.path.draw(shown)
 
-    def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
-        fresh = not shown.same_readings(before)
-        if fresh:
-            positions = partial(standpoints, shown.scene.board, shown.scene.pose)
-            self._marks.draw(
-                {
-                    kind: (points, points_at(positions(points.headings), points.headings, points.ranges))
-                    for kind, points in shown.classes.items()
-                }
-            )
-        if fresh or shown.changed_since(before, "notes"):
-            self.notes.draw(shown.notes, self._marks)
-        if fresh or shown.changed_since(before, "chosen"):
-            self._marks.ring(shown.chosen)
+    def _draw_marks(self, shown: Shown) -> None:
+        sensors = partial(standpoints, shown.scene.board, shown.scene.pose)
+        self._marks.draw(
+            {
+                kind: (points, points_at(sensors(points.headings), points.headings, points.ranges))
+                for kind, points in shown.classes.items()
+            }
+        )
+
+    def _draw_overlays(self, shown: Shown) -> None:
+        self.overlays.draw({scan.style: scan.points for scan in shown.overlays if scan.visible})
+
+    def _draw_arrows(self, shown: Shown) -> None:
+        self.arrows.draw(self._marks.placed, shown.scene.pose.position, shown.chosen)
 
     def _tip(self, index: int) -> str:
         return reading_tip(self.shown, index) if self.shown else ""
@@ -360,9 +363,7 @@ class SideBySide(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.gestures = Gestures(self)
-        self._row = QHBoxLayout(self)
-        self._row.setContentsMargins(0, 0, 0, 0)
-        self._row.setSpacing(1)
+        self._row = arranged(QHBoxLayout(self), gap=1)
         self._created = False
         self.title = TitleLabel("Measured")  # of the left plan: the origin of the readings
 
@@ -434,7 +435,6 @@ class TypedSurface(QDialog):
     ) -> None:
         """`scene`: returns the present scene, which may change while the dialog is open."""
         super().__init__(parent)
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("Add a post" if post else "Add a wall")
         self._scene, self._gestures, self._post, self._unit = scene, gestures, post, unit
         self.problem = PlainLabel(wordWrap=True)
@@ -507,11 +507,7 @@ class PlanView(QWidget):
         self.message = ElidedLabel()
         self.typed: TypedSurface | None = None  # the dialog for coordinates, opened last
         view.message_changed.connect(self.message.setText)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self._bar())
-        column.addWidget(view, stretch=1)
+        arranged(QVBoxLayout(self), self._bar(), view, rest=view)
         self._add_keys()
 
     def show_state(self, shown: Shown) -> None:
@@ -532,14 +528,12 @@ class PlanView(QWidget):
         row.setContentsMargins(0, 0, 4, 0)
         row.setSpacing(0)
         for tool in TOOLS:
-            action = self._action(tool.name, tool.key, tool.tip)
-            action.setCheckable(True)
+            action = view_action(self, tool.name, tool.key, tool.tip)
             action.setData(tool)
             self.tools.addAction(action)
-            buttons.addWidget(_button(action))
         self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
-        buttons.addWidget(_button(self.remove))
+        add_buttons(buttons, [*self.tools.actions(), self.remove])
         message = LabelSlot(self.message)
         message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
         row.addWidget(tools)
@@ -572,9 +566,7 @@ class PlanView(QWidget):
             action.triggered.connect(partial(self.drawing.pan, *by))
 
     def _action(self, text: str, key: str, tip: str) -> QAction:
-        action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
-        self.addAction(action)
-        return action
+        return view_action(self, text, key, tip, checkable=False)
 
     def _type_surface(self, post: bool) -> None:
         shown = self.drawing.shown
@@ -582,9 +574,8 @@ class PlanView(QWidget):
             self.message.setText("open a room first")
             return
         controller = self.drawing.controller
-        close_dialogs(self.window())
         self.typed = TypedSurface(lambda: controller.scene, shown.look.unit, self.gestures, post, self)
-        self.typed.show()
+        show_alone(self.typed)
 
     def _turn_question(self, by: float) -> None:
         self.gestures.turned_question.emit(by)
@@ -592,11 +583,3 @@ class PlanView(QWidget):
     @Slot(QAction)
     def _set_tool(self, action: QAction) -> None:
         self.drawing.controller.set_tool(action.data())
-
-
-def _button(action: QAction) -> QToolButton:
-    button = QToolButton(autoRaise=True)
-    button.setDefaultAction(action)
-    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-    button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the window keeps the keyboard focus
-    return button

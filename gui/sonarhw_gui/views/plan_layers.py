@@ -19,7 +19,7 @@ from sonarhw_gui.model.look import Class, Look, ViewLayer
 from sonarhw_gui.model.scene import beam_wedge, bounce_labels, half_power_angle, surface_outlines, wall_lines
 from sonarhw_gui.model.shown import NO_POINTS, FoundDrawing, NextScan, Proposal, Shown, chosen_path
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.views.base import cosmetic_pen
+from sonarhw_gui.views.base import PlotLayer, cosmetic_pen, with_gaps
 from sonarhw_gui.views.marks import Placed, PlotLine, ReadingMarks, Spots
 
 # The layers of the plan: room, sensor with its beam, rays of one path, cursor and ruler.
@@ -33,27 +33,18 @@ _SENSOR = 14  # pixels
 _NOTHING = np.empty((0, 2))
 
 
-class RoomLayer:
+class RoomLayer(PlotLayer):
     """Walls and posts, the selected one thicker, and handles at the corners."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._walls = PlotLine(connect="pairs")
-        self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
+        super().__init__(plot)
+        self._walls = self._add(PlotLine(connect="pairs"), pen="wall", width=2, bounds=True)
+        self._posts = self._add(QGraphicsPathItem(), brush="wall", bounds=True)
         self._posts.setPen(pg.mkPen(None))
-        self._chosen_wall = PlotLine()
-        self._corners = Spots(size=8, symbol="s", brush=None)
-        self._corners.setZValue(20)  # over readings
-        for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
-            plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours and sizes of `look`."""
-        colours = look.palette
-        self._walls.setPen(cosmetic_pen(colours.wall, width=2))
-        self._posts.setBrush(pg.mkBrush(colours.wall))
-        self._chosen_wall.setPen(cosmetic_pen(colours.chosen, width=5))
-        self._chosen_post.setPen(cosmetic_pen(colours.chosen, width=4))
-        self._corners.setPen(cosmetic_pen(colours.ink, width=1))
+        self._chosen_wall = self._add(PlotLine(), pen="chosen", width=5)
+        self._chosen_post = self._add(QGraphicsPathItem(), pen="chosen", width=4)
+        over_readings = 20
+        self._corners = self._add(Spots(size=8, symbol="s", brush=None), over_readings, "ink", bounds=True)
 
     def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
         """Draw a room, with the surface `name` highlighted and, if `handles`, its corners."""
@@ -71,37 +62,19 @@ class RoomLayer:
         self._chosen_post.setPath(_posts_path(post))
 
 
-class SensorLayer:
+class SensorLayer(PlotLayer):
     """The sensor, the zero of its turntable, the beam of the selected reading, and the turntable's direction now."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
+        super().__init__(plot)
         self.handle_at: Point | None = None
-        self._beam = PlotLine(pen=None, filled=True)
-        self._axis, self._turntable, self._zero = PlotLine(), PlotLine(), PlotLine()
-        self._handle = Spots(size=11, symbol="o")
-        self._sensor = Spots(size=_SENSOR, symbol="d")
-        for z, item in (
-            (-10, self._beam),
-            (-9, self._axis),
-            (-9, self._turntable),
-            (20, self._zero),
-            (21, self._handle),
-            (22, self._sensor),
-        ):
-            item.setZValue(z)
-            plot.addItem(item, ignoreBounds=item is not self._sensor)
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours and sizes of `look`."""
-        colours = look.palette
-        self._beam.setBrush(colours.beam)
-        self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
-        self._turntable.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
-        self._zero.setPen(cosmetic_pen(colours.ink, width=2.5))
-        self._handle.setPen(cosmetic_pen(colours.paper))  # filled: the ring of the selected reading is hollow
-        self._handle.setBrush(colours.ink)
-        self._sensor.setPen(cosmetic_pen(colours.paper))
-        self._sensor.setBrush(pg.mkBrush(colours.ink))
+        self._beam = self._add(PlotLine(pen=None, filled=True), -10, brush="beam")
+        self._axis = self._add(PlotLine(), -9, "ink", style=Qt.PenStyle.DashLine)
+        self._turntable = self._add(PlotLine(), -9, "faint", style=Qt.PenStyle.DotLine)
+        self._zero = self._add(PlotLine(), 20, "ink", 2.5)
+        # filled: the ring of the selected reading is hollow
+        self._handle = self._add(Spots(size=11, symbol="o"), 21, "paper", brush="ink")
+        self._sensor = self._add(Spots(size=_SENSOR, symbol="d"), 22, "paper", brush="ink", bounds=True)
 
     def draw(self, shown: Shown) -> None:
         """Draw the beam at the heading of the selected reading, and a dotted line at the newest heading.
@@ -130,29 +103,24 @@ class SensorLayer:
         self._handle.setData(*axis[1:2].T)
 
 
-class PathLayer:
+class PathLayer(PlotLayer):
     """The path that explains the selected reading, numbered by bounce, and the path pointed at in a list."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._rays, self._pointed = PlotLine(), PlotLine()
-        self._pointed.setZValue(28)
-        self._labels = [_label() for _ in range(_MOST_LABELLED)]
+        super().__init__(plot)
+        self._rays = self._add(PlotLine(), bounds=True)
+        self._pointed = self._add(PlotLine(), 28, "predicted", 3, bounds=True)
+        self._labels = [self._add_label(30, "paper", "chosen", 0.8) for _ in range(_MOST_LABELLED)]
         self._texts: list[tuple[str, FloatArray]] = []
         self._sensor: Point = (0.0, 0.0)
         self._colour = "k"
         self._drawn_with: tuple[str, Qt.PenStyle] | None = None  # colour and style of the rays
-        for item in (self._rays, self._pointed, *self._labels):
-            plot.addItem(item)
         plot.vb.sigRangeChanged.connect(self._lay_out)
 
     def set_look(self, look: Look) -> None:
         """Use the colours and sizes of `look`."""
+        super().set_look(look)
         self._colour, self._drawn_with = look.palette.chosen, None  # the width depends on the screen
-        self._pointed.setPen(cosmetic_pen(look.palette.predicted, width=3))
-        for label in self._labels:
-            label.setColor(look.palette.paper)
-            label.fill = pg.mkBrush(look.palette.chosen)
-            label.setFont(text_font(look, 0.8))
 
     def draw(self, shown: Shown) -> None:
         """Draw the path that explains the reading as a solid line, or else the predicted path as a dotted line."""
@@ -180,17 +148,12 @@ class PathLayer:
             _set_beside(label, at, taken)
 
 
-class CursorLayer:
+class CursorLayer(PlotLayer):
     """A cross at the position of the pointer in another view."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._cross = Spots(size=17, symbol="crosshair", brush=None)
-        self._cross.setZValue(25)
-        plot.addItem(self._cross, ignoreBounds=True)
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours and sizes of `look`."""
-        self._cross.setPen(cosmetic_pen(look.palette.chosen, width=1))
+        super().__init__(plot)
+        self._cross = self._add(Spots(size=17, symbol="crosshair", brush=None), 25, "chosen")
 
     def draw(self, shown: Shown) -> None:
         """Draw the cursor, or hide it if there is none."""
@@ -201,25 +164,15 @@ class CursorLayer:
         self._cross.setVisible(cursor is not None)  # hidden items take no time
 
 
-class RulerLayer:
+class RulerLayer(PlotLayer):
     """A line between two points, labelled with its length and direction."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._line = PlotLine()
-        self._ends = Spots(size=13, symbol="crosshair", brush=None)
-        self.label = pg.TextItem()
-        for item in (self._line, self._ends, self.label):
-            item.setZValue(40)
-            plot.addItem(item, ignoreBounds=True)
+        super().__init__(plot)
+        self._line = self._add(PlotLine(), 40, "ink", 1.5, Qt.PenStyle.DashDotLine)
+        self._ends = self._add(Spots(size=13, symbol="crosshair", brush=None), 40, "ink", 1.5)
+        self.label = self._add_label(40, "ink", "tip_paper")
         self.clear()
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours and sizes of `look`."""
-        self._line.setPen(cosmetic_pen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
-        self._ends.setPen(cosmetic_pen(look.palette.ink, width=1.5))
-        self.label.setColor(look.palette.ink)
-        self.label.fill = pg.mkBrush(look.palette.tip_paper)
-        self.label.setFont(text_font(look))
 
     def draw(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler from one point to another."""
@@ -267,13 +220,6 @@ def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None
 def _sensor_box(box: pg.ViewBox, at: Point) -> QRectF:
     middle = box.mapViewToScene(QPointF(*at))
     return QRectF(middle.x() - _SENSOR / 2, middle.y() - _SENSOR / 2, _SENSOR, _SENSOR)
-
-
-def _label() -> pg.TextItem:
-    item = pg.TextItem()
-    item.setZValue(30)
-    item.setVisible(False)
-    return item
 
 
 # Arrows at the edge of the plan towards readings outside the visible part, with their distance from the sensor.
@@ -462,58 +408,48 @@ class EdgeArrows(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no t
 # The search for the room in the plan: dashed walls, readings for and against one of them, the next place to scan.
 
 
-_GAP_OF_LINES = np.full((1, 2), np.nan)
-_WIDTH, _CLEARED = 3, 9  # pixels: dashes, and a strip below them without the outline, which has their colour
+_CLEARED = 9  # pixels
 _REACH = 0.18  # of the diagonal of the found walls: radius of the sectors of the next scan
 
 
-class FoundLayer:
-    """Dashed surfaces, marks at readings, and the next place with its headings."""
+class SurfaceLayer(PlotLayer):
+    """Dashed walls and posts that are not in the room."""
+
+    def __init__(self, plot: pg.PlotItem, z: float, width: float, cross: float) -> None:
+        """`cross`: size of that at a post, which may be smaller than a pixel, pixels."""
+        super().__init__(plot)
+        self.surfaces = self._add(PlotLine(connect="finite"), z, "predicted", width, Qt.PenStyle.DashLine)
+        self._posts = self._add(Spots(size=cross, symbol="+", brush=None), z, "predicted", 2)
+
+    def _draw_surfaces(self, walls: FloatArray, posts: FloatArray) -> None:
+        _set(self.surfaces, surface_outlines(walls, posts))
+        _set(self._posts, posts[:, :2])
+
+
+class FoundLayer(SurfaceLayer):
+    """The search for the room: its walls, readings for and against one of them, the next place with its headings."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.surfaces, self.chosen = (PlotLine(connect="finite") for _ in range(2))
-        self.sectors = PlotLine(connect="finite")
-        self.speaking_for = Spots(size=15, symbol="o", brush=None)
-        self.against = Spots(size=15, symbol="x", brush=None)
-        self.next_scan = Spots(size=20, symbol="star")
-        self._label = pg.TextItem("scan next", anchor=(0.5, -0.5))
-        self._posts = Spots(size=16, symbol="+", brush=None)  # a post may be smaller than a pixel
-        for z, item in (
-            (4, self.surfaces),  # over walls and outline, below readings of all scans
-            (4, self._posts),
-            (4.5, self.chosen),
-            (34, self.speaking_for),
-            (34, self.against),
-            (33, self.sectors),
-            (37, self.next_scan),
-            (37, self._label),
-        ):
-            item.setZValue(z)
-            plot.addItem(item, ignoreBounds=True)
+        super().__init__(plot, 4, 3, 16)  # over walls and outline, below readings of all scans
+        self.chosen = self._add(PlotLine(connect="finite"), 4.5, "predicted", 5)
+        self.sectors = self._add(PlotLine(connect="finite"), 33, "ink", style=Qt.PenStyle.DotLine)
+        self.speaking_for = self._add(Spots(size=15, symbol="o", brush=None), 34, "predicted", 2)
+        self.against = self._add(Spots(size=15, symbol="x", brush=None), 34, "long", 3)
+        self.next_scan = self._add(Spots(size=20, symbol="star"), 37, "ink", brush="extra")
+        self._label = self._add_label(37, "ink", "paper", 0.9, text="scan next", anchor=(0.5, -0.5))
         self.draw(None)
 
     def set_look(self, look: Look) -> None:
         """Use the colours and sizes of `look`."""
-        colours = look.palette
-        self.surfaces.setPen(cosmetic_pen(colours.predicted, width=_WIDTH, style=Qt.PenStyle.DashLine))
-        self.surfaces.setShadowPen(cosmetic_pen(colours.paper, width=_CLEARED))
-        self.chosen.setPen(cosmetic_pen(colours.predicted, width=5))
-        self._posts.setPen(cosmetic_pen(colours.predicted, width=2))
-        self.speaking_for.setPen(cosmetic_pen(colours.predicted, width=2))
-        self.against.setPen(cosmetic_pen(colours.long, width=3))
-        self.sectors.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DotLine))
-        self.next_scan.setPen(cosmetic_pen(colours.ink, width=1))
-        self.next_scan.setBrush(pg.mkBrush(colours.extra))
-        self._label.setColor(colours.ink)
-        self._label.fill = pg.mkBrush(colours.paper)
-        self._label.setFont(text_font(look, 0.9))
+        super().set_look(look)
+        # below the dashes, a strip without the outline, which has their colour
+        self.surfaces.setShadowPen(cosmetic_pen(look.palette.paper, width=_CLEARED))
 
     def draw(self, found: FoundDrawing | None) -> None:
         """Draw the state of a search; None: nothing."""
         walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if found is None else (found.walls, found.posts)
-        _set(self.surfaces, surface_outlines(walls, posts))
+        self._draw_surfaces(walls, posts)
         _set(self.chosen, NO_POINTS if found is None else surface_outlines(found.chosen_walls, found.chosen_posts))
-        _set(self._posts, posts[:, :2])
         _set(self.speaking_for, NO_POINTS if found is None else found.speaking_for)
         _set(self.against, NO_POINTS if found is None else found.against)
         self._draw_next(None if found is None else found.next_scan, walls)
@@ -538,52 +474,28 @@ def _set(item: PlotLine | Spots, points: FloatArray) -> None:
 
 def _sectors(place: NextScan, reach: float) -> FloatArray:
     """Return the outlines of the sectors, (n, 2) m, with NaN between them."""
-    middle, parts = np.array([place.position]), []
+    middle, arcs = np.array([place.position]), []
     for begin, end in place.sectors:
         angles = np.linspace(begin, end, 25)
         arc = middle + reach * np.column_stack((np.cos(angles), np.sin(angles)))
-        parts += [middle, arc, middle, _GAP_OF_LINES]
-    return np.vstack(parts) if parts else NO_POINTS
+        arcs.append(np.vstack((middle, arc, middle)))
+    return with_gaps(arcs)
 
 
-# The proposed change of the room in the plan: dashed surfaces, and rings around the readings that it explains.
-
-
-_PROPOSAL_WIDTH = 4  # pixels
-_SMALLEST = 18  # pixels, of the cross at a post, which may be smaller than a pixel
-
-
-class ProposalLayer:
-    """Dashed walls and posts, and rings."""
+class ProposalLayer(SurfaceLayer):
+    """A proposed change of the room, and rings around the readings that it explains."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.surfaces = PlotLine(connect="finite")
-        self._posts = Spots(size=_SMALLEST, symbol="+", brush=None)
-        self.rings = Spots(size=15, symbol="o", brush=None)
-        for z, item in ((35, self.surfaces), (35, self._posts), (34, self.rings)):
-            item.setZValue(z)
-            plot.addItem(item, ignoreBounds=True)
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours and sizes of `look`."""
-        pen = cosmetic_pen(look.palette.predicted, width=_PROPOSAL_WIDTH, style=Qt.PenStyle.DashLine)
-        self.surfaces.setPen(pen)
-        self._posts.setPen(cosmetic_pen(look.palette.predicted, width=2))
-        self.rings.setPen(cosmetic_pen(look.palette.predicted, width=2))
+        super().__init__(plot, 35, 4, 18)
+        self.rings = self._add(Spots(size=15, symbol="o", brush=None), 34, "predicted", 2)
 
     def draw(self, proposal: Proposal | None, marks: ReadingMarks) -> None:
         """Draw a proposal, and rings around its readings at their marks; None: nothing."""
         walls, posts = (np.empty((0, 4)), np.empty((0, 3))) if proposal is None else (proposal.walls, proposal.posts)
-        self.surfaces.setData(*surface_outlines(walls, posts).T)
-        self._posts.setData(*posts[:, :2].T)
-        draw_rings(self.rings, proposal, marks)
-
-
-def draw_rings(rings: Spots, proposal: Proposal | None, marks: ReadingMarks) -> None:
-    """Draw rings around the readings of a proposal."""
-    found = [] if proposal is None else [marks.position_of(reading) for reading in proposal.readings]
-    positions = [position for position in found if position is not None]
-    rings.setData(*np.array(positions).reshape(-1, 2).T)
+        self._draw_surfaces(walls, posts)
+        found = [] if proposal is None else [marks.position_of(reading) for reading in proposal.readings]
+        positions = [position for position in found if position is not None]
+        self.rings.setData(*np.array(positions).reshape(-1, 2).T)
 
 
 # The layer of the plan that draws sound on its paths, what the board does not detect yet, and what it would report.
@@ -592,37 +504,23 @@ def draw_rings(rings: Spots, proposal: Proposal | None, marks: ReadingMarks) -> 
 _CIRCLE = np.linspace(0, 2 * np.pi, 73)
 
 
-class SoundLayer:
+class SoundLayer(PlotLayer):
     """The burst of each path with its wavefront, the disc of blanking, and the range counted so far."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._deaf = PlotLine(filled=True)
-        self._ways = PlotLine(connect="finite")
-        self._others, self._winner = (PlotLine(connect="finite") for _ in range(2))
-        self._fronts = PlotLine(connect="finite")
-        self._counting = PlotLine()
-        self.counted = Spots(size=12, symbol="o")
-        items: tuple[pg.GraphicsObject, ...] = (
-            *(self._deaf, self._ways, self._others, self._winner, self._fronts),
-            *(self._counting, self.counted),
-        )
-        for z, item in zip((-12, 26, 27, 28, 28, 26, 29), items, strict=True):
-            item.setZValue(z)
+        super().__init__(plot)
+        dashed, dotted = Qt.PenStyle.DashLine, Qt.PenStyle.DotLine
+        self._deaf = self._add(PlotLine(filled=True), -12, "faint", 1, dashed, brush="blanking")
+        self._ways = self._add(PlotLine(connect="finite"), 26, "faint")
+        self._others = self._add(PlotLine(connect="finite"), 27, "faint", 4)
+        self._winner = self._add(PlotLine(connect="finite"), 28, "predicted", 5)
+        self._fronts = self._add(PlotLine(connect="finite"), 28, "predicted", 1.5)
+        self._counting = self._add(PlotLine(), 26, "measured", 1, dotted)
+        self.counted = self._add(Spots(size=12, symbol="o"), 29, "measured", 2)
+        lines = self._deaf, self._ways, self._others, self._winner, self._fronts, self._counting
+        self._items = (*lines, self.counted)
+        for item in self._items:
             item.setVisible(False)
-            plot.addItem(item, ignoreBounds=True)
-        self._items, self._look = items, Look()
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours of `look`."""
-        colours, self._look = look.palette, look
-        self._deaf.setBrush(colours.blanking)
-        self._deaf.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DashLine))
-        self._ways.setPen(cosmetic_pen(colours.faint, width=1))
-        self._others.setPen(cosmetic_pen(colours.faint, width=4))
-        self._winner.setPen(cosmetic_pen(colours.predicted, width=5))
-        self._fronts.setPen(cosmetic_pen(colours.predicted, width=1.5))
-        self._counting.setPen(cosmetic_pen(colours.measured, width=1, style=Qt.PenStyle.DotLine))
-        self.counted.setPen(cosmetic_pen(colours.measured, width=2))
 
     def draw(self, shown: Shown) -> None:
         """Draw one moment, or hide everything."""
@@ -636,22 +534,16 @@ class SoundLayer:
         deaf = ping.prediction.board.blanked_range(ping.prediction.room.air)
         self._deaf.setData(*(sensor + deaf * np.column_stack((np.cos(_CIRCLE), np.sin(_CIRCLE)))).T)
         self._deaf.setOpacity(1.0 if sound.time < ping.blanking else 0.45)
-        self._ways.setData(*_with_gaps([way.points for way in ping.ways]).T)
+        self._ways.setData(*with_gaps([way.points for way in ping.ways]).T)
         self._others.setData(*_trails(pulses, wins=False).T)
         self._winner.setData(*_trails(pulses, wins=True).T)
-        self._fronts.setData(*_with_gaps([pulse.front for pulse in pulses]).T)
+        self._fronts.setData(*with_gaps([pulse.front for pulse in pulses]).T)
         here = counted_position(ping, sound.time)
         self._counting.setData(*np.array([sensor, here]).T)
         reported = ping.detected is not None and sound.time >= ping.detected
-        self.counted.setBrush(pg.mkBrush(self._look.palette.measured if reported else None))
+        self.counted.setBrush(pg.mkBrush(shown.look.palette.measured if reported else None))
         self.counted.setData(*here[:, None])
 
 
 def _trails(pulses: tuple[Pulse, ...], wins: bool) -> FloatArray:
-    return _with_gaps([pulse.trail for pulse in pulses if pulse.way.echo.wins is wins])
-
-
-def _with_gaps(lines: list[FloatArray]) -> FloatArray:
-    """Return lines as one array of points, (n, 2), with NaN between them."""
-    parts = [part for line in lines if len(line) for part in (line, _GAP_OF_LINES)]
-    return np.vstack(parts) if parts else _NOTHING
+    return with_gaps([pulse.trail for pulse in pulses if pulse.way.echo.wins is wins])

@@ -87,44 +87,6 @@ _SHORTEST = 0.005  # m, of a wall or a radius; a shorter drag is ignored
 _SNAP = 9.0  # pixels
 
 
-class ToolContext(Protocol):
-    """The interface of the plan for a tool."""
-
-    @property
-    def shown(self) -> Shown:
-        """What is drawn."""
-
-    @property
-    def scene(self) -> Scene:
-        """The scene with all edits, including those not drawn yet."""
-
-    @property
-    def handle_at(self) -> Point | None:
-        """Where the beam can be dragged, m."""
-
-    @property
-    def pixel(self) -> float:
-        """The length of a pixel, m."""
-
-    def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
-        """Apply an edit to the scene from before the gesture; return whether it was accepted."""
-
-    def drop(self, gesture: object) -> None:
-        """Undo the edits of an unfinished gesture."""
-
-    def choose_surface(self, name: str | None) -> None:
-        """Select the wall or post that keys and panel act on."""
-
-    def measure(self, start: Point, end: Point, text: str) -> None:
-        """Draw the ruler."""
-
-    def ask(self, at: Point) -> None:
-        """Explain the heading from the sensor to a point."""
-
-    def show_message(self, text: str) -> None:
-        """Show one line of text beside the tools."""
-
-
 class Tool:
     """A tool that uses no drag, so that every drag pans the plan."""
 
@@ -133,7 +95,7 @@ class Tool:
     edits = False  # whether it drags or adds walls and posts
     asks = False  # whether a click explains a heading
 
-    def __init__(self, context: ToolContext) -> None:
+    def __init__(self, context: "PlanController") -> None:
         self._context = context
 
     @property
@@ -171,7 +133,7 @@ class Hand(Tool):
     name, key = "Hand", "H"
     tip = "Drag the sensor or the handle on its beam. Drag elsewhere to pan. Click a reading to select it"
 
-    def __init__(self, context: ToolContext) -> None:
+    def __init__(self, context: "PlanController") -> None:
         super().__init__(context)
         self._held: tuple[Grip, Scene] | None = None  # and the scene when the drag began
 
@@ -278,7 +240,7 @@ class _Drawing(Tool):
     stem = ""  # first word of the new object's name
     chains = False  # whether the second point is also the first one of the next object
 
-    def __init__(self, context: ToolContext) -> None:
+    def __init__(self, context: "PlanController") -> None:
         super().__init__(context)
         self._before: Scene  # these two: the scene and the first point, from the press on
         self._start: Point
@@ -377,7 +339,7 @@ class PostPencil(_Drawing):
 TOOLS = (Hand, Asker, Ruler, Pencil, WallPencil, PostPencil)
 
 
-def snapped(context: ToolContext, at: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:
+def snapped(context: "PlanController", at: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:
     """Return the corner or sensor near a point, or else the point rounded to 1 mm. `ignored`: a corner to skip."""
     scene = scene or context.scene
     known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
@@ -392,7 +354,7 @@ def ruler_text(start: Point, end: Point, unit: LengthUnit) -> str:
 
 # The controller of a plan: passes mouse and key events to the active tool, and its edits to the window.
 #
-# It implements `ToolContext` for the tools and uses the drawing only through `DrawingContext`.
+# It uses the drawing only through `DrawingContext`.
 
 
 NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key press
@@ -457,7 +419,7 @@ class PlanController:
         self._last_key, self._key_gesture = -math.inf, object()
         self._last_edit: tuple[Scene, Shown] | None = None  # scene of the last edit, and what was shown before it
 
-    # the interface `ToolContext`
+    # for the tools
 
     @property
     def shown(self) -> Shown:

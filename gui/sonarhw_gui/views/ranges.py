@@ -189,11 +189,11 @@ class RangeView(Canvas):
         self._style_residuals(look)
         self._label_axes(look)
         self.setMinimumHeight(_LEAST_LINES * metrics.height())
-        self.overlays.set_look()
-        self.notes.set_look(look.palette)
-        self._outline.set_look(look.palette)
         for marks in self._marks:
-            marks.set_look(look.palette)
+            marks.set_look(look)
+        self.overlays.set_look(look)
+        self.notes.set_look(look)
+        self._outline.set_look(look)
         for kind, arrows in self.beyond.items():
             arrows.setPen(cosmetic_pen(look.palette.paper, width=1))
             arrows.setBrush(look.palette.of(kind))

@@ -66,7 +66,7 @@ from sonarhw_gui.model.shown import Shown, bounces_text
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import Gestures, ViewEntry
 from sonarhw_gui.views.legend import SWITCH_SIZE, mark_picture, no_picture, switch_picture
-from sonarhw_gui.widgets import ElidedLabel, FlowLayout, PlainLabel, plain_tip
+from sonarhw_gui.widgets import ElidedLabel, FlowLayout, PlainLabel, arranged, plain_tip
 
 # The Qt model of the table of readings.
 #
@@ -288,16 +288,9 @@ class TableView(QWidget):
         for button in (*self.classes.values(), self.noted):
             flow.addWidget(button)
         self.words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)  # the switches come first
-        bar = QHBoxLayout()
-        bar.setContentsMargins(6, 2, 6, 2)
-        bar.setSpacing(2)
-        for part in (switches, self.words, self.copy):
-            bar.addWidget(part, stretch=1 if part is self.words else 0)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addLayout(bar)
-        column.addWidget(self.view)
+        parts = switches, self.words, self.copy
+        bar = arranged(QHBoxLayout(), *parts, rest=self.words, margins=(6, 2, 6, 2), gap=2)
+        arranged(QVBoxLayout(self), bar, self.view)
         self._connect()
 
     def show_state(self, shown: Shown) -> None:

@@ -24,6 +24,7 @@ from sonarhw_gui.views.base import (
     Canvas,
     Gestures,
     PlotAxis,
+    PlotLayer,
     ViewEntry,
     add_buttons,
     cosmetic_pen,
@@ -32,7 +33,7 @@ from sonarhw_gui.views.base import (
     view_action,
 )
 from sonarhw_gui.views.marks import PlotLine, Spots, TipSpots
-from sonarhw_gui.widgets import ElidedLabel, LabelSlot, PlainLabel
+from sonarhw_gui.widgets import ElidedLabel, LabelSlot, PlainLabel, arranged
 
 # Axes of the trace view. Their height is a level in dB or a signal amplitude.
 
@@ -239,32 +240,18 @@ _FROM = 3e-4  # s; earlier, the gain of an ideal receiver approaches zero
 _BEHIND = -20  # z value
 
 
-class TraceMarks:
+class TraceMarks(PlotLayer):
     """The marks of one plot. Its right axis shows the gain."""
 
     def __init__(self, plot: pg.PlotItem, gain_axis: GainAxis) -> None:
+        super().__init__(plot)
         self._gain_axis = gain_axis
         self._drawn = False  # whether there is a trace
-        self._blanking = pg.LinearRegionItem(movable=False)
-        self._blanking.setZValue(_BEHIND)
-        self._threshold = PlotLine(connect="pairs")
-        self._gain = PlotLine()
-        self._gain.setZValue(_BEHIND + 1)
-        self._reported = TipSpots(size=9, symbol="t1", pen=None)
-        self._reported.setZValue(5)
-        self._items = (self._blanking, self._threshold, self._gain, self._reported)
-        for item in self._items:
-            plot.addItem(item, ignoreBounds=True)
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours of `look`."""
-        colours = look.palette
-        self._blanking.setBrush(colours.blanking)
-        for line in self._blanking.lines:
-            line.setPen(cosmetic_pen(colours.blanking))
-        self._threshold.setPen(cosmetic_pen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
-        self._gain.setPen(cosmetic_pen(colours.faint, width=1))
-        self._reported.setBrush(colours.measured)
+        self._blanking = self._add(pg.LinearRegionItem(movable=False), _BEHIND, brush="blanking")
+        self._pens += [(line, "blanking", 1.0, Qt.PenStyle.SolidLine) for line in self._blanking.lines]
+        self._threshold = self._add(PlotLine(connect="pairs"), None, "threshold", 1, Qt.PenStyle.DashLine)
+        self._gain = self._add(PlotLine(), _BEHIND + 1, "faint")
+        self._reported = self._add(TipSpots(size=9, symbol="t1", pen=None), 5, brush="measured")
 
     def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:
         """Draw the marks of a trace; None hides them."""
@@ -295,21 +282,15 @@ class TraceMarks:
 # The cursor of the trace that is in step with the sound in the plan, and the point where the threshold is crossed.
 
 
-class TraceSound:
+class TraceSound(PlotLayer):
     """A line at the time of the sound, and a ring at the detection once it has happened."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.line = pg.InfiniteLine(angle=90)
-        self.crossing = Spots(size=14, symbol="o", brush=None)
-        self.crossing.setZValue(6)
-        for item in (self.line, self.crossing):
-            item.setVisible(False)
-            plot.addItem(item, ignoreBounds=True)
-
-    def set_look(self, look: Look) -> None:
-        """Use the colours of `look`."""
-        self.line.setPen(cosmetic_pen(look.palette.chosen, width=2))
-        self.crossing.setPen(cosmetic_pen(look.palette.measured, width=2))
+        super().__init__(plot)
+        self.line = self._add(pg.InfiniteLine(angle=90), None, "chosen", 2)
+        self.crossing = self._add(Spots(size=14, symbol="o", brush=None), 6, "measured", 2)
+        self.line.setVisible(False)
+        self.crossing.setVisible(False)
 
     def draw(self, sound: SoundMoment | None, heights: Heights) -> None:
         """Draw one moment, or hide it."""
@@ -536,19 +517,12 @@ class TraceView(QWidget):
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
-        row = QHBoxLayout()
-        row.setContentsMargins(8, 2, 8, 0)
-        row.setSpacing(3)
-        row.addWidget(LabelSlot(self.title), stretch=1)
+        title = LabelSlot(self.title)
+        row = arranged(QHBoxLayout(), title, rest=title, margins=(8, 2, 8, 0), gap=3)
         add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
         self.readout.setVisible(False)
         self.readout.setContentsMargins(8, 0, 8, 2)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addLayout(row)
-        column.addWidget(self.canvas, stretch=1)
-        column.addWidget(self.readout)
+        arranged(QVBoxLayout(self), row, self.canvas, self.readout, rest=self.canvas)
 
     def _connect(self) -> None:
         self.forms.triggered.connect(self._redraw)

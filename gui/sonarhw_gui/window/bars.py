@@ -56,11 +56,8 @@ class Banner(QFrame):
         self.close_button.clicked.connect(notices.dismiss)
         row = QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
-        row.addWidget(self._label)
-        row.addWidget(self.accept_button)
-        row.addWidget(self.decline_button)
-        row.addWidget(self.more_button)
-        row.addWidget(self.close_button)
+        for part in (self._label, self.accept_button, self.decline_button, self.more_button, self.close_button):
+            row.addWidget(part)
         notices.changed.connect(self._show)
         self.hide()
         self._show()
@@ -111,7 +108,7 @@ _COLOURS = "measured", "predicted", "chosen"  # of the steps
 
 
 class Hint(QFrame):
-    """Three steps in one line. Hidden until `begin`; ends when a reading is selected, or after two minutes."""
+    """Three steps in one line, shown until a reading is selected, or for two minutes."""
 
     ended = Signal()
 
@@ -150,7 +147,7 @@ class Hint(QFrame):
             label.setStyleSheet(f"color: {getattr(look.palette, colour)}; font-weight: bold")
 
     @Slot()
-    def begin(self) -> None:
+    def show_first_steps(self) -> None:
         """Show the hint."""
         self.timer.start()
         self._open = True
@@ -302,14 +299,14 @@ class ToolBar(QToolBar):
         self.addSeparator()
         self.addActions([commands.scan, commands.stop])
         self.addSeparator()
-        self.addActions(commands.views.actions())
+        self.addActions(commands.views)
         self.addSeparator()
         self.addAction(commands.fit)
         self.addWidget(self._named_place())
         gap = QWidget()
         gap.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.addWidget(gap)
-        self.addAction(commands.dark)
+        self.addAction(commands.switch_palette)
 
     def _named_place(self) -> QWidget:
         """Return name and list in one part: on a narrow screen both move behind the arrow of the toolbar."""

@@ -1,14 +1,14 @@
-"""The dialogs of the window: command palette, connection, help and recordings. One is open at a time."""
+"""The dialogs of the window: commands, connect, help and recordings. None is modal, and one is open at a time."""
 
 import time
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
+from typing import TypeVar
 
 from PySide6.QtCore import QEvent, QModelIndex, QObject, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QApplication,
     QComboBox,
     QDialog,
@@ -16,14 +16,13 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QHeaderView,
+    QInputDialog,
     QLabel,
     QLineEdit,
     QListWidget,
     QListWidgetItem,
     QPushButton,
     QScrollArea,
-    QTableWidget,
-    QTableWidgetItem,
     QVBoxLayout,
     QWidget,
 )
@@ -31,15 +30,51 @@ from PySide6.QtWidgets import (
 from sonarhw_gui.jobs.files import RecordingList, RecordingRow, list_recordings
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import MARKS, Look
-from sonarhw_gui.session.scanner import PortRow
+from sonarhw_gui.session.scanner import PortRow, ScannerChoice
 from sonarhw_gui.views.legend import mark_picture
-from sonarhw_gui.widgets import PlainLabel, plain_tip
+from sonarhw_gui.widgets import PlainLabel, cell, text_table
 
-# The command palette: type words of a command's name or of its description, and run it with Enter.
-
-
-_SIZE = 420, 360  # pixels
+_Dialog = TypeVar("_Dialog", bound=QDialog)
+_SIZE = 420, 360  # pixels, of the palette
+_WIDTH = 420  # pixels, of a dialog for a note
 _STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
+
+
+def open_dialog(window: QWidget, kind: type[_Dialog]) -> _Dialog | None:
+    """Return the open dialog of a kind; None without one."""
+    return next((dialog for dialog in window.findChildren(kind) if dialog.isVisible()), None)
+
+
+def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
+    """Close every open dialog of `window`, except `but`."""
+    for dialog in window.findChildren(QDialog):
+        if dialog is not but and dialog.isVisible():
+            dialog.close()
+
+
+def show_alone(dialog: QDialog) -> None:
+    """Show a dialog, which is deleted when it is closed, and close the others of its window."""
+    parent = dialog.parentWidget()
+    if parent is not None:
+        close_dialogs(parent.window(), but=dialog)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.show()
+    dialog.raise_()
+
+
+def ask_text(window: QWidget, title: str, label: str, text: str = "", longest: int | None = None) -> QInputDialog:
+    """Open and return a dialog for one line of text, of at most `longest` characters."""
+    dialog = QInputDialog(window)
+    dialog.setWindowTitle(title)
+    dialog.setLabelText(label)
+    dialog.setTextValue(text)
+    field = dialog.findChild(QLineEdit)
+    if longest is not None and field is not None:
+        field.setMaxLength(longest)
+        field.setAccessibleName(title.split()[-1].capitalize())
+        dialog.resize(_WIDTH, dialog.sizeHint().height())
+    show_alone(dialog)
+    return dialog
 
 
 class CommandPalette(QDialog):
@@ -47,7 +82,6 @@ class CommandPalette(QDialog):
 
     def __init__(self, actions: Sequence[QAction], parent: QWidget) -> None:
         super().__init__(parent)
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("sonarhw — commands")
         self._actions = {plain_name(action): action for action in actions if action.isEnabled() and action.text()}
         self.words, self.list = QLineEdit(placeholderText="part of a command"), QListWidget()
@@ -118,18 +152,17 @@ _EXAMPLES = (
 class ConnectDialog(QDialog):
     """Dialog to choose a scanner."""
 
-    chosen = Signal(str)  # URL
-    refreshed = Signal()  # list the ports again
-    probe_all_requested = Signal()
-    listen_requested = Signal(str)  # port
-
-    def __init__(self, parent: QWidget) -> None:
+    def __init__(self, scanners: ScannerChoice, parent: QWidget) -> None:
         super().__init__(parent)
+        self._scanners = scanners
         self.setWindowTitle("Connect a scanner")
         self._rows: tuple[PortRow, ...] = ()
-        self.ports = _port_table()
-        self.none = PlainLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
-        self.none.setWordWrap(True)
+        self.ports = text_table("port", "device", "answer")
+        for column in (0, 1):
+            self.ports.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
+        self.none = PlainLabel(
+            "No serial port found. Plug in the scanner and press Refresh, or enter a URL.", wordWrap=True
+        )
         self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Check all ports")
         self.probe_all.setToolTip("Opening a port may reset the device on it")
         self.listen = QPushButton("Listen for text")
@@ -146,7 +179,11 @@ class ConnectDialog(QDialog):
         self._lay_out()
         self._connect()
         self.resize(640, 340)
+        self.url.addItems(list(scanners.urls))
+        self.url.setEditText("")
         self._update_button()
+        self.show_ports(())
+        scanners.list_ports()
 
     def show_ports(self, rows: Sequence[PortRow]) -> None:
         """List the ports; the selection does not change."""
@@ -154,9 +191,7 @@ class ConnectDialog(QDialog):
         self.ports.setRowCount(len(rows))
         for k, row in enumerate(rows):
             for column, text in enumerate((row.device, row.description, row.answer)):
-                item = QTableWidgetItem(text)
-                item.setToolTip(plain_tip(text))
-                self.ports.setItem(k, column, item)
+                self.ports.setItem(k, column, cell(text))
         self.none.setVisible(not rows)
         self.ports.setVisible(bool(rows))
         self.probe_all.setEnabled(any(row.answer == "not checked" for row in rows))
@@ -167,13 +202,6 @@ class ConnectDialog(QDialog):
         if not chosen and len(answering) == 1:
             self.url.setEditText(answering[0])
         self._select(self.url.currentText(), rows)
-
-    def show_urls(self, urls: Sequence[str]) -> None:
-        """List URLs that were used before; the entered text does not change."""
-        text = self.url.currentText()
-        self.url.clear()
-        self.url.addItems(list(urls))
-        self.url.setEditText(text)
 
     def _select(self, url: str, rows: Sequence[PortRow]) -> None:
         row = next((k for k, row in enumerate(rows) if url in (row.device, row.proposed_url)), -1)
@@ -198,8 +226,9 @@ class ConnectDialog(QDialog):
         self.ports.clicked.connect(self._take_row)
         self.ports.doubleClicked.connect(self._choose_row)
         self.url.editTextChanged.connect(self._update_button)
-        self.refresh.clicked.connect(self.refreshed)
-        self.probe_all.clicked.connect(self.probe_all_requested)
+        self._scanners.ports_changed.connect(self.show_ports)
+        self.refresh.clicked.connect(self._scanners.list_ports)
+        self.probe_all.clicked.connect(self._scanners.probe_all)
         self.listen.clicked.connect(self._listen)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.close)
@@ -219,11 +248,11 @@ class ConnectDialog(QDialog):
         url = self.url.currentText().strip()
         if url:
             self.close()
-            self.chosen.emit(url)
+            self._scanners.choose(url)
 
     @Slot()
     def _listen(self) -> None:
-        self.listen_requested.emit(self.url.currentText().strip())
+        self._scanners.listen(self.url.currentText().strip())
 
     @Slot()
     def _update_button(self) -> None:
@@ -231,26 +260,6 @@ class ConnectDialog(QDialog):
         self.connect_button.setEnabled(bool(url))
         self.listen.setEnabled(bool(url) and "://" not in url and "?" not in url)
         self.connect_button.setDefault(True)
-
-
-def _port_table() -> QTableWidget:
-    table = QTableWidget(0, 3)
-    table.setHorizontalHeaderLabels(["port", "device", "answer"])
-    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-    table.verticalHeader().hide()
-    for column in (0, 1):
-        table.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
-    table.horizontalHeader().setStretchLastSection(True)
-    return table
-
-
-def open_connect_dialog(parent: QWidget) -> ConnectDialog:
-    """Return a dialog that is deleted when it is closed."""
-    dialog = ConnectDialog(parent)
-    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-    return dialog
 
 
 # The help page: a short introduction, every key, and the classes of readings, on one screen. Not modal.
@@ -275,7 +284,6 @@ class HelpPage(QDialog):
     ) -> None:
         """`max_size`: larger content gets a scroll bar."""
         super().__init__(parent)
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("sonarhw — help")
         self.area = QScrollArea(widgetResizable=True)
         self.area.setFrameShape(QScrollArea.Shape.NoFrame)
@@ -364,16 +372,6 @@ def _keys(action: QAction) -> str:
     return ", ".join(key.toString(QKeySequence.SequenceFormat.NativeText) for key in action.shortcuts())
 
 
-# One dialog at a time: opening a dialog closes the others of the window.
-
-
-def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
-    """Close every open dialog of `window`, except `but`."""
-    for dialog in window.findChildren(QDialog):
-        if dialog is not but and dialog.isVisible():
-            dialog.close()
-
-
 # The dialog that lists, searches and opens recordings. Not modal.
 
 
@@ -389,11 +387,11 @@ class RecordingsDialog(QDialog):
 
     def __init__(self, folder: Path, jobs: Jobs, parent: QWidget) -> None:
         super().__init__(parent)
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("Recordings")
         self._jobs = jobs
         self.search = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
-        self.table = _recording_table()
+        self.table = text_table(*_RECORDING_COLUMNS)
+        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         self.summary = PlainLabel(wordWrap=True)
         self.buttons = QDialogButtonBox()
         self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
@@ -422,8 +420,7 @@ class RecordingsDialog(QDialog):
         self.table.setRowCount(len(listed.rows))
         for number, row in enumerate(listed.rows):
             for column, text in enumerate(_texts(row)):
-                item = QTableWidgetItem(text)
-                item.setToolTip(plain_tip(str(row.path)))
+                item = cell(text, tip=str(row.path))
                 item.setData(_PATH, str(row.path))
                 self.table.setItem(number, column, item)
             if str(row.path) == chosen:
@@ -438,8 +435,8 @@ class RecordingsDialog(QDialog):
         """Hide the rows that do not contain every word."""
         words = self.search.text().lower().split()
         for number in range(self.table.rowCount()):
-            cells = (self.table.item(number, column) for column in range(len(_RECORDING_COLUMNS)))
-            text = " ".join(cell.text() for cell in cells if cell is not None).lower()
+            items = (self.table.item(number, column) for column in range(len(_RECORDING_COLUMNS)))
+            text = " ".join(item.text() for item in items if item is not None).lower()
             self.table.setRowHidden(number, not all(word in text for word in words))
         self._update_button()
 
@@ -463,18 +460,6 @@ class RecordingsDialog(QDialog):
         """Read no more when the dialog closes in any way."""
         self._jobs.cancel(_LISTING)
         super().done(result)
-
-
-def _recording_table() -> QTableWidget:
-    table = QTableWidget(0, len(_RECORDING_COLUMNS))
-    table.setHorizontalHeaderLabels(_RECORDING_COLUMNS)
-    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-    table.verticalHeader().hide()
-    table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-    table.horizontalHeader().setStretchLastSection(True)
-    return table
 
 
 def _texts(row: RecordingRow) -> tuple[str, ...]:

@@ -32,28 +32,19 @@ from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
 from sonarhw_gui.views.base import View, png_pixels, svg_text
 from sonarhw_gui.widgets import plain_tip
-from sonarhw_gui.window.commands import Commands
-from sonarhw_gui.window.dialogs import RecordingsDialog, close_dialogs
+from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog, show_alone
 from sonarhw_gui.window.import_dialog import ImportDialog
+from sonarhw_gui.window.views import ViewArea
 
 
 class FileCommands(QMenu):
-    """Connects the file commands with the session; it is also the menu of recent files."""
+    """Opens files by dialog, from the list of recent files, which is its menu, or by drag and drop; saves rooms."""
 
-    def __init__(self, commands: Commands, session: WindowSession, window: QMainWindow) -> None:
+    def __init__(self, session: WindowSession, window: QMainWindow) -> None:
         super().__init__("Open recent", window)
-        self._window = window
-        self._session = session
-        commands.open_log.triggered.connect(self._ask_log)
-        commands.open_room.triggered.connect(self._ask_room)
-        self.recordings: RecordingsDialog | None = None
-        commands.recordings.triggered.connect(self._show_recordings)
-        self.importing: ImportDialog | None = None
-        commands.import_scan.triggered.connect(self._ask_scan)
+        self._session, self._window = session, window
         # queued: a file named on the command line is opened before the window is visible
         session.import_asked.connect(self._ask_how_to_read, Qt.ConnectionType.QueuedConnection)
-        commands.save_room.triggered.connect(self._save_room)
-        commands.save_room_as.triggered.connect(self._ask_where_to_save_room)
         self.shipped = QMenu("Open shipped room", window)
         for name in room_names():
             self.shipped.addAction(name).setToolTip(f"Show the readings in the shipped room {name}")
@@ -91,89 +82,76 @@ class FileCommands(QMenu):
         self._session.open_room(action.text())
 
     @Slot()
-    def _ask_log(self) -> None:
+    def open_log(self) -> None:
+        """Ask for a log to replay."""
         self._ask_file("Open log", "Logs and scans (*.mcap *.csv)", self._session.open_file)
 
     @Slot()
-    def _ask_scan(self) -> None:
+    def import_scan(self) -> None:
+        """Ask for a scan of another program."""
         self._ask_file("Import scan", "Scans of other programs (*.csv)", self._session.import_asked.emit)
 
     @Slot(str)
     def _ask_how_to_read(self, path: str) -> None:
-        """Open the import dialog for a CSV file, in place of any other dialog."""
-        close_dialogs(self._window)
-        self.importing = dialog = ImportDialog(
-            Path(path), self._session.shown.look.unit, self._session.jobs, self._window
-        )
+        dialog = ImportDialog(Path(path), self._session.shown.look.unit, self._session.jobs, self._window)
         dialog.accepted_as.connect(self._session.import_csv)
-        dialog.show()
+        show_alone(dialog)
 
     @Slot()
-    def _ask_room(self) -> None:
+    def open_room(self) -> None:
+        """Ask for a room file."""
         self._ask_file("Open room", "Rooms (*.toml)", self._session.open_file)
 
     @Slot()
-    def ask_board(self) -> None:
-        """Open a dialog for a board profile."""
+    def open_board(self) -> None:
+        """Ask for a board profile."""
         self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.open_board)
 
     @Slot()
-    def ask_scan(self) -> None:
-        """Open a dialog for a log that is drawn over the readings shown."""
+    def add_scan(self) -> None:
+        """Ask for a log that is drawn over the readings shown."""
         self._ask_file("Add log", "Logs (*.mcap)", self._session.scans.open)
 
     @Slot()
-    def _show_recordings(self) -> None:
-        if self.recordings is None:
-            self.recordings = dialog = RecordingsDialog(
-                self._session.live.settings.folder, self._session.jobs, self._window
-            )
+    def show_recordings(self) -> None:
+        """List earlier recordings."""
+        dialog = open_dialog(self._window, RecordingsDialog)
+        if dialog is None:
+            dialog = RecordingsDialog(self._session.live.settings.folder, self._session.jobs, self._window)
             dialog.chosen.connect(self._session.open_file)
-            dialog.destroyed.connect(self._forget_recordings)
-        close_dialogs(self._window, but=self.recordings)
-        self.recordings.show()
-        self.recordings.raise_()
+        show_alone(dialog)
 
     @Slot()
-    def close_dialogs(self) -> None:
-        """Close the open dialog."""
-        close_dialogs(self._window)
-
-    @Slot()
-    def _forget_recordings(self) -> None:
-        self.recordings = None
-
-    def _ask_file(self, title: str, pattern: str, chosen: Callable[[str], None]) -> None:
-        dialog = self._dialog(title, pattern, chosen)
-        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-        dialog.show()
-
-    @Slot()
-    def _save_room(self) -> None:
+    def save_room(self) -> None:
         """Save the room in its file; without one, as for a room of a log, ask for a name."""
         path = self._session.files.path(WatchedFile.ROOM)
         if path is None:
-            self._ask_where_to_save_room()
+            self.save_room_as()
         else:
             self._session.save_room(str(path))
 
     @Slot()
-    def _ask_where_to_save_room(self) -> None:
+    def save_room_as(self) -> None:
+        """Ask where to save the room."""
         room, folder = self._session.shown.scene.room, self._session.documents.folder(self._session.log_file)
-        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._session.save_room)
-        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setDefaultSuffix("toml")
-        dialog.setDirectory(str(folder))
+        dialog = self._ask_file("Save room as", "Rooms (*.toml)", self._session.save_room, folder)
         if room is not None:
             dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), folder))
-        dialog.show()
 
-    def _dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
+    def _ask_file(
+        self, title: str, pattern: str, chosen: Callable[[str], object], save_in: Path | None = None
+    ) -> QFileDialog:
+        """Open a dialog for a file to open, or to save in a folder; `chosen` takes its path."""
         recent = self._session.documents.recent
-        dialog = QFileDialog(self._window, title, str(Path(recent[0]).parent) if recent else "", pattern)
-        close_dialogs(self._window)
-        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        folder = save_in or (Path(recent[0]).parent if recent else "")
+        dialog = QFileDialog(self._window, title, str(folder), pattern)
+        if save_in is None:
+            dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
+        else:
+            dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+            dialog.setDefaultSuffix("toml")
         dialog.fileSelected.connect(chosen)
+        show_alone(dialog)
         return dialog
 
 
@@ -216,44 +194,31 @@ class Subject:
 
 
 class SaveCommands(QObject):
-    """Asks for a file name, and saves."""
+    """Saves pictures of views, data and the report. Each opens a file dialog, which is not modal."""
 
-    def __init__(
-        self,
-        commands: Commands,
-        session: WindowSession,
-        window: QWidget,
-        large_view: Callable[[], View],
-        beside: Sequence[View],
-    ) -> None:
-        """`large_view`: returns the visible large view; `beside`: the views beside it."""
+    def __init__(self, session: WindowSession, window: QWidget, views: ViewArea) -> None:
         super().__init__(window)
-        self._session, self._window, self._large_view = session, window, large_view
-        self._subject = Subject("", ())
-        self.dialog: QFileDialog | None = None
-        commands.save_view.triggered.connect(self._save_view)
-        for view in beside:
-            if view.entry.name in commands.save_beside:
-                commands.save_beside[view.entry.name].triggered.connect(partial(self._save_picture, view))
-        commands.save_window.triggered.connect(self._save_window)
-        commands.export_data.triggered.connect(self._export_data)
-        commands.copy_view.triggered.connect(self._copy_view)
-        commands.save_film.triggered.connect(self._save_film)
-        commands.report.triggered.connect(self._save_report)
+        self._session, self._window, self._views = session, window, views
 
     @Slot()
-    def _save_view(self) -> None:
-        self._save_picture(self._large_view())
+    def save_view(self) -> None:
+        """Save a picture of the large view."""
+        self._save_picture(self._views.large_view)
+
+    def save_small(self, name: str) -> None:
+        """Save a picture of a small view."""
+        self._save_picture(next(view for view in self._views.beside if view.entry.name == name))
 
     @Slot()
-    def _copy_view(self) -> None:
+    def copy_view(self) -> None:
+        """Copy a picture of the large view."""
         image = self.image()
         if image is not None:
             QGuiApplication.clipboard().setImage(image)
 
     def image(self) -> QImage | None:
         """Return the picture of the large view, with title and legend; None if it has none."""
-        view, shown = self._large_view(), self._session.shown
+        view, shown = self._views.large_view, self._session.shown
         widget = view.picture()
         if widget is None:
             return None
@@ -266,11 +231,13 @@ class SaveCommands(QObject):
         self._ask(Subject(view.entry.name, PICTURES, view.picture()))
 
     @Slot()
-    def _save_window(self) -> None:
+    def save_window(self) -> None:
+        """Save a picture of the window."""
         self._ask(Subject("Window", WINDOW, self._window))
 
     @Slot()
-    def _save_film(self) -> None:
+    def save_film(self) -> None:
+        """Save the sound that is played, or that of the heading explained, as a film."""
         state, question = self._session.sound.state, self._session.shown.question
         ping = state.ping if state is not None else None if question is None else PlayedPing(*question)
         if ping is None:
@@ -279,12 +246,14 @@ class SaveCommands(QObject):
             self._ask(Subject("Sound", FILMS, ping=ping))
 
     @Slot()
-    def _export_data(self) -> None:
+    def export_data(self) -> None:
+        """Save the readings, or the summary."""
         if self._has_readings():
             self._ask(Subject("Readings", DATA))
 
     @Slot()
-    def _save_report(self) -> None:
+    def save_report(self) -> None:
+        """Save a report."""
         if self._session.shown.scene.room is None:
             self._session.notices.warn("a report needs a room to compare with; open a room file")
         elif self._has_readings():
@@ -296,49 +265,28 @@ class SaveCommands(QObject):
         return self._session.source.recorded is not None
 
     def _ask(self, subject: Subject) -> None:
-        self._subject = subject
-        if self.dialog is not None:
-            self.dialog.destroyed.disconnect(self._forget)
-        close_dialogs(self._window)
-        folder = self._session.documents.folder(self._session.log_file)
-        self.dialog = dialog = QFileDialog(self._window, f"Save {subject.name.lower()}", str(folder))
-        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        folder, name = self._session.documents.folder(self._session.log_file), subject.name.lower()
+        dialog = QFileDialog(self._window, f"Save {name}", str(folder))
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setNameFilters([_FILTERS[ending] for ending in subject.endings])
         dialog.setDefaultSuffix(subject.endings[0])
-        dialog.selectFile(f"{self._stem()}_{subject.name.lower().replace(' ', '-')}{subject.endings[0]}")
-        dialog.filterSelected.connect(self._choose_ending)
-        dialog.fileSelected.connect(self._write)
-        dialog.destroyed.connect(self._forget)
-        dialog.show()
+        dialog.selectFile(f"{self._stem()}_{name.replace(' ', '-')}{subject.endings[0]}")
+        dialog.filterSelected.connect(partial(_choose_ending, dialog))
+        dialog.fileSelected.connect(partial(self.write, subject))
+        show_alone(dialog)
 
-    @Slot()
-    def _forget(self) -> None:
-        self.dialog = None
-
-    @Slot(str)
-    def _choose_ending(self, chosen: str) -> None:
-        """Change the extension of the file name to the chosen file type."""
-        if self.dialog is None:
-            return
-        ending = next(ending for ending, name in _FILTERS.items() if name == chosen)
-        self.dialog.setDefaultSuffix(ending)
-        for name in self.dialog.selectedFiles():
-            self.dialog.selectFile(Path(name).with_suffix(ending).name)
-
-    @Slot(str)
-    def _write(self, name: str) -> None:
+    def write(self, subject: Subject, name: str) -> None:
+        """Save a subject in a file; an existing one is replaced: the dialog has asked the user."""
         path = Path(name)
         self._session.documents.saved_in = path.parent
-        content = self._content(path.suffix.lower())
+        content = self._content(subject, path.suffix.lower())
         if content is not None:
-            self._session.save(content, path, overwrite=True)  # the dialog has asked the user
+            self._session.save(content, path, overwrite=True)
 
-    def _content(self, ending: str) -> Content | None:
-        subject, session = self._subject, self._session
-        scene, recorded = session.shown.scene, session.source.recorded
+    def _content(self, subject: Subject, ending: str) -> Content | None:
+        session, scene, recorded = self._session, self._session.shown.scene, self._session.source.recorded
         if subject.view is not None:
-            return self._picture(subject.view, ending)
+            return self._picture(subject, subject.view, ending)
         if subject.ping is not None:
             return FilmOfSound(subject.ping)
         if recorded is None:
@@ -350,12 +298,12 @@ class SaveCommands(QObject):
         facts = [(name, value) for name, value, _ in link_figures(link)] if live else []
         return ReportPage(self._log_name(), recorded, scene, facts, session.showing.pinned_notes)
 
-    def _picture(self, view: QWidget, ending: str) -> Picture:
+    def _picture(self, subject: Subject, view: QWidget, ending: str) -> Picture:
         shown = self._session.shown
-        title = "" if view is self._window else f"{shown.scene.title} · {self._subject.name.lower()}"
+        title = "" if view is self._window else f"{shown.scene.title} · {subject.name.lower()}"
         if ending == SVG:
             return Picture(None, svg_text(view, title, shown))
-        return Picture(png_pixels(view, title, shown), endings=self._subject.endings)
+        return Picture(png_pixels(view, title, shown), endings=subject.endings)
 
     def _log_name(self) -> str:
         source = self._session.source
@@ -363,3 +311,11 @@ class SaveCommands(QObject):
 
     def _stem(self) -> str:
         return Path(self._log_name()).stem or self._session.shown.scene.pose.name or "sonarhw"
+
+
+def _choose_ending(dialog: QFileDialog, chosen: str) -> None:
+    """Change the extension of the file name to the chosen file type."""
+    ending = next(ending for ending, name in _FILTERS.items() if name == chosen)
+    dialog.setDefaultSuffix(ending)
+    for name in dialog.selectedFiles():
+        dialog.selectFile(Path(name).with_suffix(ending).name)

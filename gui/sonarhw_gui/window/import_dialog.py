@@ -16,8 +16,6 @@ from PySide6.QtWidgets import (
     QHeaderView,
     QLineEdit,
     QPushButton,
-    QTableWidget,
-    QTableWidgetItem,
     QVBoxLayout,
     QWidget,
 )
@@ -28,7 +26,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.jobs.files import CsvRead, read_csv
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import LengthUnit
-from sonarhw_gui.widgets import NumberField, PlainLabel, plain_tip
+from sonarhw_gui.widgets import NumberField, PlainLabel, cell, text_table
 
 _LINES = 8  # in the preview
 _READING = "read CSV"
@@ -45,7 +43,6 @@ class ImportDialog(QDialog):
     def __init__(self, path: Path, unit: LengthUnit, jobs: Jobs, parent: QWidget) -> None:
         """`unit`: of the ranges in the preview."""
         super().__init__(parent)
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle(f"Import {path.name}")
         self._path, self._unit, self._jobs = path, unit, jobs
         self._head = CsvHead((), (), False)
@@ -59,7 +56,11 @@ class ImportDialog(QDialog):
         self.no_echo = QLineEdit(placeholderText="none")
         self.silence = QPushButton()
         self.decimal_comma = QCheckBox("Decimal commas; semicolons or tabs between columns")
-        self.preview = _preview_table()
+        self.preview = text_table()
+        self.preview.setAccessibleName("First lines as they are read")
+        self.preview.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+        self.preview.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.preview.horizontalHeader().setStretchLastSection(False)
         self.note = PlainLabel(wordWrap=True)
         self.buttons = QDialogButtonBox()
         self.import_button = self.buttons.addButton("Import", QDialogButtonBox.ButtonRole.AcceptRole)
@@ -219,8 +220,7 @@ class ImportDialog(QDialog):
             read = self._texts(readings[row]) if row < len(readings) else ("", "")
             padded = [*fields, *[""] * len(header)][: len(header)]
             for column, text in enumerate((*padded, *read)):
-                item = QTableWidgetItem(text)
-                item.setToolTip(plain_tip(text))
+                item = cell(text)
                 if column >= len(header):
                     font = item.font()
                     font.setBold(True)
@@ -248,13 +248,3 @@ class ImportDialog(QDialog):
         """Read no more when the dialog closes in any way."""
         self._jobs.cancel(_READING)
         super().done(result)
-
-
-def _preview_table() -> QTableWidget:
-    table = QTableWidget(0, 0)
-    table.setAccessibleName("First lines as they are read")
-    table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
-    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-    table.verticalHeader().hide()
-    table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-    return table

@@ -65,7 +65,7 @@ def restore_window(window: MainWindow, memory: Memory) -> None:
     window.restoreState(memory.layout.get("docks", QByteArray()))
     window.views.restoreState(memory.layout.get("views", QByteArray()))
     window.layouts.restore(memory.layouts)
-    views = window.commands.views.actions()
+    views = window.commands.views
     if 0 <= memory.view < len(views):
         views[memory.view].trigger()
 
@@ -145,7 +145,7 @@ def open_window(start: WindowStart) -> MainWindow:
             window.session.files.watch(WatchedFile.ROOM, path)
     if start.memory is not None:
         if not memory.introduced:
-            window.hint.begin()
+            window.hint.show_first_steps()
         window.session.kept.state = lambda: memory_of(window)
         window.closing.connect(window.session.kept.write)
     _open_source(window, restored, resumed=restored is not start)

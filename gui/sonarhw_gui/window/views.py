@@ -3,7 +3,7 @@
 from typing import TypeVar, cast
 
 from PySide6.QtCore import QByteArray, QChildEvent, QEvent, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QAction, QResizeEvent, QShowEvent
+from PySide6.QtGui import QAction, QKeySequence, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import (
     QDockWidget,
     QHBoxLayout,
@@ -40,25 +40,22 @@ _BUTTON = 10  # pixels, icons of the title bar
 _TEXT = 0.8  # of the default text size
 
 
-class ViewDock(QDockWidget):
-    """A dock with one view. Its name is the key of the stored layout."""
+class OpenedDock(QDockWidget):
+    """A dock with an action that opens it in front of other tabs, or closes it. Its name is the key of the layout."""
 
-    def __init__(self, view: View, parent: QWidget) -> None:
-        super().__init__(view.entry.name, parent)
-        self.view = view
+    def __init__(self, name: str, content: QWidget, parent: QWidget, key: str = "") -> None:
+        super().__init__(name, parent)
         self.in_front = False  # whether it is visible, and not behind another tab
-        self.setObjectName(view.entry.name)
-        self.setWidget(cast(QWidget, view))
-        self._title = _TitleBar(self)
-        self.setTitleBarWidget(self._title)
-        self.opener = QAction(view.entry.name, self, checkable=True)
-        self.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
+        self.setObjectName(name)
+        self.setWidget(content)
+        self.opener = QAction(name, self, checkable=True, shortcut=QKeySequence(key))  # checked: it is in front
         self.opener.triggered.connect(self._open_or_close)
         self.visibilityChanged.connect(self._note_visibility)
 
-    def show_look(self, look: Look) -> None:
-        """Use the text size of `look`."""
-        self._title.name.setFont(text_font(look, _TEXT))
+    def bring_to_front(self) -> None:
+        """Open it in front of the others."""
+        self.show()
+        self.raise_()
 
     @Slot(bool)
     def _note_visibility(self, visible: bool) -> None:
@@ -67,9 +64,25 @@ class ViewDock(QDockWidget):
 
     @Slot(bool)
     def _open_or_close(self, wanted: bool) -> None:
-        self.setVisible(wanted)
         if wanted:
-            self.raise_()
+            self.bring_to_front()
+        else:
+            self.close()
+
+
+class ViewDock(OpenedDock):
+    """A dock with one small view."""
+
+    def __init__(self, view: View, parent: QWidget) -> None:
+        super().__init__(view.entry.name, cast(QWidget, view), parent)
+        self.view = view
+        self._title = _TitleBar(self)
+        self.setTitleBarWidget(self._title)
+        self.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
+
+    def show_look(self, look: Look) -> None:
+        """Use the text size of `look`."""
+        self._title.name.setFont(text_font(look, _TEXT))
 
 
 class _TitleBar(QWidget):
@@ -185,7 +198,7 @@ class ViewArea(TabbedWindow):
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
         self.stage.currentChanged.connect(self.uncovered)
         self.stage.currentChanged.connect(self._share_width)
-        self.arrange()
+        self.reset_layout()
 
     @property
     def large_view(self) -> View:
@@ -223,6 +236,10 @@ class ViewArea(TabbedWindow):
             gestures.path_pointed.connect(showing.point_at_path)
             gestures.bscan_requested.connect(showing.request_bscan)
 
+    def show_number(self, number: int) -> None:
+        """Bring a large view to the front."""
+        self.stage.setCurrentIndex(number)
+
     def show_large(self, shown: Shown) -> None:
         """Update the visible large view."""
         self.large_view.show_state(shown)
@@ -256,7 +273,7 @@ class ViewArea(TabbedWindow):
             view.fit()
 
     @Slot()
-    def arrange(self) -> None:
+    def reset_layout(self) -> None:
         """Put all small views back in their stacks on the right: three, two on a low screen, one on a very low one."""
         self._widths = {}
         stacks = self._stacks_for(self.screen().availableSize().height())
@@ -305,7 +322,7 @@ class ViewArea(TabbedWindow):
             self._note_width()
         else:
             self._restored = True
-            self.arrange()
+            self.reset_layout()
 
     def _stacks_for(self, height: int) -> list[list[ViewDock]]:
         """Return the small views by stack, for a screen of this height."""

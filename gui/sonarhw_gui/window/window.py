@@ -14,7 +14,6 @@ from PySide6.QtGui import (
     QDragEnterEvent,
     QDropEvent,
     QKeyEvent,
-    QKeySequence,
     QResizeEvent,
     QShowEvent,
 )
@@ -32,7 +31,6 @@ from PySide6.QtWidgets import (
 )
 
 from sonarhw_gui.model.look import Look
-from sonarhw_gui.model.scene import History
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.model.theme import apply_look
 from sonarhw_gui.panels.device import DevicePanel
@@ -40,168 +38,16 @@ from sonarhw_gui.panels.replay import ReplayBar, SoundBar
 from sonarhw_gui.panels.room import RoomPanel
 from sonarhw_gui.panels.searches import CausesPanel, FindPanel, FitPanel, ScansPanel
 from sonarhw_gui.session.session import Turns, WindowSession
-from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.views.table import BounceLine, Sentence
-from sonarhw_gui.widgets import LabelSlot
+from sonarhw_gui.widgets import LabelSlot, arranged
 from sonarhw_gui.window.bars import Banner, Hint, StatusBar, ToolBar
-from sonarhw_gui.window.commands import (
-    Commands,
-    ConnectCommands,
-    HelpCommands,
-    LayoutMenu,
-    LookCommands,
-    NoteCommands,
-    PrintCommand,
-    UndoList,
-    ViewMenus,
-    fill_menus,
-)
+from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, UndoList, ViewMenus
+from sonarhw_gui.window.dialogs import HelpPage, close_dialogs, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands
-from sonarhw_gui.window.views import TabbedWindow, ViewArea
-
-# The connections between the session and the commands, panels and bars of the window.
-
-
-def connect_commands(commands: Commands, session: WindowSession) -> None:
-    """Connect each command with its action in the session."""
-    showing = session.showing
-    for action, slot in (
-        (commands.scan, session.scan),
-        (commands.stop, session.stop),
-        (commands.home, session.live.home),
-        (commands.undo, showing.undo),
-        (commands.redo, showing.redo),
-        (commands.previous, showing.choose_previous),
-        (commands.next, showing.choose_next),
-        (commands.newest, showing.follow_newest),
-        (commands.sound, session.play_sound),
-        (commands.leave_replay, session.leave_replay),
-    ):
-        action.triggered.connect(slot)
-
-
-def connect_device(panel: DevicePanel, session: WindowSession) -> None:
-    """Connect the device panel with the scanner."""
-    panel.connect_requested.connect(session.live.connect)
-    panel.disconnect_requested.connect(session.live.disconnect)
-    panel.turn_requested.connect(session.live.turn)
-    panel.settings_changed.connect(session.live.set_settings)
-
-
-def connect_fit(panel: FitPanel, session: WindowSession) -> None:
-    """Connect the fit panel with the fits of the session."""
-    panel.edited.connect(session.showing.edit)
-    panel.requested.connect(session.fitting.start)
-    panel.cancelled.connect(session.fitting.cancel)
-    session.fitting.changed.connect(panel.show_fit)
-
-
-def connect_causes(panel: CausesPanel, session: WindowSession) -> None:
-    """Connect the panel of causes with the search of the session."""
-    panel.requested.connect(session.causes.start)
-    panel.cancelled.connect(session.causes.cancel)
-    panel.edited.connect(session.showing.edit)
-    panel.undone.connect(session.showing.undo)
-    panel.proposed.connect(session.showing.propose)
-    panel.picked.connect(session.showing.choose)
-    session.causes.changed.connect(panel.show_causes)
-
-
-def connect_scans(panel: ScansPanel, session: WindowSession) -> None:
-    """Connect the panel of scans with their list."""
-    panel.kept.connect(session.scans.keep)
-    panel.sweeps_kept.connect(session.scans.keep_sweeps)
-    panel.removed.connect(session.scans.remove)
-    panel.switched.connect(session.scans.switch)
-    panel.pair_chosen.connect(session.scans.compare)
-    session.scans.changed.connect(panel.show_scans)
-
-
-def connect_finding(panel: FindPanel, session: WindowSession) -> None:
-    """Connect the panel "Find the room" with the search of the session."""
-    finding, showing = session.finding, session.showing
-    panel.requested.connect(finding.start)
-    panel.continued.connect(finding.go_on)
-    panel.cancelled.connect(finding.cancel)
-    panel.rejected.connect(finding.reject)
-    panel.accepted.connect(finding.note_accepted)
-    panel.next_requested.connect(finding.plan_next)
-    panel.edited.connect(showing.edit)
-    panel.drawn.connect(showing.draw_found)
-    finding.changed.connect(panel.show_search)
-
-
-def connect_replay(bar: ReplayBar, commands: Commands, session: WindowSession) -> None:
-    """Connect the replay bar and the commands of a replay with the log that is replayed, if there is one."""
-
-    def slot(act: Callable[[Replay, Any], object]) -> Callable[..., None]:
-        return lambda value=None: session.in_replay(lambda replay: act(replay, value))
-
-    for signal, act in (
-        (commands.play.triggered, lambda replay, _: replay.toggle()),
-        (commands.back.triggered, lambda replay, _: replay.step(-1)),
-        (commands.forward.triggered, lambda replay, _: replay.step(1)),
-        (commands.previous_scan.triggered, lambda replay, _: replay.previous_scan()),
-        (commands.next_scan.triggered, lambda replay, _: replay.next_scan()),
-        (commands.loop.triggered, _set_loop),
-        (commands.skip_gaps.triggered, _set_skip_gaps),
-        (bar.toggled, lambda replay, _: replay.toggle()),
-        (bar.sought, Replay.seek),
-        (bar.speed_chosen, _set_speed),
-    ):
-        signal.connect(slot(act))
-    session.replay_changed.connect(bar.show_state)
-    bar.show_state(session.replay)
-
-
-def _set_loop(replay: Replay, loop: bool) -> None:
-    replay.loop = loop
-
-
-def _set_skip_gaps(replay: Replay, skip: bool) -> None:
-    replay.skip_gaps = skip
-
-
-def _set_speed(replay: Replay, speed: float) -> None:
-    replay.speed = speed
-
-
-def connect_sound(bar: SoundBar, session: WindowSession) -> None:
-    """Connect the sound bar with the playback."""
-    sound = session.sound
-    bar.toggled.connect(sound.toggle)
-    bar.sought.connect(sound.seek)
-    bar.slowness_chosen.connect(sound.set_slowness)
-    bar.loop_changed.connect(sound.set_loop)
-    bar.every_changed.connect(sound.set_every)
-    bar.closed.connect(sound.close)
-    sound.changed.connect(bar.show_state)
-
-
-# The enabled commands, and the labels of Undo and Redo.
-
-
-def show_history(commands: Commands, history: History) -> None:
-    """Label Undo and Redo with their edits; disable a command without an edit."""
-    for action, name, label in (
-        (commands.undo, "Undo", history.undo_label),
-        (commands.redo, "Redo", history.redo_label),
-    ):
-        action.setText(f"{name} {label}".strip())
-        action.setEnabled(bool(label))
-
-
-def show_scanner(commands: Commands, status: Status) -> None:
-    """Enable the commands that are possible in this state of the scanner."""
-    commands.scan.setEnabled(status.can_scan)
-    commands.stop.setEnabled(status.scanning)
-    commands.home.setEnabled(status.can_turn)
-    for action in (commands.open_log, commands.open_room, commands.import_scan, commands.recordings):
-        action.setEnabled(not status.scanning)
-
+from sonarhw_gui.window.views import OpenedDock, TabbedWindow, ViewArea
 
 # The docks: panels at the side of the window that the user can open, close and move.
 
@@ -237,19 +83,14 @@ class _VerticalScrollArea(QScrollArea):
         return QSize(width + self.verticalScrollBar().sizeHint().width(), super().minimumSizeHint().height())
 
 
-class _Dock(QDockWidget):
-    """A dock with a panel, and an action that opens it, brings it to the front, or closes it."""
+class _Dock(OpenedDock):
+    """A dock with a panel, which is updated while it is visible."""
 
     def __init__(self, name: str, key: str, about: str, panel: Panel, window: QMainWindow) -> None:
-        super().__init__(name, window)
+        super().__init__(name, _VerticalScrollArea(cast(QWidget, panel)), window, key)
         self._panel, self._main_window = panel, window
         self._shown: Shown | None = None
-        self.setWidget(_VerticalScrollArea(cast(QWidget, panel)))
-        self.setObjectName(name)  # key of the stored layout
-        self.opener = QAction(name, self, checkable=True, shortcut=QKeySequence(key))  # checked: it is in front
         self.opener.setToolTip(f"{about} ({key})")
-        self.opener.triggered.connect(self._open_or_close)
-        self.visibilityChanged.connect(self.opener.setChecked)
 
     def show_state(self, shown: Shown) -> None:
         """Update the panel if it is visible."""
@@ -263,15 +104,7 @@ class _Dock(QDockWidget):
             self._panel.show_state(self._shown)
             for layout in reversed(self.findChildren(QLayout)):  # inner ones first
                 layout.activate()  # else the first paint has the height from before
-        self.show()
-        self.raise_()
-
-    @Slot(bool)
-    def _open_or_close(self, wanted: bool) -> None:
-        if wanted:
-            self.bring_to_front()
-        else:
-            self.close()
+        super().bring_to_front()
 
 
 class Docks:
@@ -356,6 +189,7 @@ def _derived_name(stop: QWidget) -> str:
     return above.accessibleName() or above.windowTitle() or type(above).__name__ if above is not None else ""
 
 
+_Connection = tuple[Any, Callable[..., object]]  # a signal and its slot
 _SIZE = QSize(1280, 800)
 _FRAME = QSize(16, 48)  # pixels, for the frame of the window
 _LOW = 640  # pixels
@@ -375,22 +209,17 @@ class MainWindow(TabbedWindow):
         self.session = session
         self.views = ViewArea()
         self.commands = Commands(self, [view.entry for view in self.views.all])
-        self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
-        self.causes, self.scans, self.finding = CausesPanel(), ScansPanel(), FindPanel()
+        self.files, self.saving = FileCommands(session, self), SaveCommands(session, self, self.views)
+        self.layouts, self.slots = LayoutMenu(self, self.views), CommandSlots(session, self.saving.image, self)
+        self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel(session)
+        self.causes, self.finding = CausesPanel(session), FindPanel(session)
+        self.scans = ScansPanel(session, self.files.add_scan)
         self.banner, self.legend, self.sentence = Banner(session.notices), Legend(), Sentence()
         self.bounces, self.hint = BounceLine(), Hint()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.sound_bar = SoundBar()
         self.toolbar = ToolBar(self.commands)
         self.docks = Docks(self)
-        self.look_commands = LookCommands(self.commands, session, self)
-        self.files = FileCommands(self.commands, session, self)
-        self.saving = SaveCommands(self.commands, session, self, lambda: self.views.large_view, self.views.beside)
-        self.printing = PrintCommand(self.commands, self.saving.image, self)
-        self.layouts = LayoutMenu(self, self.views)
-        self.connecting = ConnectCommands(self.commands, session.scanners, self)
-        self.notes = NoteCommands(self.commands, session, self)
-        self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
         self._open = False  # each part that becomes visible reports it; together, they are updated once
         plots = [partial(self._show_plot, place) for place in range(self.views.plots_beside)]
@@ -410,21 +239,9 @@ class MainWindow(TabbedWindow):
         self.setAcceptDrops(True)
         self.addToolBar(self.toolbar)
         centre = QWidget()
-        column = QVBoxLayout(centre)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
         sentence, bounces = LabelSlot(self.sentence), LabelSlot(self.bounces)
-        for part in (
-            self.banner,
-            self.legend,
-            self.hint,
-            self.views,
-            sentence,
-            bounces,
-            self.sound_bar,
-            self.replay_bar,
-        ):
-            column.addWidget(part, stretch=1 if part is self.views else 0)
+        above, below = (self.banner, self.legend, self.hint), (sentence, bounces, self.sound_bar, self.replay_bar)
+        arranged(QVBoxLayout(centre), *above, self.views, *below, rest=self.views)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
         for name, key, about, panel in (
@@ -437,61 +254,88 @@ class MainWindow(TabbedWindow):
         ):
             self.docks.add(name, key, about, panel).visibilityChanged.connect(self._show_again)
         self.view_menus = ViewMenus(self.views.all, self.commands, self.session.showing)
-        fill_menus(
-            self.menuBar(),
-            self.commands,
-            self.files.shipped,
-            self.files,
-            UndoList(self.session.showing, self),
-            self.layouts,
-            self.views.all,
-            [*self.views.openers, *self.docks.actions],
-        )
+        added = {
+            "shipped rooms": [self.files.shipped.menuAction()],
+            "recent files": [self.files.menuAction()],
+            "undo steps": [UndoList(self.session.showing, self).menuAction()],
+            "docks": [*self.views.openers, *self.docks.actions],
+            "layouts": [self.layouts.menuAction()],
+        }
+        self.commands.fill(self.menuBar(), self.views.all, added)
         self.resize(_SIZE.boundedTo(self.screen().availableSize() - _FRAME))
 
     def _connect(self) -> None:
-        session, commands, views = self.session, self.commands, self.views
-        connect_commands(commands, session)
-        connect_device(self.device, session)
-        connect_fit(self.fit_panel, session)
-        connect_causes(self.causes, session)
-        connect_scans(self.scans, session)
-        connect_finding(self.finding, session)
-        self.scans.add_requested.connect(self.files.ask_scan)
-        connect_replay(self.replay_bar, commands, session)
-        connect_sound(self.sound_bar, session)
-        self.sound_bar.film_requested.connect(commands.save_film.trigger)
-        self.banner.opened.connect(self._make_room)
-        views.connect_gestures(session.showing)
-        self.legend.switched.connect(session.showing.switch)
-        views.uncovered.connect(self._show_again)
-        views.answered.connect(self.hint.end)
-        commands.first_steps.triggered.connect(self.hint.begin)
-        views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
-        self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
-        self.room.edited.connect(session.showing.edit)
-        self.room.model.board_file_requested.connect(self.files.ask_board)
-        self.toolbar.place.textActivated.connect(session.showing.set_place)
-        commands.find.triggered.connect(self._find_pose)
-        commands.fit.triggered.connect(views.fit)
-        commands.reset_layout.triggered.connect(views.arrange)
-        commands.views.triggered.connect(self._show_view)
-        commands.close.triggered.connect(self.close)
-        self.closing.connect(self.files.close_dialogs)
-        session.showing.changed.connect(self._show)
-        session.showing.edited.connect(self._show_title)
-        session.status_changed.connect(self._show_status)
-        session.room_opened.connect(views.plan.fit)
-        session.saved.connect(self.status_bar.show_briefly)
+        self.commands.connect(self)
+        self.views.connect_gestures(self.session.showing)
+        for signal, slot in (*self._panel_connections(), *self._bar_connections(), *self._window_connections()):
+            signal.connect(slot)
+        self.replay_bar.show_state(self.session.replay)
 
-    @Slot(QAction)
-    def _show_view(self, action: QAction) -> None:
-        self.views.stage.setCurrentIndex(self.commands.views.actions().index(action))
+    def _panel_connections(self) -> tuple[_Connection, ...]:
+        session = self.session
+        device, room = self.device, self.room
+        return (
+            (device.connect_requested, session.live.connect),
+            (device.disconnect_requested, session.live.disconnect),
+            (device.turn_requested, session.live.turn),
+            (device.settings_changed, session.live.set_settings),
+            (room.edited, session.showing.edit),
+            (room.surface.chosen, self.views.plan.drawing.controller.choose_surface),
+            (room.model.board_file_requested, self.files.open_board),
+            (self.views.plan.gestures.surface_chosen, room.surface.choose),
+        )
+
+    def _bar_connections(self) -> tuple[_Connection, ...]:
+        session, replay, sound = self.session, self.replay_bar, self.sound_bar
+        banner = self.banner
+        return (
+            (replay.toggled, self.slots.toggle),
+            (replay.sought, self._seek),
+            (replay.speed_chosen, self._set_speed),
+            (session.replay_changed, replay.show_state),
+            (session.replay_changed, self._show_commands),
+            (sound.toggled, session.sound.toggle),
+            (sound.sought, session.sound.seek),
+            (sound.slowness_chosen, session.sound.set_slowness),
+            (sound.loop_changed, session.sound.set_loop),
+            (sound.every_changed, session.sound.set_every),
+            (sound.closed, session.sound.close),
+            (sound.film_requested, self.saving.save_film),
+            (session.sound.changed, sound.show_state),
+            (banner.opened, self._make_room),
+            (self.legend.switched, session.showing.switch),
+            (self.toolbar.place.textActivated, session.showing.set_place),
+        )
+
+    def _window_connections(self) -> tuple[_Connection, ...]:
+        session = self.session
+        return (
+            (self.views.uncovered, self._show_again),
+            (self.views.answered, self.hint.end),
+            (session.showing.changed, self._show),
+            (session.showing.edited, self._show_title),
+            (session.status_changed, self._show_status),
+            (session.room_opened, self.views.plan.fit),
+            (session.saved, self.status_bar.show_briefly),
+        )
 
     @Slot()
-    def _find_pose(self) -> None:
+    def find_pose(self) -> None:
+        """Fit the pose of the scanner, and show the panel of the fit."""
         self.docks.show("Fit")
-        self.fit_panel.request_fit()
+        self.fit_panel.begin.click()
+
+    @Slot(float)
+    def _seek(self, position: float) -> None:
+        self.session.in_replay(lambda replay: replay.seek(position))
+
+    @Slot(float)
+    def _set_speed(self, speed: float) -> None:
+        self.session.in_replay(lambda replay: setattr(replay, "speed", speed))
+
+    @Slot()
+    def _show_commands(self) -> None:
+        self.commands.show_state(self.session)
 
     @Slot(object)
     def _show(self, shown: Shown) -> None:
@@ -503,8 +347,7 @@ class MainWindow(TabbedWindow):
         self._show_title()
         self.legend.show_state(shown)
         self.hint.show_state(shown)
-        self.notes.show_state(shown)
-        show_history(self.commands, self.session.showing.history)
+        self._show_commands()
         if self._is_busy:
             self._turns.advance()
         else:
@@ -567,7 +410,6 @@ class MainWindow(TabbedWindow):
             self.sound_bar,
             self.replay_bar,
             self.status_bar,
-            self.look_commands,
         ):
             part.show_look(look)
 
@@ -578,7 +420,7 @@ class MainWindow(TabbedWindow):
         else:
             for show in self._texts:
                 show()
-        show_scanner(self.commands, status)
+        self._show_commands()
         self.files.shipped.setEnabled(not status.scanning)
         self.files.menuAction().setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
@@ -598,26 +440,33 @@ class MainWindow(TabbedWindow):
     def closeEvent(self, event: QCloseEvent) -> None:
         """Close the session too: stop the board and close the log."""
         self.closing.emit()
+        close_dialogs(self)  # which ends their threads
         self._open = False
         self.hide()  # a thread may take a moment to finish
         self.session.close()
         event.accept()
 
     def event(self, event: QEvent) -> bool:
-        """Let Space press the button or check box with the focus; otherwise it starts or pauses the replay.
+        """Begin to predict after the first paint, and use keys that are more than commands.
 
         Hints of commands do not cover what the status bar says about a scan: the tooltips have the same text.
         """
         if event.type() == QEvent.Type.StatusTip and self.status_bar.activity.text():
             return True
-        button = isinstance(QApplication.focusWidget(), QAbstractButton)
-        if button and event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Space:
+        if event.type() == QEvent.Type.ShortcutOverride and self._uses_key(cast(QKeyEvent, event).key()):
             event.accept()
             return True
         done = super().event(event)
         if event.type() is QEvent.Type.UpdateRequest:  # the window is painted
             self.session.begin()
         return done
+
+    def _uses_key(self, key: int) -> bool:
+        """Let Space press the button with the focus, not start the replay, and let Esc close an open help page."""
+        if key == Qt.Key.Key_Escape and (page := open_dialog(self, HelpPage)) is not None:
+            page.close()
+            return True
+        return key == Qt.Key.Key_Space and isinstance(QApplication.focusWidget(), QAbstractButton)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Accept files that can be opened."""

@@ -4,13 +4,15 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QDialog, QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.model.look import DARK
 from sonarhw_gui.views.marks import ReadingMarks
+from sonarhw_gui.window.dialogs import open_dialog
 from sonarhw_gui.window.window import MainWindow
 
 from tests.hang_guard import HANG
@@ -34,6 +36,11 @@ def activate(qtbot: QtBot, window: QWidget) -> None:
         return window.isActiveWindow()
 
     until(qtbot, active)
+
+
+def dialog_of(window: MainWindow) -> Any:
+    """Return the open dialog of a window; None without one."""
+    return open_dialog(window, QDialog)
 
 
 def predicted(window: MainWindow) -> bool:

@@ -14,23 +14,23 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import PATIENCE, until
+from tests.system.gui.driving import PATIENCE, dialog_of, until
 
 
 def page_text(window: MainWindow) -> str:
-    return "".join(label.text() for label in window.help.page.findChildren(QLabel))
+    return "".join(label.text() for label in dialog_of(window).findChildren(QLabel))
 
 
 def test_f1_shows_every_key_on_one_screen(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F1)
-    page = window.help.page
+    page = dialog_of(window)
     assert page.isVisible()
     assert (page.width(), page.height()) <= (1280, 800)
-    for action in window.commands.all:
+    for action in [*window.commands.actions.values()]:
         assert f"<b>{action.shortcut().toString()}" in page_text(window), action.text()
     page.close()
-    assert window.help.page is None or not window.help.page.isVisible()
+    assert dialog_of(window) is None
 
 
 def test_esc_closes_the_page_first_and_then_follows_the_newest_reading(
@@ -41,9 +41,9 @@ def test_esc_closes_the_page_first_and_then_follows_the_newest_reading(
     window.session.showing.choose(3)
     qtbot.keyClick(window, Qt.Key.Key_F1)
     qtbot.keyClick(window, Qt.Key.Key_Escape)
-    assert window.help.page is None or not window.help.page.isVisible()
+    assert dialog_of(window) is None
     assert window.session.shown.chosen == 3
-    until(qtbot, lambda: window.help.page is None)
+    until(qtbot, lambda: dialog_of(window) is None)
     qtbot.keyClick(window, Qt.Key.Key_Escape)
     assert window.session.shown.chosen != 3
 
@@ -52,7 +52,7 @@ def test_esc_closes_the_page_first_and_then_follows_the_newest_reading(
 def test_the_last_key_is_visible_or_can_be_scrolled_to(qtbot: QtBot, open_with: OpenWith, scale: float) -> None:
     window = open_with()
     window.session.showing.set_look(Look(scale=scale))
-    every = window.commands.all
+    every = [*window.commands.actions.values()]
     groups = {f"Group {k}": every[k : k + 8] for k in range(0, len(every), 8)}
     page = HelpPage(groups, Look(scale=scale), None, QSize(1280, 760))
     with qtbot.waitExposed(page, timeout=PATIENCE):
@@ -71,7 +71,9 @@ def test_the_last_key_is_visible_or_can_be_scrolled_to(qtbot: QtBot, open_with: 
 
 def test_every_key_has_one_meaning(open_with: OpenWith) -> None:
     window = open_with()
-    keys = [key.toString() for action in window.findChildren(type(window.commands.help)) for key in action.shortcuts()]
+    keys = [
+        key.toString() for action in window.findChildren(type(window.commands.show_help)) for key in action.shortcuts()
+    ]
     assert sorted(keys) == sorted(set(keys))
 
 

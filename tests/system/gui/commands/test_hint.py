@@ -37,7 +37,7 @@ def test_the_hint_is_shown_at_the_first_start_until_a_reading_is_clicked(
 def test_the_hint_is_closed_by_its_button(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     assert not window.hint.isVisible()
-    window.commands.first_steps.trigger()
+    window.commands.show_first_steps.trigger()
     qtbot.mouseClick(window.hint.close_button, Qt.MouseButton.LeftButton)
     assert not window.hint.isVisible()
 

@@ -10,14 +10,14 @@ from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QMenu, QToolBu
 from pytestqt.qtbot import QtBot
 from shiboken6 import Shiboken
 from sonarhw_gui.jobs import forecast
-from sonarhw_gui.window.commands import UndoList
+from sonarhw_gui.window.commands import UndoList, draw_page
 from sonarhw_gui.window.window import MainWindow, spoken_name
 from sonarhw_sim.room.room import load_room
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenFake, OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import dialog_of, predicted, until
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def tab_stops(window: MainWindow) -> list[QWidget]:
 def test_every_tab_stop_has_a_name(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    for action in (*window.docks.actions, *window.commands.views.actions(), window.commands.sound):
+    for action in (*window.docks.actions, *window.commands.views, window.commands.play_sound):
         action.trigger()
         qtbot.wait(20)
     stops = tab_stops(window)
@@ -57,7 +57,7 @@ def test_class_buttons_say_class_and_count(qtbot: QtBot, open_with: OpenWith, re
 def test_the_palette_runs_a_command_by_a_part_of_its_name(qtbot: QtBot, window: MainWindow) -> None:
     keys = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
     qtbot.keyClick(window, Qt.Key.Key_A, keys)
-    palette = window.help.palette
+    palette = dialog_of(window)
     until(qtbot, palette.isVisible)
     assert len(palette.names) > 50
     qtbot.keyClicks(palette.words, "side by")
@@ -67,12 +67,12 @@ def test_the_palette_runs_a_command_by_a_part_of_its_name(qtbot: QtBot, window: 
 
 
 def test_the_palette_finds_a_panel_by_its_purpose(qtbot: QtBot, window: MainWindow) -> None:
-    window.commands.palette.trigger()
+    window.commands.show_palette.trigger()
     panels = {"next place": "Find the room", "missing": "Causes", "compare two": "Scans", "home scanner": "Device"}
     for words, name in panels.items():
-        window.help.palette.words.clear()
-        qtbot.keyClicks(window.help.palette.words, words)
-        assert window.help.palette.names == [name]
+        dialog_of(window).words.clear()
+        qtbot.keyClicks(dialog_of(window).words, words)
+        assert dialog_of(window).names == [name]
 
 
 def test_undo_steps_are_listed_and_undone_together(qtbot: QtBot, window: MainWindow) -> None:
@@ -211,12 +211,12 @@ def test_ctrl_s_asks_for_a_name_if_the_room_has_no_file(qtbot: QtBot, window: Ma
 
 def test_the_large_view_is_printed_with_title_and_legend(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
     window.commands.print_view.trigger()
-    preview = window.printing.preview
+    preview = dialog_of(window)
     until(qtbot, preview.isVisible)
     printer = QPrinter()
     printer.setOutputFormat(QPrinter.OutputFormat.PdfFormat)
     printer.setOutputFileName(str(tmp_path / "plan.pdf"))
-    window.printing.draw(printer)
+    draw_page(window.saving.image(), printer)
     assert (tmp_path / "plan.pdf").stat().st_size > 10_000
     preview.close()
 
@@ -237,7 +237,7 @@ def test_a_layout_is_saved_used_kept_and_deleted(qtbot: QtBot, open_with: OpenWi
     ranges.close()
     trace.setFloating(True)
     _choose(window.layouts, "Save layout…")
-    dialog = window.layouts.dialog
+    dialog = dialog_of(window)
     dialog.setTextValue("lab & bench")
     dialog.accept()
     window.commands.reset_layout.trigger()

@@ -19,7 +19,7 @@ from sonarhw.host.scanner import Scanner, probe_port
 from sonarhw.link import Port, Usb
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
-from tests.system.gui.driving import ended, until
+from tests.system.gui.driving import dialog_of, ended, until
 
 ARDUINO = Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None))
 OTHER = Port("/dev/ttyS0", "n/a")
@@ -35,26 +35,26 @@ def with_ports(window: MainWindow, ask: Callable[[str], tuple[bool, str]]) -> No
 
 
 def rows(window: MainWindow) -> list[list[str]]:
-    table = window.connecting.dialog.ports
+    table = dialog_of(window).ports
     return [[table.item(row, column).text() for column in range(3)] for row in range(table.rowCount())]
 
 
 def open_dialog(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_K, CONTROL)
-    assert window.connecting.dialog.isVisible()
+    assert dialog_of(window).isVisible()
 
 
 def test_ports_are_listed_and_known_ones_are_queried(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (True, "scanner POL-7"))
     open_dialog(qtbot, window)
-    until(qtbot, lambda: not window.session.scanners._ports.busy and window.connecting.dialog.ports.rowCount() == 2)
+    until(qtbot, lambda: not window.session.scanners._ports.busy and dialog_of(window).ports.rowCount() == 2)
     assert rows(window) == [
         ["/dev/ttyACM0", "Arduino Mega 2560", "scanner POL-7"],
         ["/dev/ttyS0", "n/a", "not checked"],
     ]
-    assert window.connecting.dialog.url.currentText() == "/dev/ttyACM0"  # the only one that answers
-    qtbot.mouseClick(window.connecting.dialog.probe_all, Qt.MouseButton.LeftButton)
+    assert dialog_of(window).url.currentText() == "/dev/ttyACM0"  # the only one that answers
+    qtbot.mouseClick(dialog_of(window).probe_all, Qt.MouseButton.LeftButton)
     until(qtbot, lambda: rows(window)[1][2] == "scanner POL-7")
 
 
@@ -76,7 +76,7 @@ def test_a_typed_url_is_connected_and_scans(qtbot: QtBot, open_with: OpenWith, f
     assert not window.commands.scan.isEnabled()
     with_ports(window, lambda device: (False, "no scanner"))
     open_dialog(qtbot, window)
-    dialog = window.connecting.dialog
+    dialog = dialog_of(window)
     assert not dialog.connect_button.isEnabled()
     QTest.keyClicks(dialog.field, "socket://somewhere:4000")
     qtbot.mouseClick(dialog.connect_button, Qt.MouseButton.LeftButton)

@@ -67,10 +67,15 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_selected_in_the_table(
         return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
 
     assert selected()
-    for command in (window.commands.back, window.commands.back, window.commands.forward, window.commands.previous):
+    for command in (
+        window.commands.step_back,
+        window.commands.step_back,
+        window.commands.step_forward,
+        window.commands.choose_previous,
+    ):
         command.trigger()
         assert selected(), command.text()
-    window.commands.newest.trigger()
+    window.commands.follow_newest.trigger()
     for part in (0.0, 0.5, 0.2, 1.0):
         replay.seek(part * replay.duration)
         assert selected(), part

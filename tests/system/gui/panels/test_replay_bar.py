@@ -52,13 +52,13 @@ def seen(window: MainWindow) -> int:
 
 
 def test_steps_move_by_one_reading_with_mouse_and_keys(qtbot: QtBot, window: MainWindow) -> None:
-    press(qtbot, window, window.commands.back)
+    press(qtbot, window, window.commands.step_back)
     assert seen(window) == 2 * ORDER.readings - 1
     qtbot.keyClick(window, Qt.Key.Key_Comma)
     assert seen(window) == 2 * ORDER.readings - 2
     qtbot.keyClick(window, Qt.Key.Key_Period)
-    press(qtbot, window, window.commands.forward)
-    press(qtbot, window, window.commands.forward)
+    press(qtbot, window, window.commands.step_forward)
+    press(qtbot, window, window.commands.step_forward)
     assert seen(window) == 2 * ORDER.readings
     assert not window.session.replay.playing
 
@@ -66,7 +66,7 @@ def test_steps_move_by_one_reading_with_mouse_and_keys(qtbot: QtBot, window: Mai
 def test_a_step_pauses_the_replay(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.toggle()
     until(qtbot, lambda: seen(window) >= 2)
-    press(qtbot, window, window.commands.forward)
+    press(qtbot, window, window.commands.step_forward)
     assert window.replay_bar.play.text() == "Play"
 
 
@@ -118,13 +118,13 @@ def test_dragging_the_handle_seeks(qtbot: QtBot, window: MainWindow) -> None:
 def test_a_loop_restarts_the_replay_and_without_it_the_replay_stops(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.speed = 50.0
     qtbot.keyClick(window, Qt.Key.Key_L, Qt.KeyboardModifier.ControlModifier)
-    assert button(window, window.commands.loop).isChecked()
+    assert button(window, window.commands.set_loop).isChecked()
     positions = []
     window.session.replay_changed.connect(lambda state: positions.append(state.position))
     window.session.replay.toggle()
     until(qtbot, lambda: sum(later < earlier for earlier, later in pairwise(positions)) >= 3)
     assert window.session.replay.playing
-    press(qtbot, window, window.commands.loop)
+    press(qtbot, window, window.commands.set_loop)
     until(qtbot, lambda: not window.session.replay.playing)
     assert seen(window) == 2 * ORDER.readings
 
@@ -133,11 +133,11 @@ def test_skipping_gaps_keeps_the_same_reading(qtbot: QtBot, window: MainWindow) 
     window.session.replay.seek_reading(ORDER.readings + 20)
     replay = window.session.replay
     count, duration = replay.count, replay.duration
-    press(qtbot, window, window.commands.skip_gaps)
+    press(qtbot, window, window.commands.set_skip_gaps)
     assert count == replay.count == seen(window)
     assert duration - replay.duration == pytest.approx(WAIT, abs=2.0)
     assert len(replay.scan_starts) == 2
-    press(qtbot, window, window.commands.skip_gaps)
+    press(qtbot, window, window.commands.set_skip_gaps)
     assert window.session.replay.duration == pytest.approx(duration)
 
 
@@ -156,7 +156,7 @@ def test_leaving_a_replay_without_an_earlier_scan_shows_no_readings(qtbot: QtBot
     assert not window.replay_bar.isVisible()
     assert window.session.shown.readings == ()
     until(qtbot, lambda: window.status_bar.badge.text() == "no scan")
-    for action in (window.commands.play, window.commands.leave_replay, window.commands.next_scan):
+    for action in (window.commands.toggle, window.commands.leave_replay, window.commands.next_scan):
         assert not action.isEnabled()
 
 
@@ -196,7 +196,7 @@ def test_a_lost_drive_shows_a_banner_and_stops_the_replay(
     window.session.replay.seek_reading(2)  # on a busy machine the replay has reached its end
     kept = seen(window)
     for _ in range(5):
-        press(qtbot, window, window.commands.forward)
+        press(qtbot, window, window.commands.step_forward)
     window.session.tick()
     assert seen(window) == kept + 5
     assert window.session.shown.chosen_reading.trace is None

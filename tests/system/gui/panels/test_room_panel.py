@@ -220,7 +220,7 @@ def test_a_new_material_is_assigned_to_a_wall(qtbot: QtBot, panel: RoomPanel, ed
     qtbot.keyClicks(panel.materials.name, "felt")
     qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
     assert [*panel.materials.sliders] == ["shelving", "felt"]
-    panel.choose_surface("top")
+    panel.surface.choose("top")
     qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
     room = edits.scene.room
     assert [room.names[k] for k, material in enumerate(room.materials) if material == "felt"] == ["top"]

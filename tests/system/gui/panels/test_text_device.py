@@ -18,7 +18,7 @@ from sonarhw.readings import Origin
 from tests.fixtures.text_devices.mcap_bytes import received_bytes
 from tests.fixtures.text_devices.printing_device import SKETCHES, PrintingDevice, wall
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import ended, predicted, until
+from tests.system.gui.driving import dialog_of, ended, predicted, until
 
 RADAR = SKETCHES["radar 0 to 180 with * and #"]
 
@@ -41,9 +41,9 @@ def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(
 ) -> None:
     with PrintingDevice(RADAR.rounds()) as device:
         window = open_with(find_scanner=finder)
+        window.session.scanners.urls = (device.port,)  # used before
         open_dialog(qtbot, window)
-        dialog = window.connecting.dialog
-        dialog.show_urls([device.port])  # used before
+        dialog = dialog_of(window)
         QTest.keyClicks(dialog.field, device.port)
         qtbot.mouseClick(dialog.listen, Qt.MouseButton.LeftButton)
         expected = f"lines:{device.port}?baud=9600&preset=arduino-radar"
@@ -98,7 +98,7 @@ def test_a_device_that_prints_nothing_known_is_reported(
 ) -> None:
     window = open_with(find_scanner=finder)
     open_dialog(qtbot, window)
-    dialog = window.connecting.dialog
+    dialog = dialog_of(window)
     QTest.keyClicks(dialog.field, "/dev/ttyUSB9")
     qtbot.mouseClick(dialog.listen, Qt.MouseButton.LeftButton)
     until(qtbot, lambda: dialog.ports.rowCount() == 1 and "there is no such port" in dialog.ports.item(0, 2).text())

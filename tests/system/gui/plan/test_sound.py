@@ -12,7 +12,7 @@ from sonarhw_gui.views.legend import SOUND
 from sonarhw_gui.window.window import MainWindow
 
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import dialog_of, predicted, until
 
 SENSOR = 0.774, 0.085
 
@@ -99,8 +99,8 @@ def test_all_echoes_and_another_heading(qtbot: QtBot, window: MainWindow) -> Non
 
 def test_the_sound_is_saved_as_a_film(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
     window.sound_bar.film.click()
-    window.saving.dialog.fileSelected.emit(str(tmp_path / "sound.gif"))
-    window.saving.dialog.close()
+    dialog_of(window).fileSelected.emit(str(tmp_path / "sound.gif"))
+    dialog_of(window).close()
     until(qtbot, lambda: (tmp_path / "sound.gif").exists() and not window.session.jobs.busy("save files"))
     with Image.open(tmp_path / "sound.gif") as film:
         assert film.n_frames > 50

@@ -61,7 +61,7 @@ def test_a_log_is_restored_with_views_and_look(
     assert len(window.session.shown.readings) == ORDER.readings
     assert window.session.shown.scene.place.name == "figure9"
     assert window.session.shown.look == Look(DARK, LengthUnit.CM)
-    assert window.commands.dark.isChecked()
+    assert window.commands.switch_palette.isChecked()
     assert window.views.side_by_side.isVisible()
     assert window.room.isVisible()
     assert window.files.actions()[0].data() == str(recorded)

@@ -20,7 +20,7 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw.errors import OutputError
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenFake, OpenWith
-from tests.system.gui.driving import ended, pixel_at, position_of, predicted, until
+from tests.system.gui.driving import dialog_of, ended, pixel_at, position_of, predicted, until
 from tests.system.gui.session.test_saving import save
 
 SHIFT, CONTROL = Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier
@@ -46,7 +46,7 @@ def note(qtbot: QtBot, window: MainWindow, reading: int, text: str) -> None:
     """Select a reading, press N, type the text and press Enter."""
     window.session.showing.choose(reading)
     qtbot.keyClick(window, Qt.Key.Key_N)
-    field = window.notes.dialog.findChild(QLineEdit)
+    field = dialog_of(window).findChild(QLineEdit)
     field.selectAll()
     qtbot.keyClick(field, Qt.Key.Key_Delete)
     qtbot.keyClicks(field, text)
@@ -58,7 +58,7 @@ def test_a_note_is_written_at_once_edited_deleted_and_undone(qtbot: QtBot, open_
     note(qtbot, window, 27, "false wall")
     assert stored(log) == {27: "false wall"}
     assert window.bounces.text().startswith("note: false wall — 1 bottom")
-    assert window.commands.note.text() == "Edit note…"
+    assert window.commands.edit_note.text() == "Edit note…"
     note(qtbot, window, 27, "false wall, 3 bounces")
     note(qtbot, window, 9, "the post")
     assert stored(log) == {9: "the post", 27: "false wall, 3 bounces"}
@@ -95,8 +95,8 @@ def test_the_next_window_shows_the_notes_in_plan_ranges_table_and_report(
     qtbot.keyClicks(table.words, "board")
     assert table.model.order.tolist() == [4]
     table.words.clear()
-    window.commands.report.trigger()
-    window.saving._write(str(tmp_path / "report.html"))
+    window.commands.save_report.trigger()
+    dialog_of(window).fileSelected.emit(str(tmp_path / "report.html"))
     until(qtbot, lambda: not window.session.jobs.busy("save files"))
     assert "edge of the board" in (tmp_path / "report.html").read_text()
 
@@ -128,7 +128,7 @@ def test_the_context_menu_notes_the_reading_below_the_mouse(
     assert window.session.shown.chosen == reading
     next(action for action in menu.actions() if action.text() == "Add note…").trigger()
     menu.close()
-    field = window.notes.dialog.findChild(QLineEdit)
+    field = dialog_of(window).findChild(QLineEdit)
     qtbot.keyClicks(field, name)
     qtbot.keyClick(field, Qt.Key.Key_Return)
     assert stored(log) == {reading: name}
@@ -212,10 +212,10 @@ def test_a_dialog_about_a_reading_that_is_gone_changes_nothing(
     window = opened(qtbot, open_with, log)
     window.session.showing.choose(3)
     qtbot.keyClick(window, Qt.Key.Key_N)
-    qtbot.keyClicks(window.notes.dialog.findChild(QLineEdit), "too late")
+    qtbot.keyClicks(dialog_of(window).findChild(QLineEdit), "too late")
     window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.log_file == os.path.abspath(recorded))
-    window.notes.dialog.accept()
+    dialog_of(window).accept()
     assert not window.session.shown.notes
     until(qtbot, lambda: "too late" in window.banner.message)
     assert not notes_path(recorded).exists()
@@ -224,7 +224,7 @@ def test_a_dialog_about_a_reading_that_is_gone_changes_nothing(
 def test_the_note_commands_are_in_the_palette_and_off_without_a_reading(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     until(qtbot, lambda: predicted(window))
-    assert not window.commands.note.isEnabled()
+    assert not window.commands.edit_note.isEnabled()
     assert not window.commands.delete_note.isEnabled()
 
 

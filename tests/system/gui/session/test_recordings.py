@@ -15,7 +15,7 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw.log import read_log
 from sonarhw.log.writer import write_scan
 from tests.system.gui.conftest import ORDER, OpenWith
-from tests.system.gui.driving import activate, until
+from tests.system.gui.driving import activate, dialog_of, until
 
 CTRL_SHIFT = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
 
@@ -38,7 +38,7 @@ def folder(recorded: Path, tmp_path: Path) -> Path:
 def opened(qtbot: QtBot, open_with: OpenWith, folder: Path) -> tuple[MainWindow, RecordingsDialog]:
     window = open_with(recordings=folder)
     qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
-    dialog = window.files.recordings
+    dialog = dialog_of(window)
     activate(qtbot, dialog)
     until(qtbot, lambda: dialog.table.rowCount() == len(list(folder.glob("*.mcap"))))
     return window, dialog
@@ -70,7 +70,7 @@ def test_words_filter_the_list_and_the_remaining_recording_opens(
     qtbot.mouseClick(dialog.open_button, Qt.MouseButton.LeftButton)
     until(qtbot, lambda: len(window.session.shown.readings) == 7)
     assert window.session.shown.scene.room.name == "Cellar"
-    until(qtbot, lambda: window.files.recordings is None)
+    until(qtbot, lambda: dialog_of(window) is None)
 
 
 def test_return_opens_the_newest_recording(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
@@ -84,18 +84,18 @@ def test_escape_opens_nothing_and_closing_the_window_closes_the_list(
 ) -> None:
     window, dialog = opened(qtbot, open_with, folder)
     qtbot.keyClick(dialog, Qt.Key.Key_Escape)
-    until(qtbot, lambda: window.files.recordings is None)
+    until(qtbot, lambda: dialog_of(window) is None)
     assert window.session.replay is None
-    window.commands.recordings.trigger()
-    assert window.files.recordings is not None
+    window.commands.show_recordings.trigger()
+    assert dialog_of(window) is not None
     window.close()  # open_with checks that no thread is left
 
 
 def test_a_missing_folder_is_an_empty_list_with_a_hint(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     window = open_with(recordings=tmp_path / "none")
     qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
-    assert "no recordings yet" in window.files.recordings.summary.text()
-    assert not window.files.recordings.open_button.isEnabled()
+    assert "no recordings yet" in dialog_of(window).summary.text()
+    assert not dialog_of(window).open_button.isEnabled()
 
 
 def test_unchanged_recordings_are_not_read_again(folder: Path) -> None:

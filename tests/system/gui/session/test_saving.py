@@ -19,7 +19,7 @@ from sonarhw_gui.window.window import MainWindow
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from tests.system.gui.conftest import ORDER, OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import dialog_of, predicted, until
 
 CTRL, SHIFT, ALT = (
     Qt.KeyboardModifier.ControlModifier,
@@ -38,10 +38,10 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 def save(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier = CTRL) -> None:
     """Press the key, enter a file name and click Save; the caller checks the file."""
     qtbot.keyClick(window, key, modifier)
-    until(qtbot, lambda: window.saving.dialog is not None and window.saving.dialog.isVisible())
-    field = window.saving.dialog.findChild(QLineEdit, "fileNameEdit")
+    until(qtbot, lambda: dialog_of(window) is not None)
+    field = dialog_of(window).findChild(QLineEdit, "fileNameEdit")
     field.setText(str(path))  # with typed letters Qt's completer would change the name
-    button = window.saving.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
+    button = dialog_of(window).findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
     until(qtbot, lambda: not window.session.jobs.busy("save files"))
 
@@ -80,10 +80,10 @@ def test_the_dialog_opens_in_the_folder_of_the_log_and_then_in_the_last_one_used
     assert dialog.directory().absolutePath() == str(recorded.parent)
     dialog.reject()
     window.commands.export_data.trigger()
-    assert window.saving.dialog.directory().absolutePath() == str(recorded.parent)
+    assert dialog_of(window).directory().absolutePath() == str(recorded.parent)
     save(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
-    window.commands.report.trigger()
-    assert window.saving.dialog.directory().absolutePath() == str(tmp_path)
+    window.commands.save_report.trigger()
+    assert dialog_of(window).directory().absolutePath() == str(tmp_path)
 
 
 def test_for_a_live_scan_the_dialog_opens_in_the_last_folder_but_not_in_the_recordings(tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_an_existing_file_is_unchanged_if_the_user_declines(qtbot: QtBot, window
     save(qtbot, window, there, Qt.Key.Key_E)
     assert questions
     assert there.read_text() == "mine"
-    window.saving.dialog.close()
+    dialog_of(window).close()
 
 
 def test_files_are_not_overwritten_without_permission_and_need_a_known_extension(
@@ -209,4 +209,4 @@ def test_without_readings_nothing_is_saved(qtbot: QtBot, open_with: OpenWith) ->
     for modifier in (CTRL, CTRL | SHIFT):
         qtbot.keyClick(window, Qt.Key.Key_E, modifier)
         assert "no readings to save" in window.banner.message
-    assert window.saving.dialog is None
+    assert dialog_of(window) is None

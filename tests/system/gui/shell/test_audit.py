@@ -97,7 +97,7 @@ def test_one_dialog_is_open_at_a_time(qtbot: QtBot, window: MainWindow) -> None:
     opening = [action for action in window.findChildren(QAction) if action.text().endswith("…") and action.isEnabled()]
     opening = [action for action in opening if not action.text().startswith("Film")]  # needs a computed heading
     assert len(opening) > 10
-    for action in (*opening, window.commands.help):
+    for action in (*opening, window.commands.show_help):
         action.trigger()
         until(qtbot, lambda: len(_dialogs(window)) == 1)
     _dialogs(window)[0].close()
@@ -107,7 +107,7 @@ def test_settings_are_stored_when_they_change(qtbot: QtBot, open_with: OpenWith,
     memory = tmp_path / "window.ini"
     window = open_with(memory=memory)
     until(qtbot, memory.exists)
-    window.commands.dark.trigger()
+    window.commands.switch_palette.trigger()
     until(qtbot, lambda: read_memory(memory).look.palette is DARK)
     assert window.isVisible()
 

@@ -114,7 +114,7 @@ def test_every_colour_of_a_reading_contrasts_with_the_background(palette: object
 def test_every_text_of_a_visible_window_can_be_read_in_the_look_chosen_last(qtbot: QtBot, window: MainWindow) -> None:
     """The look changes while each view and each panel is visible."""
     views, (room, device, find) = (
-        window.commands.views.actions(),
+        window.commands.views,
         [
             next(one for one in window.docks.actions if one.text() == name)
             for name in ("Room", "Device", "Find the room")

@@ -117,7 +117,7 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
 
     qtbot.wait(50)
     assert len(tops(window)) == stacks
-    for view in window.commands.views.actions():
+    for view in window.commands.views:
         view.trigger()
         check(view.text())
         for panel in window.docks.actions:
@@ -130,7 +130,7 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
     panels = window.docks.actions
     for panel in panels:
         panel.trigger()
-    for step in (window.commands.sound, window.commands.first_steps):
+    for step in (window.commands.play_sound, window.commands.show_first_steps):
         step.trigger()
         check(f"{len(panels)} panels, and {step.text()}")
     window.session.notices.warn("a long message about a scanner that does not answer; check its cable and its supply")
@@ -144,7 +144,7 @@ def test_nothing_is_cut_or_off_screen_with_any_view_or_panel(
 
 
 def test_each_large_view_keeps_its_share_of_the_width(qtbot: QtBot, window: MainWindow) -> None:
-    views, (plan, beside, _) = window.views, window.commands.views.actions()
+    views, (plan, beside, _) = window.views, window.commands.views
 
     def share() -> float:
         qtbot.wait(20)

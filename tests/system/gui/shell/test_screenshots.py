@@ -36,7 +36,7 @@ from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import click, ended, position_of, predicted, until
+from tests.system.gui.driving import click, dialog_of, ended, position_of, predicted, until
 
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
@@ -272,7 +272,7 @@ def show_questions(qtbot: QtBot, window: MainWindow, album: Album) -> None:
         if name == "ask":
             echoes.table.selectRow(2)
         else:
-            window.commands.sound.trigger()
+            window.commands.play_sound.trigger()
             until(qtbot, lambda: window.session.shown.sound is not None)
             window.session.sound.seek(1.35e-3)
         qtbot.wait(100)
@@ -280,7 +280,7 @@ def show_questions(qtbot: QtBot, window: MainWindow, album: Album) -> None:
 
 
 def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
-    plan, beside, images = window.commands.views.actions()
+    plan, beside, images = window.commands.views
     beside.trigger()
     qtbot.wait(50)
     album.keep(window, "side-by-side")
@@ -328,21 +328,21 @@ def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
         PortList, find=lambda: PORTS, probe=lambda device: (True, "scanner POL-7")
     )
     window.commands.connect_scanner.trigger()
-    dialog = window.connecting.dialog
+    dialog = dialog_of(window)
     until(qtbot, lambda: not window.session.scanners._ports.busy and dialog.ports.rowCount() == len(PORTS))
     album.keep(dialog, "connect")
     dialog.close()
-    window.commands.help.trigger()
+    window.commands.show_help.trigger()
     qtbot.wait(50)
-    album.keep(window.help.page, "help")
-    window.help.page.close()
+    album.keep(dialog_of(window), "help")
+    dialog_of(window).close()
     show_import_dialog(qtbot, window, album)
 
 
 def show_import_dialog(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     window.session.open_file(str(EXAMPLE))
-    until(qtbot, lambda: window.files.importing is not None)
-    dialog = window.files.importing
+    until(qtbot, lambda: dialog_of(window) is not None)
+    dialog = dialog_of(window)
     dialog.no_echo.setText("255")
     until(qtbot, dialog.import_button.isEnabled)
     album.keep(dialog, "import")

@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.match import Kind
-from sonarhw_gui.model.look import LIGHT
+from sonarhw_gui.model.look import LIGHT, Look
 from sonarhw_gui.model.shown import ClassPoints
 from sonarhw_gui.views.marks import Placed, ReadingMarks, Spots
 
@@ -20,7 +20,7 @@ def test_marks_follow_added_moved_and_removed_readings(qtbot: QtBot) -> None:
     plot = pg.PlotWidget()
     qtbot.addWidget(plot)
     marks = ReadingMarks(plot.plotItem, str)
-    marks.set_look(LIGHT)
+    marks.set_look(Look(LIGHT))
     scatter = marks.scatters[Kind.MATCH]
     steps = _placed(1), _placed(1, 4, 5), _placed(1, 4, 5), _placed(4, 5), _placed(4, 5, shift=0.1), _placed()
     for points, places in steps:

@@ -26,7 +26,7 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 
 
 def shown_view(qtbot: QtBot, window: MainWindow, name: str) -> QWidget:
-    for action in window.commands.views.actions():
+    for action in window.commands.views:
         if action.text() == name:
             action.trigger()
     view = next(view for view in window.views.all if view.entry.name == name)
