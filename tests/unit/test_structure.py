@@ -7,6 +7,7 @@ from tests import structure
 SMALL_WITH_ONE_IMPORTER = {
     "sonarhw.foxglove": "needs the extra `foxglove`, which `serve --foxglove` alone loads",
     "sonarhw_compare.import_formats": "`--help` lists the formats, and the readers of the formats load slowly",
+    "sonarhw_gui.views.echoes": "a view; each is a module",
     "sonarhw_gui.window.garbage": "settings of the process, tested in a process that loads nothing else",
     "sonarhw_gui.window.display": "checks whether Qt can be loaded, so it is loaded before",
     "sonarhw_cli.rooms": "commands; the list of all commands is another idea",

@@ -110,13 +110,12 @@ class TraceForecast:
     def follow(self, shown: Shown) -> None:
         """Compute trace and B-scan for this content."""
         self._shown = shown
-        self._request_trace(shown)
+        self._request_trace()
         self._request_bscan()
 
     def take(self) -> bool:
         """Request a trace that was due too soon, and return whether anything has changed since the last call."""
-        if self._shown is not None:
-            self._request_trace(self._shown)
+        self._request_trace()
         self.bscan = self._newest_bscan
         changed, self._changed = self._changed, False
         return changed
@@ -125,7 +124,10 @@ class TraceForecast:
     def _asking(self) -> bool:
         return self._shown is not None and self._shown.asked is not None
 
-    def _request_trace(self, shown: Shown) -> None:
+    def _request_trace(self) -> None:
+        shown = self._shown
+        if shown is None:
+            return
         if shown.asked is not None:
             self._request_answer(shown, shown.asked)
             return
@@ -135,31 +137,33 @@ class TraceForecast:
             self.trace, self._requested_trace = None, ()
             return
         prediction, index = (shown.prediction, row.index) if row is not None else (None, 0)
-        subject = (shown.scene, reading, prediction, index)
-        now = time.monotonic()
-        if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
-            self._requested_trace, self._requested_at = subject, now
-            self._run_trace(chosen_trace, shown.scene, reading, prediction, index, then=self._take_trace)
+        self._run_trace(chosen_trace, (shown.scene, reading, prediction, index), self._take_trace)
 
     def _request_answer(self, shown: Shown, heading: float) -> None:
-        outline, now = shown.outline, time.monotonic()
-        if outline is None or _is_of_another_scene(outline, shown.scene):
-            return
-        subject = (shown.scene, outline, heading)
-        if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
-            self._requested_trace, self._requested_at = subject, now
-            self._run_trace(trace_at, *subject, then=self._take_answer)
+        outline = shown.outline
+        if outline is not None and not _is_of_another_scene(outline, shown.scene):
+            self._run_trace(trace_at, (shown.scene, outline, heading), self._take_answer)
 
-    def _run_trace(self, function: Callable[..., Any], *args: object, then: Callable[[int, Any], None]) -> None:
-        self._jobs.run(_TRACE, function, *args, then=partial(then, self._generation), failed=self._fail_trace)
+    def _run_trace(
+        self, function: Callable[..., Any], subject: tuple[object, ...], then: Callable[[int, Any], None]
+    ) -> None:
+        """Call the function with the subject, unless that was requested already. One at a time, with pauses."""
+        now = time.monotonic()
+        waits = self._jobs.busy(_TRACE) or now - self._requested_at < _PAUSE
+        if not waits and not _same(subject, self._requested_trace):
+            self._requested_trace, self._requested_at = subject, now
+            taken = partial(then, self._generation)
+            self._jobs.run(_TRACE, function, *subject, then=taken, failed=self._fail_trace)
 
     def _take_trace(self, generation: int, trace: ChosenTrace) -> None:
         if generation == self._generation and not self._asking:
             self.trace, self._changed = trace, True
+        self._request_trace()  # a newer one
 
     def _take_answer(self, generation: int, answer: tuple[PredictedScan, ChosenTrace]) -> None:
         if generation == self._generation and self._asking:
             (self.answer, self.trace), self._changed = answer, True
+        self._request_trace()  # a newer one
 
     def _fail_trace(self, message: str) -> None:
         self.trace, self._changed = None, True
@@ -641,6 +645,7 @@ class WindowSession(QObject):
             self._place_scanner(self.shown.scene)
             self._set_replay(None)
             self.live.start(self.shown.scene, self.scanner_board.wanted)
+            self.showing.update_soon()
 
     def _place_scanner(self, scene: Scene) -> None:
         """Put a fake scanner that follows the plan into the scene; of any other scanner, say that it is elsewhere."""

@@ -14,6 +14,7 @@ from sonarhw_compare.one_call import read_fake_url
 from sonarhw_gui.model.edits import with_corner, with_sensor_at
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.session.fake_place import FAKE as FAKE_LABEL
+from sonarhw_gui.session.scanner import Phase
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import load_room
@@ -196,9 +197,22 @@ def test_a_drag_during_a_sweep_counts_for_the_next_scan(qtbot: QtBot, open_fake:
     assert is_of(first, before)
     recording = session.status.job.recording
     session.scan()
-    until(qtbot, lambda: len(session.shown.readings) >= 2 and session.status.job.recording != recording)
+    until(qtbot, lambda: session.status.job.recording not in (None, recording) and session.status.readings >= 2)
     session.stop()
     assert scanned(qtbot, window, recording).metadata.place == "0.5,0.3"
+
+
+def test_a_stop_directly_after_a_scan_at_another_place_leaves_the_next_scan_there(
+    qtbot: QtBot, window: MainWindow
+) -> None:
+    session = window.session
+    scan(qtbot, window)
+    session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
+    session.scan()
+    session.stop()
+    until(qtbot, lambda: ended(window) and session.status.job.phase is Phase.STOPPED)
+    assert (session.status.readings, window.banner.message) == (0, "")
+    assert is_of(scan(qtbot, window), session.shown.scene)
 
 
 def test_a_typed_fake_keeps_its_place_and_the_window_says_so(qtbot: QtBot, typed: MainWindow, fake: str) -> None:

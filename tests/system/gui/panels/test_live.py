@@ -158,6 +158,23 @@ def test_a_stop_before_the_scanner_answers_leaves_no_log(qtbot: QtBot, open_with
     assert window.session.status.job.recording is None
 
 
+def test_a_stop_directly_after_scan_leaves_no_readings_and_the_next_scan_works(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window) and predicted(window))
+    first = window.session.status.job.recording
+    window.commands.scan.trigger()
+    window.session.stop()  # in the same event: the command is enabled later
+    until(qtbot, lambda: ended(window) and window.session.status.job.phase is Phase.STOPPED)
+    until(qtbot, lambda: window.session.shown.readings == ())
+    assert (window.session.status.job.recording, window.banner.message) == (None, "")
+    assert len(read_log(first).readings) == ORDER.readings
+    window.commands.scan.trigger()
+    until(qtbot, lambda: ended(window) and window.session.status.job.recording not in (None, first))
+    assert len(window.session.shown.readings) == ORDER.readings
+
+
 def test_a_second_scan_starts_without_old_readings(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window) and predicted(window))
