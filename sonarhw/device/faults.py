@@ -13,39 +13,11 @@ from sonarhw.errors import InputError
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import Accepted, Info, MessageError, ReadingMessage
 
-# The faults of a fake scanner and their times, as in the option `--faults` and in `fake:ROOM?faults=`.
-#
-# `sonarhw.device.faults` applies them. `docs/devices/faults.md` documents the format.
-#
-#     drop=1/5000,reset@r20,unplug=1@~30        loses 1 of 5000 bytes, resets after 20 pings, unplugs about every 30 s
+# the option `--faults` and the key of `fake:ROOM?faults=`; `docs/devices/faults.md` documents the format
 
 
 FOREVER = math.inf
 _NO_WIRES = WiringFault(0)
-
-
-@dataclass(frozen=True)
-class At:
-    """Once, this time after the start of the scanner, s."""
-
-    seconds: float
-
-
-@dataclass(frozen=True)
-class AfterPings:
-    """Once, after this number of reported pings."""
-
-    count: int
-
-
-@dataclass(frozen=True)
-class NowAndThen:
-    """Repeatedly at random times, with this mean interval, s."""
-
-    seconds: float
-
-
-When = At | AfterPings | NowAndThen
 
 
 class FaultKind(Enum):
@@ -67,11 +39,13 @@ class FaultKind(Enum):
 
 @dataclass(frozen=True)
 class Event:
-    """A fault with its time."""
+    """A fault with its time: once after `seconds` or `pings`, or repeatedly."""
 
     kind: FaultKind
     size: float  # see FaultKind
-    when: When = At(0.0)
+    seconds: float = 0.0  # after the start of the scanner; of a repeated one, the mean interval of random times
+    pings: int | None = None  # reported pings, instead of `seconds`
+    repeats: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,7 +80,7 @@ def read_faults(spec: str) -> Faults:
         name, equals, value = what.partition("=")
         if name in _KINDS:
             size = _size(_KINDS[name], value, entry) if equals else _KINDS[name].size
-            events.append(Event(_KINDS[name], size, _moment(moment, entry) if at else At(0.0)))
+            events.append(_timed(Event(_KINDS[name], size), moment, entry) if at else Event(_KINDS[name], size))
         elif name not in _LASTING:
             raise InputError(f"unknown fault {name!r}; expected one of {', '.join(KNOWN)}")
         elif at or name in lasting:
@@ -142,13 +116,14 @@ def _size(kind: FaultKind, value: str, entry: str) -> float:
     return size
 
 
-def _moment(text: str, entry: str) -> When:
+def _timed(event: Event, text: str, entry: str) -> Event:
     if text.startswith("r") and text[1:].isdecimal():
-        return AfterPings(int(text[1:]))
+        return replace(event, pings=int(text[1:]))
+    repeats = text.startswith("~")
     seconds = _number(text.removeprefix("~"), entry)
-    if seconds < 0 or (seconds == 0 and text.startswith("~")):
+    if seconds < 0 or (seconds == 0 and repeats):
         raise InputError(f"fault {entry!r}: expected a time: @12.5 (s), @r20 (pings) or @~30 (about every 30 s)")
-    return NowAndThen(seconds) if text.startswith("~") else At(seconds)
+    return replace(event, seconds=seconds, repeats=repeats)
 
 
 def _number(text: str, entry: str) -> float:
@@ -162,9 +137,7 @@ def _number(text: str, entry: str) -> float:
     return number
 
 
-# Damaged bytes of a bad line, and bytes of a device that is not a scanner.
-#
-# The same seed damages the same bytes.
+# damaged bytes of a bad line, and bytes of a device that is not a scanner
 
 
 _LINES = (b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n", b"ok\r\n", b"T:21.3 /0.0 @:0\r\n")
@@ -172,7 +145,7 @@ _UNUSED_TYPE = 0xE5  # no message has this type
 
 
 class LineNoise:
-    """Damages a stream of bytes: it drops bytes, flips bits and inserts bytes, each at its rate."""
+    """Drops bytes, flips bits and inserts bytes, each at its rate. The same seed damages the same bytes."""
 
     def __init__(self, faults: Faults, seed: int) -> None:
         self._chance = random.Random(seed)
@@ -229,11 +202,6 @@ def _frame(chance: random.Random, kind: int, payload: bytes) -> bytes:
     return encode_frame(Frame(kind, chance.randrange(0x10000), chance.randrange(2**40), payload))
 
 
-# A fake board with faults in the board and its line. It is a `Device`.
-#
-# Random values depend only on the seed and on the order of the bytes.
-
-
 _NONSENSE_EVERY = 0.05  # s between two pieces of nonsense
 
 Action = Callable[[float], None]  # called with the time at which it is due, s
@@ -246,7 +214,7 @@ def faulty_identity(identity: BoardIdentity, faults: Faults) -> BoardIdentity:
 
 
 class FaultyDevice:
-    """A fake board with a schedule of faults."""
+    """A fake board with a schedule of faults. Random values depend only on the seed and on the order of the bytes."""
 
     def __init__(self, make_board: Callable[[int], FakeBoard], faults: Faults, seed: int = 0) -> None:
         """`make_board` returns a board that was just switched on. Its argument is the number of earlier starts."""
@@ -259,8 +227,10 @@ class FaultyDevice:
         self._started: float | None = None
         self._due: list[tuple[float, int, Action]] = []
         self._order = itertools.count()
-        self._pings = _Pings()
-        self._waiting = [(event.when.count, event) for event in faults.events if isinstance(event.when, AfterPings)]
+        self._waiting = [(event.pings, event) for event in faults.events if event.pings is not None]
+        self._pings = 0  # reported so far
+        self._decoder = FrameDecoder()  # of the frames with pings
+        self._newest = -1  # device clock of the newest ping, µs
         self._wedged_until = self._nonsense_until = self._stalled_until = -math.inf
         self._deaf_until = self._mute_until = -math.inf
         self._stalled = False
@@ -366,11 +336,26 @@ class FaultyDevice:
         if data and now >= max(self._nonsense_until, self._mute_until):
             self._send(data)
         if self._waiting and data:
-            self._pings.count(data)
-            due = [event for count, event in self._waiting if count <= self._pings.seen]
-            self._waiting = [(count, event) for count, event in self._waiting if count > self._pings.seen]
+            self._count_pings(data)
+            due = [event for count, event in self._waiting if count <= self._pings]
+            self._waiting = [(count, event) for count, event in self._waiting if count > self._pings]
             for event in due:
                 self._apply(event, now)
+
+    def _count_pings(self, data: bytes) -> None:
+        """Count the reported pings. Readings that are sent again do not count."""
+        for frame in self._decoder.feed(data):
+            if not isinstance(frame, Frame) or frame.type not in (ReadingMessage.TYPE, Info.TYPE):
+                continue
+            if frame.type == Info.TYPE:  # after a reset the clock of the device starts at 0
+                self._newest = -1
+                continue
+            try:
+                fired = ReadingMessage.unpack(frame.payload).fired_us
+            except MessageError:
+                continue
+            if fired > self._newest:
+                self._newest, self._pings = fired, self._pings + 1
 
     def _send(self, data: bytes) -> None:
         if self.plug is None:
@@ -380,11 +365,11 @@ class FaultyDevice:
     # faults
 
     def _schedule(self, event: Event, now: float) -> None:
-        match event.when:
-            case At(seconds):
-                self._at(now + seconds, lambda due: self._apply(event, due))
-            case NowAndThen(seconds):
-                self._at(now + self._chance.expovariate(1 / seconds), lambda due: self._apply_again(event, due))
+        if event.repeats:
+            wait = self._chance.expovariate(1 / event.seconds)
+            self._at(now + wait, lambda due: self._apply_again(event, due))
+        elif event.pings is None:
+            self._at(now + event.seconds, lambda due: self._apply(event, due))
 
     def _at(self, due: float, action: Action) -> None:
         if due < math.inf:
@@ -457,26 +442,3 @@ class FaultyDevice:
             self.plug = back
 
         self._at(now + event.size, put_back)
-
-
-class _Pings:
-    """Counts the pings reported on a line. Readings that are sent again do not count."""
-
-    def __init__(self) -> None:
-        self.seen = 0
-        self._decoder = FrameDecoder()
-        self._newest = -1
-
-    def count(self, data: bytes) -> None:
-        for frame in self._decoder.feed(data):
-            if not isinstance(frame, Frame) or frame.type not in (ReadingMessage.TYPE, Info.TYPE):
-                continue
-            if frame.type == Info.TYPE:  # after a reset the clock of the device starts at 0
-                self._newest = -1
-                continue
-            try:
-                fired = ReadingMessage.unpack(frame.payload).fired_us
-            except MessageError:
-                continue
-            if fired > self._newest:
-                self._newest, self.seen = fired, self.seen + 1

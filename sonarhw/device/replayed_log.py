@@ -6,13 +6,13 @@ It is a `Device`, without threads, ports or clock.
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate, pairwise
 from statistics import median
 
 from sonarhw.device.protocol import BYTE_TIME, Line, ProtocolDevice
 from sonarhw.errors import InputError
-from sonarhw.log.reader import Log
+from sonarhw.log.reader import Log, RecordedScan
 from sonarhw.readings import Reading
 from sonarhw.wire.limits import MOST_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
@@ -32,25 +32,17 @@ _TICK = 1e-6  # s
 _DEFAULT_SPACING = 0.1  # s; time of a lap of a scan with a single reading
 
 
-@dataclass(frozen=True)
-class _Recording:
-    """The scan that the next scan command plays."""
+def _lap(scan: RecordedScan) -> float:
+    """Return the time from the beginning of one lap of a scan to that of the next, s."""
+    first, last = scan.readings[0].time, scan.readings[-1].time
+    gaps = len(scan.readings) - 1
+    return last - scan.began + ((last - first) / gaps if gaps else _DEFAULT_SPACING)
 
-    began: float  # s, recorded device clock
-    settings: Settings | None
-    readings: tuple[Reading, ...]
 
-    @property
-    def lap(self) -> float:
-        """Time from the beginning of one lap to that of the next, s."""
-        first, last = self.readings[0].time, self.readings[-1].time
-        gaps = len(self.readings) - 1
-        return last - self.began + ((last - first) / gaps if gaps else _DEFAULT_SPACING)
-
-    def offset(self, number: int) -> float:
-        """Return the time of reading `number` from the beginning of the first lap, s."""
-        lap, index = divmod(number, len(self.readings))
-        return lap * self.lap + self.readings[index].time - self.began
+def _offset(scan: RecordedScan, number: int) -> float:
+    """Return the time of reading `number` from the beginning of the first lap, s."""
+    lap, index = divmod(number, len(scan.readings))
+    return lap * _lap(scan) + scan.readings[index].time - scan.began
 
 
 class ReplayDevice(ProtocolDevice):
@@ -75,9 +67,9 @@ class ReplayDevice(ProtocolDevice):
         self._log = log
         self._speed = speed
         self._loop = loop
-        self._recordings = [_Recording(s.began, s.settings, s.readings) for s in log.scans if s.readings]
+        self._recordings = [scan for scan in log.scans if scan.readings]
         self._next = 0
-        self._played: _Recording | None = None
+        self._played: RecordedScan | None = None
         self._angle = 0  # µdeg
         self._temperature = log.info.temperature if log.info else NO_TEMPERATURE
         self._settings = self._recorded_settings()
@@ -135,7 +127,7 @@ class ReplayDevice(ProtocolDevice):
     def halt(self, now: float) -> None:
         """Do nothing, because it never moves."""
 
-    def _play(self, recording: _Recording, numbers: range, start: float) -> Iterator[float]:
+    def _play(self, recording: RecordedScan, numbers: range, start: float) -> Iterator[float]:
         settings = self._settings or recording.settings
         speed_of_sound = (
             settings.speed_of_sound if settings else millimetres_per_second_of(recording.readings[0].speed_of_sound)
@@ -143,12 +135,12 @@ class ReplayDevice(ProtocolDevice):
         listen = seconds_of(settings.listen_us) if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
         # a part of a scan starts with its first reading, without waiting
-        skipped = recording.offset(numbers[0]) if numbers and numbers[0] else 0.0
+        skipped = _offset(recording, numbers[0]) if numbers and numbers[0] else 0.0
         fired = 0.0
         for number in numbers:
             lap, index = divmod(number, len(recording.readings))
             recorded = recording.readings[index]
-            offset = recording.offset(number) - skipped
+            offset = _offset(recording, number) - skipped
             due = start + (offset + listen) / self._speed
             # not before the line is idle, because a Stop would wait for all queued frames
             due = max(due, self.line.idle_from)
@@ -167,10 +159,7 @@ class ReplayDevice(ProtocolDevice):
         return self._recordings[self._next].settings or self._log.settings
 
 
-# Playback of a log for a viewer: which readings have been made at the current position.
-#
-# It plays at any speed, in a loop, with or without long gaps, and seeks to any time, scan, sweep or reading. It has
-# no thread and no clock: the viewer passes the elapsed time.
+# playback of a log for a viewer, which passes the elapsed time
 
 
 _TOLERANCE = 1e-6  # s; without it, rounding could exclude a reading
@@ -180,7 +169,7 @@ _GAP = 5.0  # a wait is a gap if it is longer than _PAUSE and than this multiple
 
 
 class Playback:
-    """A position in the time of a log. It starts at the end, so that all readings are visible."""
+    """A position in the time of a log, which determines the readings made. It starts at the end: all are visible."""
 
     def __init__(self, log: Log, changed: "Callable[[Playback], None] | None" = None) -> None:
         """`changed` is called with the playback after each change."""

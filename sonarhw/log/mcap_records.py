@@ -220,25 +220,19 @@ def _is_chunk(file: OpenFile, at: int) -> bool:
     return record is not None and not isinstance(_unpacked(record), Damage)
 
 
-@dataclass(frozen=True)
-class Ending:
-    """The summary at the end of a closed file."""
+def checked_attachments(file: OpenFile) -> dict[str, int] | None:
+    """Return the offsets of the attachments by name, if checksums prove that the file is undamaged.
 
-    checked: bool  # whether it has checksums for the whole file
-    intact: bool  # whether its checksums are correct
-    attachments: dict[str, int]  # offsets, by name
-
-
-def read_ending(file: OpenFile) -> Ending | None:
-    """Return the summary of a file, with its checksums checked; None if the file was not closed."""
+    Empty if the file was not closed or has no checksums; None if a checksum does not match.
+    """
     footer_at = file.size - len(MCAP0_MAGIC) - _FOOTER_SIZE
     if footer_at < len(MCAP0_MAGIC) or file.read(file.size - len(MCAP0_MAGIC), len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-        return None
+        return {}
     tail = file.read(footer_at, _FOOTER_SIZE)
     footer = Footer.read(ReadDataStream(BytesIO(tail[_RECORD.size :])))
     end = footer.summary_start - _DATA_END_SIZE
     if tail[0] != Opcode.FOOTER or not len(MCAP0_MAGIC) <= end < footer_at or footer_at - end > _MOST:
-        return None
+        return {}
     summary = file.read(footer.summary_start, footer_at - footer.summary_start)
     data_end = file.read(end, _DATA_END_SIZE)
     data_crc = int.from_bytes(data_end[_RECORD.size :], "little")
@@ -246,7 +240,8 @@ def read_ending(file: OpenFile) -> Ending | None:
         data_end[0] == Opcode.DATA_END and data_crc in (0, _crc(file, end))
     )
     attachments = _attachments(summary) if intact else None
-    return Ending(bool(footer.summary_crc and data_crc), attachments is not None, attachments or {})
+    checked = footer.summary_crc and data_crc
+    return attachments if attachments is None or checked else {}
 
 
 def _crc(file: OpenFile, size: int) -> int:

@@ -10,12 +10,12 @@ from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import version
 from io import BytesIO
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,15 @@ from sonarhw.errors import NotALog, counted
 from sonarhw.log.mcap_records import (
     UNREADABLE,
     Damage,
-    Ending,
     McapMessage,
     OpenFile,
     Record,
     attachment,
     channel_of,
+    checked_attachments,
     is_mcap,
     metadata_of,
     profile_of,
-    read_ending,
     read_records,
 )
 from sonarhw.readings import FloatArray, Origin, Reading, Trace, lost_steps_clause, split_at_homings, unverified_clause
@@ -64,7 +63,7 @@ from sonarhw.wire.readings_of_frames import (
     readings_requested,
 )
 
-# The contents of a log as frozen dataclasses, and the names used in the file.
+# the contents of a log, and the names used in the file
 
 
 FORMAT_VERSION = 1
@@ -104,21 +103,45 @@ class RecordedFrame:
     received: bool  # True: from the device; False: from the host
     wire: bytes  # with delimiter
 
+    def decoded(self) -> tuple[Frame, Message] | None:
+        """Return the frame and its message; None if the frame is damaged or the message unknown."""
+        frame = decode_block(self.wire[:-1])
+        if not isinstance(frame, Frame):
+            return None
+        try:
+            message = unpack_message(frame.type, frame.payload)
+        except MessageError:
+            return None
+        return None if message is None else (frame, message)
 
-class RecordedFrames(Protocol):
+
+class RecordedFrames:
     """All frames of a log, in order. Each iteration reads them from the file."""
 
+    def __init__(self, file: OpenFile, count: int, topics: dict[int, str]) -> None:
+        """`count` is the number of frames; `topics` are by channel number."""
+        self._file = file
+        self._count = count
+        self._topics = topics
+
     def __len__(self) -> int:
-        """Return the number of frames."""
+        return self._count
 
     def __iter__(self) -> Iterator[RecordedFrame]:
         """Yield the frames. Raises NotALog if the file can no longer be read."""
+        for _, frame in _frames(self._file, self._topics):
+            yield frame
 
     def pieces(self) -> Iterator[list[RecordedFrame]]:
-        """Yield the frames in the groups in which they were written."""
+        """Yield the frames of each chunk."""
+        for _, piece in groupby(_frames(self._file, self._topics), key=lambda placed: placed[0]):
+            yield [frame for _, frame in piece]
 
     def received_bytes(self) -> Iterator[tuple[float, bytes]]:
         """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
+        for item in _records(self._file):
+            if isinstance(item, McapMessage) and self._topics.get(item.channel) == BYTES:
+                yield item.time * 1e-9, item.data
 
 
 @dataclass(frozen=True)
@@ -197,9 +220,7 @@ class Log:
         return tuple(reading for scan in self.scans for reading in scan.readings)
 
 
-# The readings of one recorded scan as columns, about 100 bytes each.
-#
-# Traces are not stored, only their positions in the log. They are read from the log on access.
+# the readings of one recorded scan as columns, about 100 bytes each, with the positions of their traces in the log
 
 
 Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
@@ -311,38 +332,11 @@ def _rows(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin)
         )
 
 
-# The frames and traces of a log. They are read from the file on access.
+# the frames and traces of a log, which are read from the file on access
 
 
 _CACHED_TRACES = 64
 _UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
-
-
-class LogFrames:
-    """The frames in a log file, as `RecordedFrames`."""
-
-    def __init__(self, file: OpenFile, count: int, topics: dict[int, str]) -> None:
-        self._file = file
-        self._count = count
-        self._topics = topics
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __iter__(self) -> Iterator[RecordedFrame]:
-        for _, frame in _frames(self._file, self._topics):
-            yield frame
-
-    def pieces(self) -> Iterator[list[RecordedFrame]]:
-        """Yield the frames of each chunk."""
-        for _, together in groupby(_frames(self._file, self._topics), key=lambda placed: placed[0]):
-            yield [frame for _, frame in together]
-
-    def received_bytes(self) -> Iterator[tuple[float, bytes]]:
-        """Yield the bytes of a device that sends no frames, as received, and their time, s since the epoch."""
-        for item in _records(self._file):
-            if isinstance(item, McapMessage) and self._topics.get(item.channel) == BYTES:
-                yield item.time * 1e-9, item.data
 
 
 def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
@@ -373,51 +367,31 @@ def _records(file: OpenFile, *start: int) -> Iterator[Record | McapMessage | Dam
         raise NotALog(f"{file.path}: can no longer be read: {error.strerror}") from error
 
 
-class StoredTraces:
-    """The traces of one scan, with a cache of the last few."""
+def _stored_traces(file: OpenFile, settings: Settings | None, topics: dict[int, str]) -> Callable[[int, Span], Trace]:
+    """Return a function that reads the trace of a reading in the chunks of a span. It keeps the last few traces."""
+    settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
 
-    def __init__(self, file: OpenFile, settings: Settings | None, topics: dict[int, str]) -> None:
-        self._file = file
-        self._topics = topics
-        self._settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
-        self.load = lru_cache(maxsize=_CACHED_TRACES)(self._load)
-
-    def trace(self, number: int, span: Span) -> Trace:
-        """Return the trace of the reading in the chunks `span`. It is read on first access."""
-        return StoredTrace(self, number, span)
-
-    def _load(self, number: int, span: Span) -> Trace:
-        found = [reading.trace for reading in self._assembled(span) if reading.number == number and reading.trace]
-        if not found:
-            raise NotALog(f"{self._file.path}: the trace of reading {number} cannot be read; `log recover` may help")
-        return found[-1]
-
-    def _assembled(self, span: Span) -> list[Reading]:
-        # only the chunks of this reading are decoded
+    @lru_cache(maxsize=_CACHED_TRACES)
+    def load(number: int, span: Span) -> Trace:
         assembler = ReadingAssembler()
-        assembler.feed(self._settings)
-        readings: list[Reading] = []
-        for _, recorded in _frames(self._file, self._topics, span):
-            frame = decode_block(recorded.wire[:-1])
-            if not recorded.received or not isinstance(frame, Frame):
-                continue
-            try:
-                message = unpack_message(frame.type, frame.payload)
-            except MessageError:
-                continue
-            if message is not None:
-                readings += assembler.feed(message)
-        return readings + assembler.flush()
+        readings = assembler.feed(settings)
+        for _, frame in _frames(file, topics, span):
+            if frame.received and (decoded := frame.decoded()):
+                readings += assembler.feed(decoded[1])
+        readings += assembler.flush()
+        traces = [reading.trace for reading in readings if reading.number == number and reading.trace]
+        if not traces:
+            raise NotALog(f"{file.path}: the trace of reading {number} cannot be read; `log recover` may help")
+        return traces[-1]
+
+    return load
 
 
 class StoredTrace(Trace):
-    """A trace that is read from its log on access, through the cache of `StoredTraces`.
+    """A trace that is read from its log on access. Access raises NotALog if the log can no longer be read."""
 
-    Access raises NotALog if the log can no longer be read.
-    """
-
-    def __init__(self, traces: StoredTraces, number: int, span: Span) -> None:
-        self._traces = traces
+    def __init__(self, load: Callable[[int, Span], Trace], number: int, span: Span) -> None:
+        self._load = load
         self._number = number
         self._span = span
 
@@ -446,12 +420,10 @@ class StoredTrace(Trace):
 
     @property
     def _loaded(self) -> Trace:
-        return self._traces.load(self._number, self._span)
+        return self._load(self._number, self._span)
 
 
-# Decode recorded frames to readings and scans, as the driver decoded them during the scan.
-#
-# Only the positions of traces are stored, because the traces of an hour do not fit into memory.
+# decoding of recorded frames to readings and scans, as the driver decoded them during the scan
 
 
 _NUMBER = struct.Struct("<I")  # first field of a TraceChunk; decoding all fields would double the time to read a log
@@ -529,15 +501,10 @@ class ScanDecoder:
         if recorded.received and frame_type(block) == TraceChunk.TYPE:
             self._find_trace(frame_payload(block), place)
             return []
-        frame = decode_block(block)
-        if not isinstance(frame, Frame):
+        decoded = recorded.decoded()
+        if decoded is None:
             return []
-        try:
-            message = unpack_message(frame.type, frame.payload)
-        except MessageError:
-            return []
-        if message is None:
-            return []
+        frame, message = decoded
         if not recorded.received:
             self._from_host(frame.sequence, message)
             return []
@@ -668,11 +635,7 @@ class ScanDecoder:
                 del self._ahead[next(iter(self._ahead))]
 
 
-# The index at the end of a closed log: its readings without traces, and the position of each in the file.
-#
-# It contains the result of a `ScanDecoder`, so that the frames need not be decoded again to open a log. It is an MCAP
-# attachment, an .npz file of plain columns. The index is ignored if it has another version, if its contents are
-# invalid, or if another tool has copied it into another file. The frames are then decoded.
+# the index at the end of a closed log: the result of a `ScanDecoder` as an MCAP attachment, an .npz file of columns
 
 
 NAME = "sonarhw.index.npz"
@@ -692,12 +655,7 @@ _UNREADABLE = (
 _M = TypeVar("_M", bound=Message)
 
 
-@dataclass(frozen=True)
-class IndexedScan:
-    """A scan in the index, with its readings in columns."""
-
-    scan: RecordedScan  # without readings
-    columns: Columns
+IndexedScan = tuple[RecordedScan, Columns]  # a scan without readings, and its readings
 
 
 @dataclass(frozen=True)
@@ -712,12 +670,14 @@ class LogIndex:
 
 def index_of(decoder: ScanDecoder) -> LogIndex:
     """Return the index of the frames that `decoder` has processed."""
-    return LogIndex(decoder.info, decoder.settings, decoder.frames, tuple(map(_indexed, decoder.scans())))
-
-
-def _indexed(scan: DecodedScan) -> IndexedScan:
-    recorded = RecordedScan(scan.began, scan.expected, scan.settings, (), scan.finished, tuple(scan.homed))
-    return IndexedScan(recorded, scan.readings.columns())
+    scans = (
+        (
+            RecordedScan(scan.began, scan.expected, scan.settings, (), scan.finished, tuple(scan.homed)),
+            scan.readings.columns(),
+        )
+        for scan in decoder.scans()
+    )
+    return LogIndex(decoder.info, decoder.settings, decoder.frames, tuple(scans))
 
 
 def pack_index(index: LogIndex, at: int) -> bytes:
@@ -730,17 +690,19 @@ def pack_index(index: LogIndex, at: int) -> bytes:
         "frames": index.frames,
         "scans": [
             {
-                "began": indexed.scan.began,
-                "expected": indexed.scan.expected,
-                "settings": _packed(indexed.scan.settings),
-                "finished": _packed(indexed.scan.finished),
-                "homed": indexed.scan.homed,
+                "began": scan.began,
+                "expected": scan.expected,
+                "settings": _packed(scan.settings),
+                "finished": _packed(scan.finished),
+                "homed": scan.homed,
             }
-            for indexed in index.scans
+            for scan, _ in index.scans
         ],
     }
     arrays = {
-        f"{number}/{name}": column for number, scan in enumerate(index.scans) for name, column in scan.columns.items()
+        f"{number}/{name}": column
+        for number, (_, columns) in enumerate(index.scans)
+        for name, column in columns.items()
     }
     packed = BytesIO()
     np.savez(packed, allow_pickle=False, **{_HEAD: np.frombuffer(json.dumps(head).encode(), np.uint8)}, **arrays)
@@ -801,7 +763,7 @@ def _scan(scan: dict[str, Any], columns: Columns, end: int) -> IndexedScan:
     if not np.isfinite((began, *homed)).all() or not (expected is None or isinstance(expected, int)):
         raise ValueError("no times or number of readings")
     check_columns(columns, end)
-    return IndexedScan(RecordedScan(began, expected, settings, (), finished, homed), columns)
+    return RecordedScan(began, expected, settings, (), finished, homed), columns
 
 
 def _packed(message: Message | None) -> str | None:
@@ -812,10 +774,7 @@ def _unpacked(kind: type[_M], packed: str | None) -> _M | None:
     return None if packed is None else kind.unpack(bytes.fromhex(packed))
 
 
-# Read a log, whole or torn.
-#
-# A closed and undamaged log is opened with its index. This takes only the time to verify its checksums. The frames of
-# any other log are decoded one by one. Frames and traces are read from the file on access.
+# reading a log: an undamaged one with its index, any other one by decoding its frames
 
 
 _FIELDS = ("format_version", "product_version", "made_by", "started", "room_file", "room_text", "place", "board")
@@ -844,25 +803,26 @@ def read_log(path: Path | str) -> Log:
                 "`sonarhw import` converts a scan in CSV to a log"
             )
         head = _Head(path)
-        ending = read_ending(file)
-        index, topics = _stored_index(file, head, ending) if ending else None, known_topics()
+        attachments = checked_attachments(file)
+        index, topics = _stored_index(file, head, attachments) if attachments else None, known_topics()
         damage: list[Damage] = []
         if index is None:
             index, damage = _decoded(file, head, topics)
-            if ending and not ending.intact and not damage:
+            if attachments is None and not damage:
                 damage.append(Damage("its checksum does not match, though every chunk of frames is undamaged"))
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     metadata, invalid = head.metadata(_torn(damage), has_frames=bool(index.info or index.scans))
     torn = _torn([*damage, *invalid])
     damaged = not all(place.at_end for place in [*damage, *invalid])
-    log = Log(metadata, index.info, index.settings, LogFrames(file, index.frames, topics), (), torn, damaged)
+    log = Log(metadata, index.info, index.settings, RecordedFrames(file, index.frames, topics), (), torn, damaged)
     return replace(log, scans=tuple(_recorded(scan, file, log.origin, topics) for scan in index.scans))
 
 
 def _recorded(indexed: IndexedScan, file: OpenFile, origin: Origin, topics: dict[int, str]) -> RecordedScan:
-    traces = StoredTraces(file, indexed.scan.settings, topics)
-    return replace(indexed.scan, readings=readings_of(indexed.columns, traces.trace, origin))
+    scan, columns = indexed
+    trace = partial(StoredTrace, _stored_traces(file, scan.settings, topics))
+    return replace(scan, readings=readings_of(columns, trace, origin))
 
 
 class _Head:
@@ -898,13 +858,11 @@ class _Head:
         raise NotALog(f"{self._path}: is an MCAP file, but not a log of sonarhw: it has no {METADATA_NAME} metadata")
 
 
-def _stored_index(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
+def _stored_index(file: OpenFile, head: _Head, attachments: dict[str, int]) -> LogIndex | None:
     """Return the index of a closed and undamaged log; None if its frames must be decoded."""
-    at = ending.attachments.get(NAME)
-    if at is None or not ending.checked:
-        return None
-    packed = attachment(file, at)
-    index = None if packed is None else unpack_index(packed, at)
+    offset = attachments.get(NAME)
+    packed = None if offset is None else attachment(file, offset)
+    index = None if packed is None or offset is None else unpack_index(packed, offset)
     if index and any(_has_no_speed(scan) for scan in index.scans):
         return None
     for item in read_records(file):
@@ -951,19 +909,19 @@ def _decoded_speed(data: bytes) -> _Speeds:
         return {}
 
 
-def _has_no_speed(scan: IndexedScan) -> bool:
-    return bool(np.isnan(scan.columns["speed_of_sound"]).any())
+def _has_no_speed(indexed: IndexedScan) -> bool:
+    return bool(np.isnan(indexed[1]["speed_of_sound"]).any())
 
 
-def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
+def _with_speed(indexed: IndexedScan, speeds: _Speeds) -> IndexedScan:
     """Return the scan. If its Settings were lost, its speed of sound is that of the decoded readings."""
-    if not _has_no_speed(scan):
-        return scan
-    columns = scan.columns
+    if not _has_no_speed(indexed):
+        return indexed
+    scan, columns = indexed
     keys = zip(columns["number"].tolist(), np.rint(columns["time"] * 1e6).tolist(), strict=True)
-    known = [speeds.get(key, math.nan) for key in keys]
-    filled = np.where(np.isnan(columns["speed_of_sound"]), known, columns["speed_of_sound"])
-    return replace(scan, columns={**columns, "speed_of_sound": filled})
+    decoded = [speeds.get(key, math.nan) for key in keys]
+    filled = np.where(np.isnan(columns["speed_of_sound"]), decoded, columns["speed_of_sound"])
+    return scan, {**columns, "speed_of_sound": filled}
 
 
 def _torn(damage: list[Damage]) -> str | None:

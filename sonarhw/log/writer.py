@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from io import FileIO
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from statistics import median_low
 from types import TracebackType
@@ -70,12 +70,7 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.readings_of_frames import reading_message, trace_chunks
 
-# The file of a log: one that grows during a recording, or one that is written as a whole.
-#
-# The file of a recording grows in whole pieces, which are synced to the disk one by one.
-#
-# If the process is killed, the disk is full or the drive is removed, the file ends after a whole piece. A file to be
-# overwritten is unchanged until the new log has its first reading.
+# the file of a log: one that is written as a whole, or one that grows during a recording
 
 
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
@@ -295,9 +290,7 @@ def _sync(file: FileIO) -> None:
             raise
 
 
-# A sweep as a foxglove.LaserScan protobuf message, which log viewers draw.
-#
-# The range is +inf without an echo, and NaN at a heading without a reading.
+# a sweep as a foxglove.LaserScan, which log viewers draw: +inf without an echo, NaN without a reading
 
 
 FRAME_ID = "turntable"
@@ -332,11 +325,8 @@ def _by_heading(readings: Sequence[Reading]) -> dict[int, list[float]]:
     return ranges
 
 
-# Collects readings into whole sweeps. A lost reading may arrive after the next sweep has begun.
-
-
 class OpenSweeps:
-    """The sweeps that are not complete yet."""
+    """The sweeps that are not complete yet. A lost reading may arrive after the next sweep has begun."""
 
     def __init__(self) -> None:
         self._sweeps: dict[int, list[Reading]] = {}  # without traces, by number
@@ -363,7 +353,7 @@ class OpenSweeps:
         return number < newest.sweep and newest.number - readings[-1].number >= KEPT_READINGS
 
 
-# A trace as a protobuf message, which log viewers plot: /traces.level[:]. The exact samples are in the frames.
+# a trace as a protobuf message, which log viewers plot: /traces.level[:]; the exact samples are in the frames
 
 
 FULL_SCALE = 255
@@ -409,7 +399,7 @@ def trace_message(reading: int, angle_deg: float, trace: Trace) -> Any:
     )
 
 
-# Topics, encodings and schemas of the decoded channels, for logs and for live viewers.
+# topics, encodings and schemas of the decoded channels, for logs and for live viewers
 
 
 _READING_SCHEMA = {
@@ -662,16 +652,11 @@ def _register_channels(writer: Writer) -> dict[str, int]:
     return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}
 
 
-# Write the readable part of a torn log as a whole log with index and sweeps.
-#
-# Its frames and their times are unchanged.
-
-
 def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
-    """Write all of `log` to `path`, completely or not at all.
+    """Write the readable part of `log` to `path`, with index and sweeps, completely or not at all.
 
-    Raises OutputError if the file exists (unless `overwrite`) or cannot be written, NotALog if `log` can no longer be
-    read.
+    Frames and their times are unchanged. Raises OutputError if the file exists (unless `overwrite`) or cannot be
+    written, NotALog if `log` can no longer be read.
     """
     with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, log.metadata) as writer:
         received = log.frames.received_bytes()
@@ -683,14 +668,11 @@ def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
             readings = [reading for frame in frames for reading in writer.take(frame)]
             for reading in readings:
                 writer.reading(reading)
-        for one in (ahead, *received) if ahead else ():
-            writer.received_bytes(*one)
+        for time, data in (ahead, *received) if ahead else ():
+            writer.received_bytes(time, data)
 
 
-# Write imported and simulated scans as logs, with the frames that a scanner would have sent.
-#
-# So all logs are decoded in the same way. Only their metadata shows whether a scan was recorded, imported or
-# simulated.
+# imported and simulated scans as logs, with the frames that a scanner would have sent
 
 
 _TICK = 1e-6  # s
@@ -719,10 +701,15 @@ _Stamped = tuple[float, bytes]  # s since the scan began, frame
 
 def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> Iterator[tuple[list[_Stamped], Reading | None]]:
     """Yield the frames of a scan in pieces, each with its reading."""
-    sender = _Sender()
+    sequence = count()
+
+    def stamped(message: Message, time: float) -> _Stamped:
+        frame = Frame(message.TYPE, next(sequence) % 0x10000, microseconds_of(time), message.pack())
+        return time, encode_frame(frame)
+
     settings = _settings(readings)
     greeting = (_info(metadata, readings), settings, Started(_START_SCAN, len(readings)))
-    yield [sender.send(message, 0.0) for message in greeting], None
+    yield [stamped(message, 0.0) for message in greeting], None
     first = min((reading.time for reading in readings), default=0.0)
     time, fired = 0.0, -_TICK
     for number, reading in enumerate(readings):
@@ -730,24 +717,11 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> Iterator[tupl
         fired = max(reading.time - first, fired + _TICK)
         reading = replace(reading, number=number, time=fired)
         time = max(time, reading.time + seconds_of(settings.listen_us))
-        frames = [sender.send(reading_message(reading, settings.speed_of_sound), time)]
+        frames = [stamped(reading_message(reading, settings.speed_of_sound), time)]
         if reading.trace is not None:
-            frames += [sender.send(chunk, time) for chunk in trace_chunks(number, reading.trace)]
+            frames += [stamped(chunk, time) for chunk in trace_chunks(number, reading.trace)]
         yield frames, reading
-    yield [sender.send(Finished(_START_SCAN, Outcome.DONE, len(readings), ""), time)], None
-
-
-class _Sender:
-    """Encodes messages like a device that was switched on at the start of the scan."""
-
-    def __init__(self) -> None:
-        self._sequence = 0
-
-    def send(self, message: Message, time: float) -> _Stamped:
-        """Return `time` (s since the start of the scan) and the frame of a message sent then."""
-        frame = Frame(message.TYPE, self._sequence, microseconds_of(time), message.pack())
-        self._sequence = (self._sequence + 1) % 0x10000
-        return time, encode_frame(frame)
+    yield [stamped(Finished(_START_SCAN, Outcome.DONE, len(readings), ""), time)], None
 
 
 def _speed_of_sound(readings: Sequence[Reading]) -> int:

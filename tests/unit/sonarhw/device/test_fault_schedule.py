@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from sonarhw.device.faults import KNOWN, AfterPings, At, Event, FaultKind, Faults, LineNoise, NowAndThen, read_faults
+from sonarhw.device.faults import KNOWN, Event, FaultKind, Faults, LineNoise, read_faults
 from sonarhw.errors import InputError, SonarError
 from sonarhw.host.driver import Driver
 from sonarhw.wire.frames import Frame, FrameDecoder
@@ -50,10 +50,10 @@ def test_a_schedule_is_parsed_from_its_text() -> None:
             drift=-20,
             protocol=(0, 9),
             events=(
-                Event(FaultKind.RESET, 0.5, AfterPings(20)),
-                Event(FaultKind.STALL, 0.4, At(12.5)),
-                Event(FaultKind.UNPLUG, 2.0, NowAndThen(30)),
-                Event(FaultKind.WEDGE, math.inf, At(0)),
+                Event(FaultKind.RESET, 0.5, pings=20),
+                Event(FaultKind.STALL, 0.4, 12.5),
+                Event(FaultKind.UNPLUG, 2.0, 30, repeats=True),
+                Event(FaultKind.WEDGE, math.inf, 0),
             ),
         )
     )
@@ -81,7 +81,7 @@ def test_an_unknown_fault_is_named_once() -> None:
 
 def test_the_limits_themselves_are_valid() -> None:
     assert read_faults("drop=0,flip=1,drift=-100000") == Faults(drop=0.0, flip=1.0, drift=-100_000.0)
-    assert read_faults("stall=0@0").events == (Event(FaultKind.STALL, 0.0, At(0.0)),)
+    assert read_faults("stall=0@0").events == (Event(FaultKind.STALL, 0.0, 0.0),)
     assert read_faults("protocol=255.255").protocol == (255, 255)
 
 
