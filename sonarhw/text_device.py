@@ -4,8 +4,10 @@ import json
 import math
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Final, Literal
 from urllib.parse import unquote
 
 from sonarhw.errors import InputError
@@ -13,9 +15,7 @@ from sonarhw.link import READ_PATIENCE, Link, PortFinder
 from sonarhw.plugins.device_plugin import DeviceIdentity, DevicePlugin, Measurement
 from sonarhw.readings import ScanOrder
 
-# What a device prints on a line: a pattern, CSV or JSON.
-#
-# Angles are in degrees, ranges in m.
+# what a device prints on a line: a pattern, CSV or JSON
 
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}  # m
@@ -36,10 +36,10 @@ class Printed:
 
     heading: float | None  # degrees, as printed; None: the device prints no angle
     range: float | None  # m; None: no echo
+    restarted: bool = False  # whether a banner or another text was printed since the reading before
 
 
-class Header:
-    """A line that names the columns of the following lines."""
+HEADER: Final = "header"  # instead of `Printed`: a line that names the columns of the following lines
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _number(text: str) -> float:
 class LineFormat:
     """How the device prints a reading."""
 
-    read: Callable[[str], Printed | Header | None]  # of a line without its end; None: not a reading
+    read: Callable[[str], Printed | Literal["header"] | None]  # of a line without its end; None: not a reading
     ends: re.Pattern[bytes]  # what separates lines
 
 
@@ -102,10 +102,10 @@ def pattern_format(pattern: re.Pattern[str], unit: RangeUnit, ends: re.Pattern[b
         match = pattern.fullmatch(line)
         if match is None:
             return None
-        found = match.groupdict()
-        word = found.get("unit")
+        texts = match.groupdict()
+        word = texts.get("unit")
         stated = named if word is None else _UNIT_WORDS.get(word.lower())
-        return unit.printed(found.get("heading_deg"), found[range_group], stated)
+        return unit.printed(texts.get("heading_deg"), texts[range_group], stated)
 
     return LineFormat(read, ends)
 
@@ -131,18 +131,18 @@ def csv_format(unit: RangeUnit) -> LineFormat:
 
     Before the header, a line of exactly two numbers is an angle and a range.
     """
-    columns = _Columns(0, 1, None, 2)
+    columns: _Columns = (0, 1, None)
+    count = 2
 
-    def read(line: str) -> Printed | Header | None:
-        nonlocal columns
+    def read(line: str) -> Printed | Literal["header"] | None:
+        nonlocal columns, count
         parts = _SEPARATOR.split(line) if _SEPARATOR.search(line) else line.split()
         cells = [cell.strip().strip('"') for cell in parts]
         if header := _columns(cells):
-            columns = header
-            return Header()
-        if len(cells) != columns.count:
-            return None
-        return unit.printed(cells[columns.heading], cells[columns.range], columns.scale)
+            columns, count = header, len(cells)
+            return HEADER
+        heading, distance, scale = columns
+        return unit.printed(cells[heading], cells[distance], scale) if len(cells) == count else None
 
     return LineFormat(read, LINE_ENDS)
 
@@ -160,10 +160,11 @@ def json_format(unit: RangeUnit) -> LineFormat:
         columns = _columns(record)
         if columns is None:
             return None
-        heading, distance = [*record.values()][columns.heading], [*record.values()][columns.range]
+        values = [*record.values()]
+        heading, distance, scale = values[columns[0]], values[columns[1]], columns[2]
         if not _is_number(heading) or not (distance is None or _is_number(distance) or isinstance(distance, str)):
             return None
-        return unit.printed(str(heading), None if distance is None else str(distance), columns.scale)
+        return unit.printed(str(heading), None if distance is None else str(distance), scale)
 
     return LineFormat(read, LINE_ENDS)
 
@@ -172,12 +173,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-@dataclass(frozen=True)
-class _Columns:
-    heading: int  # index
-    range: int  # index
-    scale: float | None  # unit of the range in its name, m
-    count: int
+_Columns = tuple[int, int, float | None]  # indices of angle and range, and the unit in the name of the range, m
 
 
 def _columns(names: Iterable[str]) -> _Columns | None:
@@ -186,19 +182,16 @@ def _columns(names: Iterable[str]) -> _Columns | None:
     heading, distance = _index(words, _HEADINGS), _index(words, _RANGES)
     if heading is None or distance is None:
         return None
-    return _Columns(heading, distance, _UNIT_WORDS.get(words[distance][-1]), len(words))
+    return heading, distance, _UNIT_WORDS.get(words[distance][-1])
 
 
 def _index(words: list[list[str]], names: tuple[str, ...]) -> int | None:
     """Return the index of the column whose name starts with one of `names`, the earliest of them that occurs."""
     for name in names:
-        found = [index for index, column in enumerate(words) if column[:1] == [name]]
-        if found:
-            return found[0] if len(found) == 1 else None
+        indices = [index for index, column in enumerate(words) if column[:1] == [name]]
+        if indices:
+            return indices[0] if len(indices) == 1 else None
     return None
-
-
-# Decodes the bytes of a device that prints text, without ports or clock. Counts what is not a reading.
 
 
 MOST_LINE = 400  # bytes; more without the end of a line are noise
@@ -208,33 +201,17 @@ _CUT = "0123456789.-+"  # characters that may be missing at the start of a numbe
 _NUMBERS_ONLY = re.compile(r"[\d.,;:*+\-\s]*", re.ASCII)
 
 
-@dataclass(frozen=True)
-class Ignored:
-    """Counters of what is not a reading."""
-
-    half_lines: int = 0  # the first line after opening, and lines with missing characters
-    other_lines: int = 0  # of text: banners, messages
-    noise: int = 0  # lines with bytes that are not text
-
-    @property
-    def total(self) -> int:
-        """Number of all ignored lines."""
-        return self.half_lines + self.other_lines + self.noise
-
-
-@dataclass(frozen=True)
-class DecodedLine:
-    """A reading."""
-
-    printed: Printed
-    restarted: bool  # whether a banner or another text was printed since the reading before
+# kinds of lines that are no readings
+HALF_LINES = "half lines"  # the first line after opening, and lines with missing characters
+OTHER_TEXT = "lines of other text"  # banners, messages
+NOISE = "noise"  # lines with bytes that are not text
 
 
 class LineDecoder:
-    """Splits bytes into lines, and decodes the readings in them."""
+    """Splits the bytes of a device into lines, and decodes the readings in them. It has no port and no clock."""
 
     def __init__(self, line_format: LineFormat) -> None:
-        self.ignored = Ignored()
+        self.ignored = Counter({HALF_LINES: 0, OTHER_TEXT: 0, NOISE: 0})  # lines
         self.readings = 0
         self.example = ""  # newest text that was not a reading
         self._format = line_format
@@ -243,7 +220,7 @@ class LineDecoder:
         self._cut = True  # whether the start of the line may be missing
         self._text = False  # whether another text was printed since the newest reading
 
-    def feed(self, data: bytes) -> list[DecodedLine]:
+    def feed(self, data: bytes) -> list[Printed]:
         """Return the readings that these bytes complete."""
         self._paused = 0.0
         *whole, self._rest = self._format.ends.split(self._rest + data)
@@ -252,7 +229,7 @@ class LineDecoder:
             text = _text_of(self._rest)
             self._rest, self._cut = b"", True
             if text is None:
-                self._ignore(noise=1)
+                self.ignored[NOISE] += 1
             else:
                 self._note_text(text, cut=False)
         return decoded
@@ -262,22 +239,22 @@ class LineDecoder:
         self._paused += seconds
         if self._paused > MOST_PAUSE and self._rest:
             self._rest = b""
-            self._ignore(half_lines=1)
+            self.ignored[HALF_LINES] += 1
 
     def lost(self) -> None:
         """Handle a loss of bytes."""
         self._rest, self._cut = b"", True
 
-    def _decode(self, raw: bytes) -> DecodedLine | None:
+    def _decode(self, raw: bytes) -> Printed | None:
         cut, self._cut = self._cut, False
         line = _text_of(raw)
         if line is None:
-            self._ignore(noise=1)
+            self.ignored[NOISE] += 1
             return None
         if not line:
             return None
         read = self._format.read(line)
-        if isinstance(read, Header):
+        if isinstance(read, str):  # a header
             self._text = self.readings > 0
             return None
         if read is None or (cut and self._may_be_cut(line)):
@@ -285,7 +262,7 @@ class LineDecoder:
             return None
         restarted, self._text = self._text, False
         self.readings += 1
-        return DecodedLine(read, restarted)
+        return replace(read, restarted=restarted)
 
     def _may_be_cut(self, line: str) -> bool:
         """Return whether the line is still a reading with one more character before it: 90,23 may be cut to 0,23."""
@@ -294,19 +271,10 @@ class LineDecoder:
     def _note_text(self, line: str, cut: bool) -> None:
         self.example = line[:_SHOWN]
         if cut or _NUMBERS_ONLY.fullmatch(line):
-            self._ignore(half_lines=1)
+            self.ignored[HALF_LINES] += 1
         else:
             self._text = True
-            self._ignore(other_lines=1)
-
-    def _ignore(self, half_lines: int = 0, other_lines: int = 0, noise: int = 0) -> None:
-        now = self.ignored
-        self.ignored = replace(
-            now,
-            half_lines=now.half_lines + half_lines,
-            other_lines=now.other_lines + other_lines,
-            noise=now.noise + noise,
-        )
+            self.ignored[OTHER_TEXT] += 1
 
 
 def _text_of(raw: bytes) -> str | None:
@@ -318,7 +286,7 @@ def _text_of(raw: bytes) -> str | None:
     return line if line.replace("\t", " ").replace("\r", " ").replace("\n", " ").isprintable() else None
 
 
-# The presets: formats of lines that many sketches and sensors print.
+# the presets: formats of lines that many sketches and sensors print
 
 
 _RADAR = re.compile(r"(?P<heading_deg>-?\d{1,3})[,*](?P<range>-?\d{1,5})", re.ASCII)
@@ -363,7 +331,7 @@ def preset_format(preset: Preset, unit: str | None = None, no_echo: tuple[float,
     return preset.make(RangeUnit(scale, preset.no_echo if no_echo is None else no_echo))
 
 
-# The URL of a device that prints text: `lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`.
+# the URL of a device that prints text: `lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`
 
 
 SCHEME = "lines"
@@ -496,7 +464,7 @@ def _number_of_parameter(key: str, text: str) -> float:
     return value
 
 
-# Find the baud rate and the preset of a device that prints text, by listening to it.
+# recognition of the baud rate and the preset, by listening
 
 
 BAUDS = (9600, 115200, 57600, 38400, 19200, 230400, 250000, 4800, 76800)
@@ -546,10 +514,10 @@ def guess_lines(port: str, stopped: Callable[[], bool] = lambda: False) -> LineG
         for baud in BAUDS if link.bauds else BAUDS[:1]:
             link.set_baud(baud)
             until = time.monotonic() + (LISTEN if baud == BAUDS[0] else LISTEN_MORE)
-            found = _listen(link, port, baud, lambda: stopped() or time.monotonic() > until)  # noqa: B023 - used at once
-            if found.preset is not None or stopped():
-                return found
-            best = LineGuess(port, received=best.received + found.received, example=best.example or found.example)
+            guess = _listen(link, port, baud, lambda: stopped() or time.monotonic() > until)  # noqa: B023 - used at once
+            if guess.preset is not None or stopped():
+                return guess
+            best = LineGuess(port, received=best.received + guess.received, example=best.example or guess.example)
     return best
 
 
@@ -563,19 +531,16 @@ def _listen(link: Link, port: str, baud: int, over: Callable[[], bool]) -> LineG
         for name, decoder in decoders.items():
             decoder.feed(data) if data else decoder.idle(READ_PATIENCE)
             if not decoder.readings:
-                before[name] = decoder.ignored.total
-    scores = {name: decoder.readings + before[name] - decoder.ignored.total for name, decoder in decoders.items()}
+                before[name] = decoder.ignored.total()
+    scores = {name: decoder.readings + before[name] - decoder.ignored.total() for name, decoder in decoders.items()}
     name, best = max(decoders.items(), key=lambda item: scores[item[0]])
     if best.readings < _FEWEST or scores[name] <= 0:
         return LineGuess(port, received=received, example=decoders["csv"].example)
     return LineGuess(port, baud, name, best.readings, received)
 
 
-# A device that prints text on a serial line, as a plug-in: `lines:/dev/ttyUSB0?baud=9600&preset=arduino-radar`.
-
-
 class TextDevice(DevicePlugin):
-    """Reads lines of text, and decodes angle and range in each."""
+    """A device that prints text on a serial line, as a plug-in. It decodes angle and range in each line."""
 
     def __init__(self, url: str) -> None:
         super().__init__(url)
@@ -624,26 +589,26 @@ class TextDevice(DevicePlugin):
     @property
     def ignored(self) -> Mapping[str, int]:
         """The lines that were no readings."""
-        ignored = self._decoder.ignored
-        return {"half lines": ignored.half_lines, "lines of other text": ignored.other_lines, "noise": ignored.noise}
+        return dict(self._decoder.ignored)  # read in another thread
 
     @property
     def diagnosis(self) -> str:
         """What arrived instead of readings."""
         ignored, settings = self._decoder.ignored, self._settings
+        total = ignored.total()
         if not self._bytes:
             return "nothing was received; check the cable, and that the sketch prints without a command"
-        if ignored.noise > ignored.half_lines + ignored.other_lines:
+        if 2 * ignored[NOISE] > total:
             return f"{self._bytes} bytes were received, mostly not text; the baud rate may not be {settings.baud}"
         example = f", such as {self._decoder.example!r}" if self._decoder.example else ""
         wanted = PRESETS[settings.preset].example if settings.preset else settings.pattern
         return (
-            f"{self._bytes} bytes were received, {ignored.total} lines are no readings{example}; expected {wanted!r}; "
+            f"{self._bytes} bytes were received, {total} lines are no readings{example}; expected {wanted!r}; "
             "`sonarhw ports --guess` proposes a preset"
         )
 
-    def _measurement(self, line: DecodedLine) -> Measurement:
-        heading, distance = line.printed.heading, line.printed.range
+    def _measurement(self, line: Printed) -> Measurement:
+        heading, distance = line.heading, line.range
         if heading is None:
             heading = math.degrees(self._steps * (self._settings.step or 0.0)) % 360
             self._steps += 1

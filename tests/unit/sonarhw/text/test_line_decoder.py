@@ -6,7 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.text_device import MOST_LINE, MOST_PAUSE, PRESETS, LineDecoder, preset_format
+from sonarhw.text_device import (
+    HALF_LINES,
+    MOST_LINE,
+    MOST_PAUSE,
+    NOISE,
+    OTHER_TEXT,
+    PRESETS,
+    LineDecoder,
+    preset_format,
+)
 
 
 def decoder(preset: str = "arduino-radar") -> LineDecoder:
@@ -14,7 +23,7 @@ def decoder(preset: str = "arduino-radar") -> LineDecoder:
 
 
 def angles(decoded: list) -> list[float]:
-    return [line.printed.heading for line in decoded]
+    return [line.heading for line in decoded]
 
 
 @given(st.lists(st.integers(1, 12)), st.integers(0, 5))
@@ -33,7 +42,7 @@ def test_pieces_make_no_difference(sizes: list[int], start: int) -> None:
 def test_the_first_line_may_be_cut_and_is_left_out(cut: int) -> None:
     one = decoder()
     assert angles(one.feed(b"190,23.191,24."[cut:])) == [191]
-    assert one.ignored.half_lines == 1
+    assert one.ignored[HALF_LINES] == 1
 
 
 def test_a_first_line_that_cannot_be_cut_is_a_reading() -> None:
@@ -49,7 +58,7 @@ def test_a_reset_within_a_line_does_not_join_two_lines() -> None:
     assert angles(one.feed(b"5,30.1")) == [15]  # slow, but the same line
     one.idle(MOST_PAUSE * 1.1)
     assert angles(one.feed(b"6,31.")) == [6]
-    assert one.ignored.half_lines == 2
+    assert one.ignored[HALF_LINES] == 2
 
 
 def test_a_banner_marks_the_next_reading() -> None:
@@ -57,7 +66,7 @@ def test_a_banner_marks_the_next_reading() -> None:
     one.feed(b"\n15,30\n")
     (read,) = one.feed(b"Radar v2 ready\r\n15,30\r\n")
     assert read.restarted
-    assert one.ignored.other_lines == 1
+    assert one.ignored[OTHER_TEXT] == 1
     assert one.example == "Radar v2 ready"
 
 
@@ -66,7 +75,7 @@ def test_noise_is_counted_and_needs_no_memory() -> None:
     rng = random.Random(1)
     for _ in range(200):
         assert one.feed(bytes(rng.choice(b"\x80\xfe\xf8\x00\x1e") for _ in range(MOST_LINE))) == []
-    assert one.ignored.noise > 100
+    assert one.ignored[NOISE] > 100
     assert len(one._rest) <= MOST_LINE
 
 
@@ -74,8 +83,8 @@ def test_a_text_without_ends_of_lines_is_no_noise() -> None:
     one = decoder("csv")
     for _ in range(20):
         one.feed(b"90,23.91,24.92,25." * 20)
-    assert one.ignored.noise == 0
-    assert one.ignored.half_lines == 10
+    assert one.ignored[NOISE] == 0
+    assert one.ignored[HALF_LINES] == 10
 
 
 @given(
@@ -86,7 +95,6 @@ def test_any_bytes_give_only_possible_readings(preset: str, pieces: list[bytes])
     one = decoder(preset)
     for piece in pieces:
         for line in one.feed(piece):
-            printed = line.printed
-            assert printed.heading is None or abs(printed.heading) <= 720
-            assert printed.range is None or 0 < printed.range <= 700
+            assert line.heading is None or abs(line.heading) <= 720
+            assert line.range is None or 0 < line.range <= 700
         one.idle(0.3)

@@ -5,10 +5,10 @@ import math
 import pytest
 
 from sonarhw.errors import InputError
-from sonarhw.text_device import PRESETS, Header, Printed, read_lines_url
+from sonarhw.text_device import HEADER, PRESETS, Printed, read_lines_url
 
 
-def read(query: str, line: str) -> Printed | Header | None:
+def read(query: str, line: str) -> Printed | str | None:
     return read_lines_url(f"lines:/dev/ttyUSB0?{query}").make_format().read(line)
 
 
@@ -65,7 +65,7 @@ def test_a_line_is_read(query: str, line: str, printed: Printed | None) -> None:
 
 def test_a_csv_header_names_columns_and_unit() -> None:
     line_format = read_lines_url("lines:COM3?preset=csv").make_format()
-    assert isinstance(line_format.read("time_ms,Distance (mm),Servo angle"), Header)
+    assert line_format.read("time_ms,Distance (mm),Servo angle") == HEADER
     assert line_format.read("17,230,90") == Printed(90, pytest.approx(0.23))
     assert line_format.read("90,23") is None
 
