@@ -496,55 +496,43 @@ _TARGETS = {
 _PROFILES = {Ranging.POLAROID: "polaroid-6500", Ranging.HC_SR04: "hc-sr04"}
 
 
-@dataclass(frozen=True)
-class FoundBoard:
-    """What a board says of itself before it is flashed."""
-
-    controller: Controller | None  # None: not recognised
-    profile: str  # name of its board profile; empty: unknown
-    turntable: str  # what turns it; empty: unknown
-
-    def ranging(self) -> Ranging:
-        """Return its ranging board; a 6500 if unknown. Raises InputError if there is no firmware for it."""
-        known = {profile: ranging for ranging, profile in _PROFILES.items()}
-        return _part("`sonarhw flash PORT --ranging NAME`", self.profile, {"": Ranging.POLAROID, **known})
-
-    def turning(self) -> Turning:
-        """Return its turntable; step/direction if unknown. Raises InputError if there is no firmware for it."""
-        return _part(
-            "`sonarhw flash PORT --turning NAME`",
-            self.turntable,
-            {"": Turning.STEP_DIR, **{str(one): one for one in Turning}},
-        )
+def ranging_of(profile: str) -> Ranging:
+    """Return the ranging board with a profile; a 6500 if it is empty. Raises InputError if there is no firmware."""
+    ranging = {name: ranging for ranging, name in _PROFILES.items()}
+    return _part("`sonarhw flash PORT --ranging NAME`", profile, {"": Ranging.POLAROID, **ranging})
 
 
-def _part(command: str, said: str, known: dict[str, _Part]) -> _Part:
-    if said not in known:
+def turning_of(turntable: str) -> Turning:
+    """Return what turns a board; step/direction if it is empty. Raises InputError if there is no firmware for it."""
+    turning = {str(turning): turning for turning in Turning}
+    return _part("`sonarhw flash PORT --turning NAME`", turntable, {"": Turning.STEP_DIR, **turning})
+
+
+def _part(command: str, said: str, parts: dict[str, _Part]) -> _Part:
+    if said not in parts:
         raise InputError(
             f"no prebuilt firmware for {said!r}, for which the board is built; to change that, run {command}"
         )
-    return known[said]
+    return parts[said]
 
 
-def find_board(port: str) -> FoundBoard:
-    """Return what a board is: by its USB identity, and by the firmware that runs on it.
+def find_board(port: str) -> tuple[Controller | None, str, str]:
+    """Return the controller of a board, the name of its profile, and what turns it, each None or empty if unknown.
 
-    Raises LinkError if the port cannot be opened.
+    The controller is recognised by its USB identity, or by the firmware that runs on it. Raises LinkError if the port
+    cannot be opened.
     """
     info = _identity(port)
-    known = next((one.known for one in serial_ports() if one.device == port), None)
-    by_usb = (one for one, target in _TARGETS.items() if known is not None and known == target.usb_name)
-    by_firmware = (one for one, target in _TARGETS.items() if info and info.firmware.startswith(target.firmware))
-    return FoundBoard(
-        next(by_usb, None) or next(by_firmware, None),
-        info.board if info else "",
-        info.capabilities.turning if info and info.capabilities else "",
-    )
+    name = next((each.known for each in serial_ports() if each.device == port), None)
+    by_usb = (each for each, target in _TARGETS.items() if name is not None and name == target.usb_name)
+    by_firmware = (each for each, target in _TARGETS.items() if info and info.firmware.startswith(target.firmware))
+    turntable = info.capabilities.turning if info and info.capabilities else ""
+    return next(by_usb, None) or next(by_firmware, None), info.board if info else "", turntable
 
 
-def same_chip(one: Controller, other: Controller) -> bool:
+def same_chip(controller: Controller, other: Controller) -> bool:
     """Return whether two controllers run the same images."""
-    return _TARGETS[one].part == _TARGETS[other].part
+    return _TARGETS[controller].part == _TARGETS[other].part
 
 
 def _identity(port: str) -> DeviceInfo | None:
@@ -558,13 +546,13 @@ def _identity(port: str) -> DeviceInfo | None:
 
 def find_avrdude() -> str:
     """Return the path of avrdude. Raises InputError if it is not installed."""
-    found = shutil.which("avrdude")
-    if found is None:
+    path = shutil.which("avrdude")
+    if path is None:
         raise InputError(
             "avrdude: not found; install it: apt install avrdude (Debian, Ubuntu), brew install avrdude (macOS), "
             "winget install AVRDudes.AVRDUDE (Windows)"
         )
-    return found
+    return path
 
 
 def write_firmware(port: str, combination: Combination) -> None:
@@ -595,8 +583,8 @@ def ask_identity(port: str, combination: Combination) -> DeviceInfo:
     with Scanner.open(port) as scanner:
         info = scanner.info
     firmware, parts = _TARGETS[combination.controller].firmware, (_PROFILES[combination.ranging], combination.turning)
-    found = (info.board, info.capabilities.turning if info.capabilities else "")
-    if not info.firmware.startswith(firmware) or found != parts:
-        answers = f"the firmware {info.firmware!r} for {found[0]!r} and {found[1]!r} answers"
+    stated = (info.board, info.capabilities.turning if info.capabilities else "")
+    if not info.firmware.startswith(firmware) or stated != parts:
+        answers = f"the firmware {info.firmware!r} for {stated[0]!r} and {stated[1]!r} answers"
         raise DeviceError(f"{port}: {answers}; expected {firmware} for {parts[0]} and {parts[1]}; flash it again")
     return info

@@ -400,15 +400,13 @@ def _plan(count: int, board: "Board", max_range: float | None, temperature: floa
 def _run(
     scanner: "Scanner", plan: "ScanPlan", board: "Board", out: Path | None, force: bool, terminal: "_PingTerminal"
 ) -> None:
-    from sonarhw.host.scanner import record_scan, run_scan
+    from sonarhw.host.scanner import record_scan
     from sonarhw.log import LogMetadata, LogWriter
 
     with interruption(scanner.stop) as terminal.interrupted:
-        if out is None:
-            run_scan(scanner, plan, terminal)
-            return
         metadata = LogMetadata(made_by="ping", started=time.time(), board=board.name, board_text=board.text)
-        record_scan(scanner, plan, LogWriter(out, metadata, overwrite=force, warn=warn), terminal)
+        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=warn)
+        record_scan(scanner, plan, log, terminal)
 
 
 class _PingTerminal:
@@ -548,14 +546,12 @@ def _scan(
     out: Path | None,
     force: bool,
 ) -> None:
-    from sonarhw.host.scanner import record_scan, run_scan
+    from sonarhw.host.scanner import record_scan
     from sonarhw.log import LogWriter
 
     with interruption(scanner.stop) as publisher.interrupted:
-        if out is None:
-            run_scan(scanner, plan, publisher)
-        else:
-            record_scan(scanner, plan, LogWriter(out, metadata, overwrite=force, warn=warn), publisher)
+        log = None if out is None else LogWriter(out, metadata, overwrite=force, warn=warn)
+        record_scan(scanner, plan, log, publisher)
 
 
 class _Prediction:

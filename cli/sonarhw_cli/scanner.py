@@ -656,11 +656,11 @@ def flash(
     if controller and ranging and turning:
         Combination(controller, ranging, turning)  # refused before the port is opened
     bringup.find_avrdude()
-    found = bringup.find_board(port)
+    present, profile, turntable = bringup.find_board(port)
     wanted = Combination(
-        controller if controller and force else _recognised(port, found.controller, controller),
-        ranging or found.ranging(),
-        turning or found.turning(),
+        controller if controller and force else _recognised(port, present, controller),
+        ranging or bringup.ranging_of(profile),
+        turning or bringup.turning_of(turntable),
     )
     print_note(f"{port}: writing the firmware {wanted.image}; this takes about 20 s")
     bringup.write_firmware(port, wanted)
@@ -668,16 +668,16 @@ def flash(
     print_line(f"{port}: {info.firmware}, protocol {info.protocol[0]}.{info.protocol[1]}, {info.serial}")
 
 
-def _recognised(port: str, found: Controller | None, wanted: Controller | None) -> Controller:
-    """Return the controller to flash. Raises InputError if none is `found`, or not the `wanted` one."""
+def _recognised(port: str, present: Controller | None, wanted: Controller | None) -> Controller:
+    """Return the controller to flash. Raises InputError if none is `present`, or not the `wanted` one."""
     from sonarhw.bringup import same_chip
 
-    if found and wanted and same_chip(found, wanted):
+    if present and wanted and same_chip(present, wanted):
         return wanted
-    if found is None or wanted:
-        what = "is not recognised" if found is None else f"has the controller {found}, not {wanted}"
+    if present is None or wanted:
+        what = "is not recognised" if present is None else f"has the controller {present}, not {wanted}"
         raise InputError(f"{port}: the board {what}; if you are sure, add --force and --controller")
-    return found
+    return present
 
 
 # `sonarhw wiring`: the levels of the inputs of a scanner, what is inverted, and its switches.

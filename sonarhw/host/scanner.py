@@ -80,7 +80,7 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.readings_of_frames import start_scan
 
-# Identity, capabilities and settings of a device, in SI units.
+# identity, capabilities and settings of a device, in SI units
 
 
 @dataclass(frozen=True)
@@ -212,9 +212,6 @@ def _capabilities(message: Capabilities) -> DeviceCapabilities:
     )
 
 
-# Exclusive use of a scanner: one thread, and one action at a time.
-
-
 class ExclusiveUse:
     """Excludes other threads during a sequence of actions, and other actions during an action."""
 
@@ -266,11 +263,6 @@ class ExclusiveUse:
         return DeviceError(f"{self._url}: is busy; stop it or wait until it has finished")
 
 
-# The thread that exchanges bytes with a scanner: it opens the link, reads, writes, and opens it again after a loss.
-#
-# It sends signs of life while the caller is busy. It reads nothing while MOST_WAITING readings wait for the caller.
-
-
 MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 TICK = 0.05  # s; longest delay until `close` takes effect
 OpenLink: TypeAlias = Link | PluginLink
@@ -279,7 +271,11 @@ _STOPPED = 0.3  # s; after a longer time between two reads, the system had stopp
 
 
 class LinkThread:
-    """A running thread for one session. `changed` guards the session and is notified when the session changes."""
+    """The thread that exchanges the bytes of one session: it opens the link, reads, writes, and opens it again.
+
+    It sends signs of life while the caller is busy. It reads nothing while MOST_WAITING readings wait for the caller.
+    `changed` guards the session and is notified when the session changes.
+    """
 
     def __init__(self, url: str, session: Session, open_link: Callable[[Clock], OpenLink], use: ExclusiveUse) -> None:
         """Start to connect. `open_link` is called each time."""
@@ -835,15 +831,6 @@ def probe_port(url: str, patience: float = _PROBE_WITHIN) -> tuple[bool, str]:
         return False, f"no scanner: {str(error).removeprefix(f'{url}: ')}"
 
 
-# Scan a room and record the scan, for `sonarhw scan` and the window's Scan button.
-#
-# from sonarhw import LogMetadata, LogWriter, sector from sonarhw.host.scanner import ScanPlan, record_scan
-# from sonarhw.sound_speed import ScanAir
-#
-# plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir()) record_scan(scanner, plan,
-# LogWriter(path, LogMetadata("scan", time.time())), watcher)
-
-
 @dataclass(frozen=True)
 class ScanPlan:
     """The pings of a scan and how the board listens."""
@@ -873,56 +860,43 @@ class ScanWatcher(Protocol):
         """Receive a warning that does not end the scan."""
 
 
-def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
-    """Configure the scanner, home, scan, record everything in `log`, and close it.
+def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter | None, watcher: ScanWatcher) -> Outcome:
+    """Configure the scanner, home unless the pings are in place, and scan. Record everything in `log`, and close it.
 
     Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
     not overwritten. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
-    states how many readings are kept.
+    states how many readings are kept. None as `log` records nothing.
     """
-    progress = _Progress(watcher)
-    outcome = Outcome.STOPPED
+    if log is None:
+        return _run_scan(scanner, plan, watcher, watcher.reading)
+    count, outcome = 0, Outcome.STOPPED
+
+    def deliver(reading: Reading) -> None:
+        nonlocal count
+        count += 1
+        watcher.reading(reading)
+
     with log:
         scanner.record(log)
         try:
-            outcome = run_scan(scanner, plan, progress, log.path)
+            outcome = _run_scan(scanner, plan, watcher, deliver, log.path)
         except (LinkError, NoAnswer, WrongDevice, Incompatible) as error:
-            kept = f"; {counted_are(progress.count, 'reading')} kept in {log.path}" if progress.count else ""
+            kept = f"; {counted_are(count, 'reading')} kept in {log.path}" if count else ""
             raise type(error)(f"{error}{kept}") from error
         finally:
             scanner.record(None)
-            if outcome is Outcome.STOPPED and not progress.count:
+            if outcome is Outcome.STOPPED and not count:
                 log.drop()
     return outcome
 
 
-@dataclass
-class _Progress:
-    """A watcher that counts the readings and passes everything to another one."""
-
-    watcher: ScanWatcher
-    count: int = 0
-
-    @property
-    def stop_wanted(self) -> bool:
-        return self.watcher.stop_wanted
-
-    def homed(self) -> None:
-        self.watcher.homed()
-
-    def reading(self, reading: Reading) -> None:
-        self.count += 1
-        self.watcher.reading(reading)
-
-    def warn(self, message: str) -> None:
-        self.watcher.warn(message)
-
-
-def run_scan(scanner: Scanner, plan: ScanPlan, watcher: ScanWatcher, path: Path | None = None) -> Outcome:
-    """Configure the scanner, home unless the pings are in place, and scan. `path` is the log, if there is one.
-
-    Returns DONE or STOPPED. Raises what `Scanner.scan` raises.
-    """
+def _run_scan(
+    scanner: Scanner,
+    plan: ScanPlan,
+    watcher: ScanWatcher,
+    deliver: Callable[[Reading], None],
+    path: Path | None = None,
+) -> Outcome:
     speed = plan.air.speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
     if path is not None:
@@ -937,7 +911,7 @@ def run_scan(scanner: Scanner, plan: ScanPlan, watcher: ScanWatcher, path: Path 
             if waiting:
                 waiting = False
                 watcher.homed()
-            watcher.reading(reading)
+            deliver(reading)
     if scanner.unverified_angles:
         watcher.warn(scanner.unverified_angles)
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE

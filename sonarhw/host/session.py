@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from sonarhw.errors import (
     DeviceError,
@@ -27,11 +27,12 @@ from sonarhw.wire.frames import frame_type
 from sonarhw.wire.messages import Capabilities, Heartbeat, Hello, Info, Outcome, Settings
 from sonarhw.wire.readings_of_frames import DeviceClock
 
-# Recording of the frames and readings of a scanner. `sonarhw.log` has the recorder that writes a file.
-
 
 class Recorder(Protocol):
-    """Receives frames and readings in order, in the thread that drives the scanner."""
+    """Receives frames and readings in order, in the thread that drives the scanner. `LogWriter` writes a file.
+
+    If it has a method `received_bytes(time, data)`, this receives the bytes of a device that sends no frames.
+    """
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
         """Record the bytes of one undamaged frame as they were on the line, with its delimiter.
@@ -42,14 +43,6 @@ class Recorder(Protocol):
 
     def reading(self, reading: Reading) -> None:
         """Record one decoded reading, after its frames."""
-
-
-@runtime_checkable
-class ByteRecorder(Protocol):
-    """A recorder that also stores the bytes of a device that sends no frames."""
-
-    def received_bytes(self, time: float, data: bytes) -> None:
-        """Record bytes as received. `time` is in s since the epoch."""
 
 
 class JobRecording:
@@ -88,9 +81,9 @@ class JobRecording:
 
     def received_bytes(self, time: float, data: bytes) -> None:
         """Record bytes of a device that sends no frames, before the frames of their readings."""
-        self._record(
-            lambda recorder: recorder.received_bytes(time, data) if isinstance(recorder, ByteRecorder) else None
-        )
+        received = getattr(self._recorder, "received_bytes", None)
+        if received:
+            self._record(lambda _: received(time, data))
 
     def take_failure(self) -> BaseException | None:
         """Return the error that the recorder raised, and clear it."""
@@ -106,16 +99,12 @@ class JobRecording:
             self._recorder, self.failure = None, error
 
 
-# A session with one scanner, over any number of connections.
+# states of a connection:
 #
 #     DISCONNECTED -> OPENING -> GREETING -> PREPARING -> READY <-> MOVING, STREAMING
 #                        ^           ^                                   |
 #                        |           +-------- silence, reset -----------+
 #                        +-- LOST <----------- port gone, no answer -----+
-#
-# A session has no threads, ports or clock. The caller opens the link, and passes bytes and time. A job starts as soon
-# as the device is ready, and starts again after each loss. The scripts of the conversation are in `greeting` and
-# `actions`.
 
 
 PATIENCE = 10.0  # s for the first greeting; enough for three attempts at each baud rate
@@ -139,7 +128,11 @@ class Connection(StrEnum):
 
 
 class Session:
-    """The connection to one device, with a new greeting after each loss. All times are s on one monotonic clock."""
+    """The connection to one device, with a new greeting after each loss. All times are s on one monotonic clock.
+
+    A session has no threads, ports or clock. The caller opens the link, and passes bytes and time. A job starts as soon
+    as the device is ready, and starts again after each loss.
+    """
 
     def __init__(
         self,
