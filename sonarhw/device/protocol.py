@@ -66,8 +66,6 @@ from sonarhw.wire.messages import (
     microseconds_of,
 )
 
-# Checks of commands that every device makes. A command that fails one is answered with a refusal.
-
 
 class RefusalError(Exception):
     """The current command must be answered with a refusal."""
@@ -77,51 +75,32 @@ class RefusalError(Exception):
         self.code, self.text = code, text
 
 
-def check_settings(request: Configure) -> None:
-    """Raise RefusalError for ping settings that are invalid for every device."""
-    if request.trace not in [*TraceKind]:
-        raise _out_of_range(f"trace is {request.trace}; expected 0, 1 or 2")
-    if request.trace_bits not in (0, 8, 16):
-        raise _out_of_range(f"trace_bits is {request.trace_bits}; expected 0, 8 or 16")
-    if not 1 <= request.echoes <= MAX_ECHOES:
-        raise _out_of_range(f"echoes is {request.echoes}; expected 1 to {MAX_ECHOES}")
-    if request.listen_us == 0:
-        raise _out_of_range("listen_us is 0; expected a time after blanking_us")
-    if request.speed_of_sound == 0:
-        raise _out_of_range("speed_of_sound is 0; expected mm/s above 0")
-
-
-def check_turntable(request: ConfigureTurntable) -> None:
-    """Raise RefusalError for an unknown side of approach."""
-    if request.approach not in [*Approach]:
-        raise _out_of_range(f"approach is {request.approach}; expected 0, 1 or 2")
-
-
-def check_wiring(request: ConfigureWiring) -> None:
-    """Raise RefusalError for unknown parts, and for inverted ones that do not change."""
-    if request.change > sum(Wiring) or request.inverted & ~request.change:
-        given = f"change {request.change}, inverted {request.inverted}"
-        raise _out_of_range(f"{given}; expected 0 to 15, and none beyond change")
-
-
-def check_resend(request: Resend) -> None:
-    """Raise RefusalError for more readings than a device keeps, or none."""
-    if not 1 <= request.count <= KEPT_READINGS:
-        raise _out_of_range(f"{request.count} readings; expected 1 to {KEPT_READINGS}")
-
-
-def check_baud(request: SetBaud, bauds: tuple[int, ...]) -> None:
-    """Raise RefusalError for a baud rate that the line does not have."""
-    if request.baud not in bauds:
-        reason = f"expected {', '.join(map(str, bauds))}" if bauds else "the line has no baud rate"
-        raise _out_of_range(f"{request.baud} baud; {reason}")
-
-
-def check_test(request: TestLink) -> None:
-    """Raise RefusalError for a test of the line that is too long or empty."""
-    if not 1 <= len(request.data) <= MAX_TEST or request.size > MAX_TESTED:
-        text = f"data of {len(request.data)} bytes, size {request.size}; expected 1 to {MAX_TEST} bytes"
-        raise _out_of_range(f"{text}, and a size of at most {MAX_TESTED}")
+def _out_of_limits(command: CommandMessage, bauds: tuple[int, ...]) -> str | None:
+    """Return what is out of range in a command for every device, on a line with these `bauds`; None: nothing."""
+    match command:
+        case Configure() if command.trace not in [*TraceKind]:
+            return f"trace is {command.trace}; expected 0, 1 or 2"
+        case Configure() if command.trace_bits not in (0, 8, 16):
+            return f"trace_bits is {command.trace_bits}; expected 0, 8 or 16"
+        case Configure() if not 1 <= command.echoes <= MAX_ECHOES:
+            return f"echoes is {command.echoes}; expected 1 to {MAX_ECHOES}"
+        case Configure(listen_us=0):
+            return "listen_us is 0; expected a time after blanking_us"
+        case Configure(speed_of_sound=0):
+            return "speed_of_sound is 0; expected mm/s above 0"
+        case ConfigureTurntable() if command.approach not in [*Approach]:
+            return f"approach is {command.approach}; expected 0, 1 or 2"
+        case ConfigureWiring(change=change, inverted=inverted) if change > sum(Wiring) or inverted & ~change:
+            return f"change {change}, inverted {inverted}; expected 0 to 15, and none beyond change"
+        case Resend(count=count) if not 1 <= count <= KEPT_READINGS:
+            return f"{count} readings; expected 1 to {KEPT_READINGS}"
+        case SetBaud() if command.baud not in bauds:
+            reason = f"expected {', '.join(map(str, bauds))}" if bauds else "the line has no baud rate"
+            return f"{command.baud} baud; {reason}"
+        case TestLink(data=data, size=size) if not 1 <= len(data) <= MAX_TEST or size > MAX_TESTED:
+            text = f"data of {len(data)} bytes, size {size}; expected 1 to {MAX_TEST} bytes"
+            return f"{text}, and a size of at most {MAX_TESTED}"
+    return None
 
 
 def readings_to_make(order: StartScan, total: int) -> int:
@@ -142,13 +121,8 @@ def _out_of_range(text: str) -> RefusalError:
     return RefusalError(Refusal.OUT_OF_RANGE, text)
 
 
-# The interface that fake scanners and replayed logs share.
-#
-# A device has no threads, ports or clock. The caller passes the time and the bytes, and receives bytes.
-
-
 class Device(Protocol):
-    """A device that answers as a scanner."""
+    """A device that answers as a scanner, without threads, ports or clock: the caller passes time and bytes."""
 
     plug: int | None
     """Number of the socket at the host into which the cable is plugged, from 0; None while it is unplugged."""
@@ -174,15 +148,12 @@ class Device(Protocol):
         """Handle a host that has disconnected: stop, end the conversation, wait for the next Hello."""
 
 
-# The sending side of a serial line, which takes time for each byte.
-
-
 BITS = 10  # per byte on the line: eight data bits, start and stop bit
 BYTE_TIME = BITS / 1_000_000  # s
 
 
 class Line:
-    """A line that transmits frames one after another. A frame leaves when its last byte has been transmitted.
+    """The sending side of a serial line. A frame leaves when its last byte has been transmitted.
 
     A line with `bauds` starts at the lowest of them. A line without `bauds` has a fixed speed.
     """
@@ -234,12 +205,6 @@ class Line:
         self.baud = self._next_baud
 
 
-# The device side of the protocol, shared by the fake board and the replayed log.
-#
-# Answers, heartbeats and readings are sent at the speed of the line. A repeated command is carried out once and
-# answered each time. The last readings are kept so that they can be sent again.
-
-
 BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dropped
 
 
@@ -265,6 +230,9 @@ class _Action:
 
 class ProtocolDevice(ABC):
     """A `Device` that implements the protocol; subclasses implement its actions.
+
+    Answers, heartbeats and readings are sent at the speed of the line. A repeated command is carried out once and
+    answered each time. The last readings are kept so that they can be sent again.
 
     Its clock starts at 0 at the first `now` that it receives. Homing, turning and scanning are iterators, which yield
     the times at which they continue. An iterator is dropped after Stop.
@@ -545,14 +513,14 @@ class ProtocolDevice(ABC):
         sequence = key[1]
         if message.WHEN_BUSY is WhenBusy.REFUSED and self._running:
             raise RefusalError(Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
+        if limit := _out_of_limits(message, self.line.bauds):
+            raise _out_of_range(limit)
         match message:
             case Hello():
                 self._greet(message, sequence, now)
             case Configure():
-                check_settings(message)
                 self.line.send(self.configure(message, sequence), now)
             case ConfigureTurntable():
-                check_turntable(message)
                 self.line.send(self.configure_turntable(message, sequence), now)
             case Home():
                 self._start(_Action(key, Accepted(sequence), State.HOMING, self.homing(now)), now)
@@ -574,7 +542,6 @@ class ProtocolDevice(ABC):
                 self.set_zero(now)
                 self.line.send(Accepted(sequence), now)
             case ConfigureWiring():
-                check_wiring(message)
                 inverted = self.configure_wiring(Wiring(message.change), Wiring(message.inverted), now)
                 self.line.send(WiringSettings(sequence, inverted), now)
             case AskCapabilities():
@@ -594,20 +561,17 @@ class ProtocolDevice(ABC):
         self.line.send(self.info(sequence), now)
 
     def _resend(self, request: Resend, sequence: int, now: float) -> None:
-        check_resend(request)
         self.line.send(Accepted(sequence), now)
         for reading in self._kept:
             if request.first <= reading.number < request.first + request.count:
                 self.line.send(reading, now)
 
     def _set_baud(self, request: SetBaud, sequence: int, now: float) -> None:
-        check_baud(request, self.line.bauds)
         self.line.send(Accepted(sequence), now)
         self._former_baud = self.line.baud
         self.line.change(request.baud)
 
     def _test_link(self, request: TestLink, sequence: int, now: float) -> None:
-        check_test(request)
         repeats = -(-request.size // len(request.data))
         self.line.send(LinkTested(sequence, (request.data * repeats)[: request.size]), now)
 

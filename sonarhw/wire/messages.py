@@ -9,13 +9,12 @@ message that is defined here. `firmware/generate.py` writes the C structures fro
 
 import math
 import struct
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum, IntEnum, IntFlag
 from typing import Any, ClassVar, TypeVar
 
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MINOR
-
-# Encoding of message fields: numbers, text and arrays; little-endian, without padding.
 
 
 class MessageError(ValueError):
@@ -49,70 +48,49 @@ U8, U16, U32, U64 = Scalar("u8", "B"), Scalar("u16", "H"), Scalar("u32", "I"), S
 I16, I32 = Scalar("i16", "h"), Scalar("i32", "i")
 
 
-def _take(payload: bytes, at: int, size: int, name: str) -> tuple[bytes, int]:
-    if at + size > len(payload):
-        raise MessageError(f"payload of {len(payload)} bytes is too short for {name} at offset {at}")
-    return payload[at : at + size], at + size
-
-
 @dataclass(frozen=True)
-class Text:
-    """A length in bytes (u8), then the text in UTF-8."""
+class Counted:
+    """A count, then that many elements."""
 
-    name: str = "text"
+    name: str
+    count: Scalar
+    size: int  # bytes of an element
+    encode: Callable[[Any], bytes]
+    decode: Callable[[bytes], Any]
 
-    def pack(self, value: str) -> bytes:
-        """Return the bytes of the text. Raises MessageError if it has more than 255."""
-        data = value.encode()
-        return U8.pack(len(data)) + data
+    def pack(self, value: Any) -> bytes:
+        """Return the bytes of a value. Raises MessageError if it has too many elements, or one does not fit."""
+        data = self.encode(value)
+        return self.count.pack(len(data) // self.size) + data
 
-    def unpack(self, payload: bytes, at: int) -> tuple[str, int]:
-        """Return the text at offset `at` and the offset after it."""
-        size, at = U8.unpack(payload, at)
-        data, at = _take(payload, at, size, self.name)
+    def unpack(self, payload: bytes, at: int) -> tuple[Any, int]:
+        """Return the value at offset `at` and the offset after it."""
+        count, start = self.count.unpack(payload, at)
+        end = start + self.size * count
+        if end > len(payload):
+            raise MessageError(f"payload of {len(payload)} bytes is too short for {self.name} at offset {start}")
         try:
-            return data.decode(), at
+            return self.decode(payload[start:end]), end
         except UnicodeDecodeError as error:
-            raise MessageError(f"text at offset {at - size} is not UTF-8") from error
+            raise MessageError(f"{self.name} at offset {start} is not UTF-8") from error
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """A count (u8), then that many u32 values."""
-
-    name: str = "u32[]"
-
-    def pack(self, value: tuple[int, ...]) -> bytes:
-        """Return the bytes of all values. Raises MessageError if there are more than 255."""
-        return U8.pack(len(value)) + b"".join(map(U32.pack, value))
-
-    def unpack(self, payload: bytes, at: int) -> tuple[tuple[int, ...], int]:
-        """Return the values at offset `at` and the offset after them."""
-        count, at = U8.unpack(payload, at)
-        data, at = _take(payload, at, 4 * count, self.name)
-        return struct.unpack(f"<{count}I", data), at
+def _pack_numbers(values: tuple[int, ...]) -> bytes:
+    return b"".join(map(U32.pack, values))
 
 
-@dataclass(frozen=True)
-class Samples:
-    """A count (u16), then that many bytes."""
-
-    name: str = "u8[]"
-
-    def pack(self, value: bytes) -> bytes:
-        """Return the count and the bytes."""
-        return U16.pack(len(value)) + value
-
-    def unpack(self, payload: bytes, at: int) -> tuple[bytes, int]:
-        """Return the bytes at offset `at` and the offset after them."""
-        count, at = U16.unpack(payload, at)
-        return _take(payload, at, count, self.name)
+def _unpack_numbers(data: bytes) -> tuple[int, ...]:
+    return struct.unpack(f"<{len(data) // 4}I", data)
 
 
-Wire = Scalar | Text | Numbers | Samples
+TEXT = Counted("text", U8, 1, str.encode, bytes.decode)  # UTF-8
+NUMBERS = Counted("u32[]", U8, 4, _pack_numbers, _unpack_numbers)
+SAMPLES = Counted("u8[]", U16, 1, bytes, bytes)
+
+Wire = Scalar | Counted
 
 
-# The codes in messages of the wire protocol, and what each means. `messages` defines the fields that hold them.
+# codes in messages, and what each means
 
 
 class State(IntEnum):
@@ -422,7 +400,7 @@ class TestLink(CommandMessage):
     TYPE = 0x0C
     SINCE = 1
     size: int = _on_wire(U16, "number of bytes to send back, at most 480")
-    data: bytes = _on_wire(Samples(), "pattern to repeat, 1 to 64 bytes")
+    data: bytes = _on_wire(SAMPLES, "pattern to repeat, 1 to 64 bytes")
 
 
 @dataclass(frozen=True)
@@ -456,9 +434,9 @@ class Info(AnswerMessage):
     command: int = _on_wire(U16, "sequence number of the answered Hello")
     major: int = _on_wire(U8, "major protocol version of the device")
     minor: int = _on_wire(U8, "minor protocol version of the device")
-    firmware: str = _on_wire(Text(), "name and version of the firmware")
-    serial: str = _on_wire(Text(), "serial number")
-    board: str = _on_wire(Text(), "name of the board profile that describes the device; empty if unknown")
+    firmware: str = _on_wire(TEXT, "name and version of the firmware")
+    serial: str = _on_wire(TEXT, "serial number")
+    board: str = _on_wire(TEXT, "name of the board profile that describes the device; empty if unknown")
     temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
     trace_rate: int = _on_wire(U32, "sample rate of traces, Hz; 0: no traces")
     microsteps: int = _on_wire(U32, "microsteps per turn of the table")
@@ -479,7 +457,7 @@ class Refused(AnswerMessage):
 
     TYPE = 0x83
     code: int = _on_wire(U8, "refusal code")
-    text: str = _on_wire(Text(), "the reason, as text for the user")
+    text: str = _on_wire(TEXT, "the reason, as text for the user")
 
 
 @dataclass(frozen=True)
@@ -517,7 +495,7 @@ class Finished(Message):
     command: int = _on_wire(U16, "sequence number of the command that has ended")
     outcome: int = _on_wire(U8, "outcome code")
     readings: int = _on_wire(U32, "scan: number of the first reading not made; otherwise 0")
-    text: str = _on_wire(Text(), "reason of a failure, as text for the user; empty on success")
+    text: str = _on_wire(TEXT, "reason of a failure, as text for the user; empty on success")
 
 
 @dataclass(frozen=True)
@@ -531,7 +509,7 @@ class ReadingMessage(Message):
     angle: int = _on_wire(I32, "turntable angle, µdeg")
     fired_us: int = _on_wire(U64, "device clock at the start of transmission, µs")
     temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
-    echoes: tuple[int, ...] = _on_wire(Numbers(), "times of flight from the start of transmission, ns, earliest first")
+    echoes: tuple[int, ...] = _on_wire(NUMBERS, "times of flight from the start of transmission, ns, earliest first")
 
 
 @dataclass(frozen=True)
@@ -544,10 +522,10 @@ class TraceChunk(Message):
     total: int = _on_wire(U16, "number of samples in the whole trace")
     period_ns: int = _on_wire(U32, "sample period, ns")
     start_ns: int = _on_wire(U32, "time from the start of transmission to sample 0, ns")
-    samples: bytes = _on_wire(Samples(), "at most 256 bytes; 16-bit samples are little-endian")
+    samples: bytes = _on_wire(SAMPLES, "at most 256 bytes; 16-bit samples are little-endian")
     kind: int = _since_1_1(U8, "trace code: 1 envelope; 2 carrier, whose zero is half of full scale", 1)
     bits: int = _since_1_1(U8, "bits per sample, 8 or 16; full scale is all bits set", 8)
-    lost: bytes = _since_1_2(Samples(), "indices, in this chunk, of samples that were not measured", b"")
+    lost: bytes = _since_1_2(SAMPLES, "indices, in this chunk, of samples that were not measured", b"")
 
 
 @dataclass(frozen=True)
@@ -586,7 +564,7 @@ class Capabilities(AnswerMessage):
     longest_trace: int = _on_wire(U16, "highest number of samples in a trace")
     fastest_baud: int = _on_wire(U32, "highest baud rate of the line; 0: the line has no baud rate (TCP, USB CDC)")
     readings_kept: int = _on_wire(U16, "number of readings that the device keeps for Resend")
-    turning: str = _since_1_2(Text(), "what turns the table: `step-dir`, `28byj`, `servo`; empty if unknown", "")
+    turning: str = _since_1_2(TEXT, "what turns the table: `step-dir`, `28byj`, `servo`; empty if unknown", "")
 
 
 @dataclass(frozen=True)
@@ -619,7 +597,7 @@ class LinkTested(AnswerMessage):
     """The requested bytes. Answers TestLink."""
 
     TYPE = 0x8D
-    data: bytes = _on_wire(Samples(), "the pattern of the TestLink, repeated to the requested size")
+    data: bytes = _on_wire(SAMPLES, "the pattern of the TestLink, repeated to the requested size")
 
 
 @dataclass(frozen=True)

@@ -22,15 +22,13 @@ from sonarhw.wire.limits import MAX_PAYLOAD
 from sonarhw.wire.messages import (
     FROM_DEVICE,
     FROM_HOST,
+    Counted,
     Finished,
     Message,
-    Numbers,
     ReadingMessage,
-    Samples,
     Scalar,
     Settings,
     Started,
-    Text,
 )
 from tests.fixtures.example_logs import METADATA, example_reading
 from tests.soak.fuzz.boundaries import NAMES, NUMBERS
@@ -179,13 +177,13 @@ def _any_field(chance: Random, metadata: Any) -> Any:
             size = struct.calcsize("<" + code)
             low, high = (-(256**size) // 2, 256**size // 2 - 1) if code.islower() else (0, 256**size - 1)
             return chance.choice((low, high, 0, 1, high // 2, chance.randrange(low, high + 1)))
-        case Text():
+        case Counted(name="text"):
             return chance.choice(NAMES).encode("ascii", "replace").decode()[:255]
-        case Numbers():
+        case Counted(name="u32[]"):
             return tuple(
                 chance.choice((0, 1, 2**31, 2**32 - 1, 11_000_000)) for _ in range(chance.choice((0, 1, 3, 122)))
             )
-        case Samples():
+        case Counted(name="u8[]"):
             return chance.randbytes(chance.choice((0, 1, 255, 256)))
     raise AssertionError(metadata)
 

@@ -18,12 +18,12 @@ from sonarhw.wire.messages import (
     Accepted,
     AnswerMessage,
     Configure,
+    Counted,
     Finished,
     Hello,
     Home,
     Message,
     Outcome,
-    Samples,
     Scalar,
     StartScan,
     Stop,
@@ -35,9 +35,9 @@ from tests.fixtures.plain_echoes import PlainEchoes
 LIMITS = {"u8": (0, 0xFF), "u16": (0, 0xFFFF), "u32": (0, 0xFFFF_FFFF), "i32": (-(2**31), 2**31 - 1)}
 
 
-def values(wire: Scalar | Samples) -> st.SearchStrategy[int] | st.SearchStrategy[bytes]:
+def values(wire: Scalar | Counted) -> st.SearchStrategy[int] | st.SearchStrategy[bytes]:
     """Values of a field, with an emphasis on its limits and small numbers."""
-    if isinstance(wire, Samples):
+    if isinstance(wire, Counted):
         return st.binary(max_size=70)
     lowest, highest = LIMITS[wire.name]
     return st.sampled_from([lowest, 0, 1, highest]) | st.integers(lowest, highest)
