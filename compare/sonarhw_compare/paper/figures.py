@@ -132,11 +132,12 @@ def _draw_losses(axes: Axes) -> None:
     degrees = np.arange(0.05, 40, 0.05)
     angles = np.radians(degrees)
     carrier = beam_gain(angles, math.tau * _FREQUENCY / _SPEED * 0.0192) ** 2
-    loss = burst_loss(angles, square_burst(_FREQUENCY, _CYCLES, _RATE / 4), _RATE / 4, 0.0192, _SPEED, passes=2)
+    burst = square_burst(_FREQUENCY, _CYCLES, _RATE / 4)
+    peak, energy = burst_loss(angles, burst, _RATE / 4, 0.0192, _SPEED, passes=2)
     for values, colour, style, label in (
         (carrier, PREDICTED, "-", "carrier: used for the level of a path"),
-        (loss.peak, MEASURED, "--", "peak of a square 16-cycle burst"),
-        (loss.energy, GREEN, "-.", "energy of that burst"),
+        (peak, MEASURED, "--", "peak of a square 16-cycle burst"),
+        (energy, GREEN, "-.", "energy of that burst"),
     ):
         axes.plot(degrees, _decibels(values), style, color=colour, label=label)
     axes.axvline(_SLANT, color="black", lw=0.8, ls=":")

@@ -1,7 +1,6 @@
 """Directivity of the transducer, the shape of a pulse away from its axis, and the weight of each path."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -13,9 +12,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.compiled import array_part, compiled, compiled_part, inlined
 
-# Directivity of the transducer, and the shape of a pulse away from its axis.
-#
-# The beam acts twice on an echo, at departure and at arrival. The functions apply it once, or `passes` times.
+# directivity and pulses away from the axis; the beam acts at departure and at arrival: the functions apply it once
 
 
 ComplexArray = NDArray[np.complex128]
@@ -99,25 +96,18 @@ def convolved(
     return np.asarray(ifft(spectrum * passed, axis=1)[:, :count]), -rim / rate
 
 
-@dataclass(frozen=True)
-class BurstLoss:
-    """Amplitude ratios of a whole burst at each angle to straight ahead; the level in dB is 20 lg of either."""
-
-    peak: FloatArray  # (n,), ratio of the peaks
-    energy: FloatArray  # (n,), root of the ratio of energies
-
-
 def burst_loss(
     angles: FloatArray, pulse: FloatArray | ComplexArray, rate: float, radius: float, speed_of_sound: float, passes: int
-) -> BurstLoss:
-    """Return the remaining part of a pulse (k,) at `rate` (Hz) at `angles` (n,) rad from the axis, after `passes`.
+) -> tuple[FloatArray, FloatArray]:
+    """Return what is left of a pulse (k,) at `rate` (Hz) at `angles` (n,) rad from the axis, after `passes`.
 
+    It is the ratio of the peaks to that straight ahead, (n,), and the root of the ratio of the energies, (n,).
     The carrier of the pulse must be a complex exponential. The peak is then that of the envelope, at any phase.
     """
     left, _ = convolved(pulse, rate, angles, radius, speed_of_sound, passes)
     power = np.abs(left) ** 2
     whole = np.abs(pulse) ** 2
-    return BurstLoss(np.sqrt(power.max(axis=1) / whole.max()), np.sqrt(power.sum(axis=1) / whole.sum()))
+    return np.sqrt(power.max(axis=1) / whole.max()), np.sqrt(power.sum(axis=1) / whole.sum())
 
 
 def square_burst(frequency: float, cycles: int, rate: float) -> ComplexArray:
@@ -135,11 +125,7 @@ def far_field(radius: float, wavelength: float) -> float:
     return 2 * radius**2 / wavelength
 
 
-# Amplitude of each path at a heading, sums of paths that arrive together, and the first arrival over the threshold.
-#
-# Amplitudes are relative to a perfect wall straight ahead; directions are unit vectors. Compiled by numba, because a
-# scan needs the amplitude of every path at every heading. The beam is interpolated in a table by a cubic, with an
-# error of 10⁻⁹ (`sonarhw_sim.board.beam.beam_gain` is the closed form).
+# amplitudes of paths at a heading, relative to a perfect wall straight ahead; directions are unit vectors
 
 
 BoolArray = NDArray[np.bool_]
@@ -152,7 +138,10 @@ _SEPARATIONS = 721  # angles between departure and arrival for which the loudest
 
 @lru_cache(maxsize=16)
 def beam_table(ka: float) -> FloatArray:
-    """Return values and slopes of 2 J₁(x)/x at x = 0, 1/32, 2/32, ... beyond ka, (n, 2) float."""
+    """Return values and slopes of 2 J₁(x)/x at x = 0, 1/32, 2/32, ... beyond ka, (n, 2) float.
+
+    A cubic through them has an error of 10⁻⁹; `beam_gain` is the closed form.
+    """
     x = np.arange(math.ceil(ka * _NODES_PER_UNIT) + 2) / _NODES_PER_UNIT
     table = np.column_stack((disc_factor(x), disc_slope(x)))
     table.flags.writeable = False
@@ -341,34 +330,11 @@ def _most_of_arrivals(paths: PathsAndBeam) -> FloatArray:
     return most
 
 
-@compiled
-def first_detected(headings: FloatArray, paths: PathsAndBeam) -> NDArray[np.intp]:
-    """Return the loudest path of the first detected arrival at each heading (n,) rad, (n,) int; -1: none."""
-    leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
-    most = _most_of_arrivals(paths)
-    first, amplitudes = np.full(headings.shape[0], -1, np.intp), np.empty(most.shape[0])
-    for k in range(headings.shape[0]):
-        x, y = math.cos(headings[k]), math.sin(headings[k])
-        known = 0
-        for path in range(most.shape[0]):
-            if most[path] < threshold:
-                continue
-            begin, end = sets.begins[path], sets.ends[path]
-            _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, known), end, k, x, y, amplitudes)
-            known = max(known, end)
-            if abs(amplitudes[path]) < sets.faintest:
-                continue
-            level = _sum_of(amplitudes, sets.phasors, begin, end)
-            if level >= threshold and level > 0.0:
-                first[k] = _loudest_of(amplitudes, begin, end)
-                break
-    return first
-
-
 class Sought(NamedTuple):
-    """Measured ranges, and how the paths that may have caused them are counted."""
+    """Which echo is sought at each heading: the first one, or the one nearest to a measured range."""
 
-    measured: FloatArray  # (n,), m
+    first: bool
+    measured: FloatArray  # (n,), m; has no effect on the first
     reach: float  # m, largest difference of an echo's range
     lengths: FloatArray  # (p,), m, of the paths
     ranges: FloatArray  # (p,), m, that the board reports for them
@@ -377,22 +343,22 @@ class Sought(NamedTuple):
 
 
 @compiled
-def nearest_detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArray[np.intp]:
-    """Return the loudest path of the echo nearest to each measured range, (n,) int; -1: none within reach."""
+def detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArray[np.intp]:
+    """Return the loudest path of the sought echo at each heading (n,) rad, (n,) int; -1: none, or none within reach."""
     leaving, arriving, strengths, sets, blocked, threshold, ka, table = paths
-    measured, reach, lengths, ranges, in_time, span = sought
+    first, measured, reach, lengths, ranges, in_time, span = sought
     most = _most_of_arrivals(paths)
     nearest, amplitudes = np.full(headings.shape[0], -1, np.intp), np.empty(most.shape[0])
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])
         known, until, least = 0, -np.inf, np.inf
         for path in range(most.shape[0]):
-            begin, end = sets.begins[path], sets.ends[path]
-            if ranges[begin] - measured[k] > reach:
-                break
             # paths within an echo begin no other one
             if most[path] < threshold or not in_time[path] or lengths[path] <= until:
                 continue
+            begin, end = sets.begins[path], sets.ends[path]
+            if ranges[begin] - measured[k] > reach:
+                break
             _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, known), end, k, x, y, amplitudes)
             known = max(known, end)
             if abs(amplitudes[path]) < sets.faintest:
@@ -402,9 +368,11 @@ def nearest_detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) 
                 continue
             until = lengths[path] + span
             loudest = _loudest_of(amplitudes, begin, end)
-            apart = abs(ranges[loudest] - measured[k])
-            if apart < least and apart <= reach:
-                least, nearest[k] = apart, loudest
+            difference = abs(ranges[loudest] - measured[k])
+            if difference < least and difference <= reach:
+                least, nearest[k] = difference, loudest
+            if first:
+                break
     return nearest
 
 

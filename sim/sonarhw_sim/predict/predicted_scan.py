@@ -20,15 +20,23 @@ from sonarhw_sim.board.beam import (
     Together,
     amplitudes_at,
     beam_table,
-    first_detected,
+    detected,
     loudest_by_separation,
     meeting_face,
-    nearest_detected,
     sum_of_arrival,
     sums_of_arrivals,
     together,
 )
-from sonarhw_sim.board.profile import FACE, Board, Mount, TransducerPose, own_range, with_body, with_faces
+from sonarhw_sim.board.profile import (
+    FACE,
+    FACE_REFLECTANCES,
+    Board,
+    Mount,
+    TransducerPose,
+    own_range,
+    with_body,
+    with_faces,
+)
 from sonarhw_sim.board.receiver import (
     SHARE,
     ReceivedEchoes,
@@ -253,17 +261,6 @@ _ON_OWN_FACE = 1e-9  # m: longest leg between a transducer and its own face
 
 
 @dataclass(frozen=True)
-class HeadingPaths:
-    """The paths of several headings, shortest first."""
-
-    room: Room  # with the body, and the faces as they are at the first heading
-    paths: Paths  # (p,)
-    only_at: NDArray[np.intp]  # (p,): row of the heading at which each path exists
-    sender_headings: FloatArray  # (p,), rad: heading of its sender
-    lateness: FloatArray  # (p,), m: apparent extra length, because its ping was sent later than the receiver's
-
-
-@dataclass(frozen=True)
 class SensorPair:
     """One sender and one receiver, and the greatest length of paths between them."""
 
@@ -277,27 +274,34 @@ Find = Callable[[Room, SensorPair], Paths]  # returns the paths of a pair in the
 
 
 def find_by_heading(
-    room: Room, place: Place, board: Board, headings: FloatArray, find: Find, face_reflectance: float | None
-) -> HeadingPaths:
-    """Return the paths received at `headings` (n,) rad, at least one, within range by the receiver's own time.
+    room: Room, place: Place, board: Board, headings: FloatArray, find: Find, unit: Unit
+) -> "PredictedScan":
+    """Return a scan without readings, with the paths received at `headings` (n,) rad, at least one.
 
-    The place is at the turning axis.
-
-    Paths longer than twice that range are omitted too. `face_reflectance` is the reflectance of the faces; with None
-    sound passes them.
+    They are within range by the receiver's own time, and up to twice that range long. The room of the scan has the
+    body, and the faces as they are at the first heading.
     """
-    mounting, speed = board.mounting, room.air.speed_of_sound
-    room = with_body(room, place, mounting.body_radius)
-    shown, found = room, []
+    mounting, speed, face_reflectance = board.mounting, room.air.speed_of_sound, FACE_REFLECTANCES[unit]
+    axis = board.at_axis(place)
+    room = with_body(room, axis, mounting.body_radius)
+    shown: Room = room
+    parts: list[tuple[Paths, int, SensorPair]] = []
     for k, heading in enumerate(headings):
-        listener, senders = mounting.pose(place, float(heading)), mounting.senders(place, float(heading))
+        listener, senders = mounting.pose(axis, float(heading)), mounting.senders(axis, float(heading))
         room_with_faces = room
         if face_reflectance is not None:
-            room_with_faces = with_faces(room, senders, board.aperture_radius, face_reflectance, place.height)
+            room_with_faces = with_faces(room, senders, board.aperture_radius, face_reflectance, axis.height)
         shown = shown if k else room_with_faces
         pairs = _pairs(listener, senders, 2 * board.max_range, speed)
-        found += [(_without_own_face(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
-    return _joined(shown, found)
+        parts += [(_without_own_face(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
+    counts = [len(paths) for paths, _, _ in parts]
+    paths = Paths.join([paths for paths, _, _ in parts])
+    lateness = np.repeat(np.array([pair.lateness for _, _, pair in parts], dtype=np.float64), counts)
+    order = np.argsort(paths.lengths + lateness, kind="stable")
+    only_at = np.repeat(np.array([k for _, k, _ in parts], dtype=np.intp), counts)[order]
+    sender_headings = np.repeat(np.array([pair.sender.heading for _, _, pair in parts], dtype=np.float64), counts)
+    scan = silent_scan(shown, place, board, headings, paths.select(order), only_at, unit)
+    return replace(scan, sender_headings=sender_headings[order], lateness=lateness[order])
 
 
 def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
@@ -342,20 +346,6 @@ def _first_legs(paths: Paths) -> FloatArray:
 def _last_legs(paths: Paths) -> FloatArray:
     rows, last = np.arange(len(paths)), (~np.isnan(paths.points[:, :, 0])).sum(axis=1) - 1
     return np.asarray(np.hypot(*(paths.points[rows, last] - paths.points[rows, last - 1]).T))
-
-
-def _joined(room: Room, found: list[tuple[Paths, int, SensorPair]]) -> HeadingPaths:
-    counts = [len(paths) for paths, _, _ in found]
-    paths = Paths.join([paths for paths, _, _ in found])
-    lateness = np.repeat(np.array([pair.lateness for _, _, pair in found], dtype=np.float64), counts)
-    order = np.argsort(paths.lengths + lateness, kind="stable")
-    return HeadingPaths(
-        room,
-        paths.select(order),
-        np.repeat(np.array([k for _, k, _ in found], dtype=np.intp), counts)[order],
-        np.repeat(np.array([pair.sender.heading for _, _, pair in found], dtype=np.float64), counts)[order],
-        lateness[order],
-    )
 
 
 # The predicted scan: the paths at one place, the reading at each heading, and what the board receives there.
@@ -786,16 +776,18 @@ def with_first_arrivals(scan: PredictedScan) -> PredictedScan:
     in_time = np.flatnonzero(scan.in_time & ~paths.scattered)
     sets = together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(scan.room.air), board)
     weighed = paths_and_beam(scan, scan.headings, in_time, sets)
+    lengths, from_here = paths.lengths[in_time], np.zeros(len(scan.headings))
+    sought = Sought(True, from_here, np.inf, lengths, lengths / 2, np.ones(len(in_time), np.bool_), -1.0)
 
-    def detected(begin: int, end: int) -> tuple[NDArray[np.intp]]:
+    def heard(begin: int, end: int) -> tuple[NDArray[np.intp]]:
         hidden = weighed.blocked[begin:end]
-        return (first_detected(scan.headings[begin:end], weighed._replace(blocked=hidden)),)
+        return (detected(scan.headings[begin:end], weighed._replace(blocked=hidden), sought),)
 
-    (first,) = rows_in_parts(detected, len(scan.headings), _LEAST_PART)
+    (first,) = rows_in_parts(heard, len(scan.headings), _LEAST_PART)
     # row -1, "no echo", selects the appended value
     winners = np.append(in_time, -1)[first]
-    found = replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
-    return with_first_echoes(found, with_scattered_sound(scan))
+    heard_scan = replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
+    return with_first_echoes(heard_scan, with_scattered_sound(scan))
 
 
 def paths_and_beam(
@@ -834,8 +826,9 @@ def with_first_detected(scan: PredictedScan) -> PredictedScan:
         if len(one_by_one) < len(scan.headings):
             times, winners = _first_at_once(scan)
     for k in one_by_one.tolist():
-        found = scan.ping(k).first_detected()
-        times[k], winners[k] = found.times[0] if len(found.times) else np.nan, found.winner
+        received_echoes = scan.ping(k).first_detected()
+        times[k] = received_echoes.times[0] if len(received_echoes.times) else np.nan
+        winners[k] = received_echoes.winner
     return replace(scan, winners=winners, distances=times * scan.room.air.speed_of_sound / 2)
 
 
@@ -910,11 +903,9 @@ def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, rea
         return _one_by_one(scan, rows, measured, reach)
     board, lengths = scan.board, scan.apparent_lengths
     span = board.wavelength(scan.room.air) if board.sum_arrivals else -1.0
-    sought = Sought(measured, reach, lengths, board.reported(lengths / 2), scan.in_time, span)
+    sought = Sought(False, measured, reach, lengths, board.reported(lengths / 2), scan.in_time, span)
     headings = scan.headings[rows]
-    return np.asarray(
-        nearest_detected(headings, paths_and_beam(scan, headings, slice(None), scan.all_together), sought)
-    )
+    return np.asarray(detected(headings, paths_and_beam(scan, headings, slice(None), scan.all_together), sought))
 
 
 def _one_by_one(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:

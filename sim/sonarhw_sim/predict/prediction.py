@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.board.profile import FACE_REFLECTANCES, Board, load_board
+from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.signal import largest_gain
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.predicted_scan import (
@@ -186,9 +186,7 @@ def _scan_by_heading(
         amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, without_beam, sender_headings)
         return paths.select(np.flatnonzero(np.abs(amplitudes) >= np.where(paths.scattered, _PATCH, 1.0) * faintest))
 
-    found = find_by_heading(room, board.at_axis(place), board, headings, find, FACE_REFLECTANCES[options.unit])
-    scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, options.unit)
-    return replace(scan, sender_headings=found.sender_headings, lateness=found.lateness)
+    return find_by_heading(room, place, board, headings, find, options.unit)
 
 
 # Prediction by any model: ray following, and the baseline models that the paper compares with.

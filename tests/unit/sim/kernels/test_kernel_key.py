@@ -145,6 +145,6 @@ def test_the_key_of_every_kernel_covers_all_it_uses() -> None:
         for name, value in vars(importlib.import_module(module.name)).items()
         if hasattr(value, "py_func")
     ]
-    assert {"_follow", "first_detected", "log_likelihoods"} <= {name for name, _ in kernels}
+    assert {"_follow", "detected", "log_likelihoods"} <= {name for name, _ in kernels}
     for _, kernel in kernels:
         assert digest_of(kernel.py_func)
