@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO, TextIO
 from urllib.parse import parse_qsl
 
 import typer
+from sonarhw_sim.compilation import Watcher
 
 from sonarhw.errors import InputError, OutputError, harmless
 from sonarhw.files import atomic_file, is_special
@@ -250,7 +251,7 @@ def progress_of_fit(fit: str) -> Iterator[Callable[[float], None]]:
         yield lambda share: show(share, "fitting")
 
 
-class CompilationProgress:
+class CompilationProgress(Watcher):
     """Shows a progress bar while kernels are compiled; a single line if standard error is not a terminal."""
 
     def __init__(self) -> None:

@@ -1,11 +1,10 @@
 """Reports the compilation of kernels to a program that shows it, such as the command line. Imports nothing slow."""
 
 import warnings
-from typing import Protocol
 
 
-class Watcher(Protocol):
-    """Shows what it is given."""
+class Watcher:
+    """Shows no progress, and a Python warning if compiled kernels cannot be stored. Subclasses show more."""
 
     def compiling(self, done: int, known: int) -> None:
         """Show that kernels are being compiled, and how many of the `known` kernels are."""
@@ -15,23 +14,10 @@ class Watcher(Protocol):
 
     def not_stored(self, reason: str) -> None:
         """Show that compiled kernels cannot be stored."""
-
-
-class Quiet:
-    """Shows no progress, and a Python warning if compiled kernels cannot be stored."""
-
-    def compiling(self, done: int, known: int) -> None:
-        """Show nothing."""
-
-    def compiled(self) -> None:
-        """Show nothing."""
-
-    def not_stored(self, reason: str) -> None:
-        """Issue a RuntimeWarning."""
         warnings.warn(reason, RuntimeWarning, stacklevel=2)
 
 
-_watcher: Watcher = Quiet()
+_watcher = Watcher()
 
 
 def watch_compilation(watcher: Watcher) -> None:

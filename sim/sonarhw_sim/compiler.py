@@ -136,10 +136,6 @@ _SUFFIX = ".kernel"
 _CHECKSUM = sha256().digest_size
 
 
-class NotStored(Exception):
-    """No folder accepts compiled code. The message contains each folder and the reason."""
-
-
 def kernel_folders() -> list[Path]:
     """Return the folders for compiled code, in order of preference: NUMBA_CACHE_DIR alone, if it is set."""
     chosen = getattr(config, "CACHE_DIR", "")
@@ -168,8 +164,8 @@ def stored(folder: Path, name: str) -> bytes | None:
     return payload if sha256(payload).digest() == checksum else None
 
 
-def store(name: str, slot: str, payload: bytes) -> None:
-    """Write a file, and delete other files whose names begin with `slot`. Raises NotStored."""
+def store(name: str, slot: str, payload: bytes) -> str | None:
+    """Write a file, and delete other files whose names begin with `slot`. Return why no folder accepts it, or None."""
     reasons = []
     for folder in kernel_folders():
         try:
@@ -178,8 +174,8 @@ def store(name: str, slot: str, payload: bytes) -> None:
             reasons.append(f"{folder}: {error.strerror or error}")
             continue
         _delete_others(folder, name, slot)
-        return
-    raise NotStored("; ".join(reasons))
+        return None
+    return "; ".join(reasons)
 
 
 def _write(path: Path, contents: bytes) -> None:
@@ -262,10 +258,8 @@ class _KernelCache:
         if result.lifted or result.library.has_dynamic_globals:
             return  # the code contains addresses of this process
         name = self._name(signature, result.codegen)
-        try:
-            store(name, name.rpartition("-")[0], _dumps(result._reduce()))
-        except NotStored as reason:
-            _progress.not_stored(str(reason))
+        if reason := store(name, name.rpartition("-")[0], _dumps(result._reduce())):
+            _progress.not_stored(reason)
 
     def _name(self, signature: Any, codegen: Any) -> str:
         """Return the name of the file: kernel, slot, key."""

@@ -11,6 +11,7 @@ from enum import Enum, auto
 from typing import Any, NamedTuple
 
 from PySide6.QtCore import QObject, Signal, Slot
+from sonarhw_sim.compilation import Watcher
 
 from sonarhw.errors import SonarError
 
@@ -159,8 +160,8 @@ class Compiled:
     known: int
 
 
-class Preparation:
-    """Progress of the compilation at the first start. Implements `sonarhw_sim.compilation.Watcher` for its threads."""
+class Preparation(Watcher):
+    """Progress of the compilation at the first start, which reports from its threads."""
 
     def __init__(self) -> None:
         self.progress: Compiled | None = None  # None while nothing is compiled

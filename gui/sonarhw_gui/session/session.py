@@ -16,7 +16,7 @@ from weakref import ref
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 from sonarhw_compare.scans import ReadingNote, note_on
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.compilation import Quiet, watch_compilation
+from sonarhw_sim.compilation import Watcher, watch_compilation
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import paths_serve_all_headings
 from sonarhw_sim.room.room import Room
@@ -850,7 +850,7 @@ class WindowSession(QObject):
         self.kept.rooms.write()
         self.live.close()
         self.jobs.close()
-        watch_compilation(Quiet())
+        watch_compilation(Watcher())
 
     # updates
 

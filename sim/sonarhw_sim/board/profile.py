@@ -283,16 +283,8 @@ _CHIRP_REACH = 30e3  # Hz; signals contain 60 kHz to each side of the carrier (s
 REARM = 0.44e-3  # s, shortest time for which BLNK is high (6500 data sheet)
 
 
-@dataclass(frozen=True)
-class Tone:
+class Tone(TomlModel):
     """A part of the burst at one frequency."""
-
-    frequency: float  # Hz
-    cycles: int
-
-
-class ToneFile(TomlModel):
-    """A part of a chirp in a profile."""
 
     frequency: Annotated[float, Field(ge=1e3, le=1e6), about("frequency of this part", "Hz")]
     cycles: Annotated[int, Field(ge=1, le=1000), about("number of its cycles")]
@@ -330,7 +322,7 @@ class BoardFile(TomlModel):
         bool, about("arrivals within one wavelength of path add up with their phases; false: each is detected alone")
     ] = True
     chirp: Annotated[
-        tuple[ToneFile, ...], Field(max_length=1000), about("parts of the burst; default: one, at `frequency`")
+        tuple[Tone, ...], Field(max_length=1000), about("parts of the burst; default: one, at `frequency`")
     ] = ()
     # a shorter rise would need more than the 60 kHz to each side of the carrier that signals contain
     rise_cycles: Annotated[
@@ -507,7 +499,7 @@ class Board:
     @property
     def burst(self) -> tuple[Tone, ...]:
         """The tones of the burst, in order."""
-        return self.chirp or (Tone(self.frequency, self.transmit_cycles),)
+        return self.chirp or (Tone.model_construct(frequency=self.frequency, cycles=self.transmit_cycles),)
 
     def heading_at(self, angle: Number, zero: float) -> Number:
         """Return the heading at a turntable angle, if step 0 should point along `zero`; all rad."""
@@ -588,10 +580,7 @@ def parse_board(text: str, where: str) -> Board:
 
 def board_from(file: BoardFile, text: str = "") -> Board:
     """Return the board of a checked profile; `text` is the profile as a log contains it."""
-    values = file.model_dump()
-    chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
-    made = {"chirp": chirp, "mount": file.mount, "ring": file.ring, "own_body": file.own_body, "text": text}
-    return Board(**values | made)
+    return Board(**{key: getattr(file, key) for key in BoardFile.model_fields}, text=text)
 
 
 def board_names() -> list[str]:

@@ -32,7 +32,7 @@ cycles = 10
 def test_profile_without_receiver_keys_has_the_papers_receiver() -> None:
     board = parse_board(PROFILE, "mine.toml")
     assert board.receiver is Receiver.FIRST_ECHO
-    assert board.burst == (Tone(49412.0, 16),)
+    assert board.burst == (Tone(frequency=49412.0, cycles=16),)
     assert board.gain_steps == ()
     assert board.blanking_end == board.blanking
 
@@ -49,7 +49,7 @@ def test_every_key_of_the_receiver_is_read() -> None:
     assert board.integration_cycles == 4.0
     assert (board.gain_steps, board.gain_step_db, board.rearm) == ((0.002, 0.005), 5.0, 0.0005)
     assert (board.clock_error, board.blanking_end) == (-0.01, 0.001)
-    assert board.burst == (Tone(60000.0, 6), Tone(50000.0, 10))
+    assert board.burst == (Tone(frequency=60000.0, cycles=6), Tone(frequency=50000.0, cycles=10))
     assert board.blanked_range(Air()) == pytest.approx(0.001 * 343.987 / 2, rel=1e-4)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from sonarhw_sim import compiler
-from sonarhw_sim.compiler import NotStored, kernel_folders, store, stored
+from sonarhw_sim.compiler import kernel_folders, store, stored
 
 CODE = bytes(range(256)) * 8
 
@@ -56,9 +56,8 @@ def test_a_read_only_installation_uses_the_folder_of_the_user(folders: list[Path
 def test_the_error_names_each_folder_and_its_reason(folders: list[Path]) -> None:
     for folder in folders:
         folder.parent.write_text("not a folder")
-    with pytest.raises(NotStored) as raised:
-        store("walk-float-1", "walk-float", CODE)
-    assert str(raised.value) == f"{folders[0]}: Not a directory; {folders[1]}: Not a directory"
+    reason = store("walk-float-1", "walk-float", CODE)
+    assert reason == f"{folders[0]}: Not a directory; {folders[1]}: Not a directory"
 
 
 def test_a_full_disk_is_named_and_leaves_no_part(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,8 +65,7 @@ def test_a_full_disk_is_named_and_leaves_no_part(folders: list[Path], monkeypatc
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(NotStored, match="No space left on device"):
-        store("walk-float-1", "walk-float", CODE)
+    assert "No space left on device" in str(store("walk-float-1", "walk-float", CODE))
     assert not [*folders[0].iterdir(), *folders[1].iterdir()]
 
 
