@@ -9,7 +9,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from sonarhw_sim.compilation import watch_compilation
@@ -19,6 +19,7 @@ from sonarhw_cli import calibrate, compare, fit, logs, rooms, scan, scanner, sim
 from sonarhw_cli.options import (
     CommandList,
     choose_verbosity,
+    plain,
     print_detail,
     print_error,
     print_help,
@@ -41,7 +42,7 @@ _REWORDED = (
 
 def parser_message(error: typer.TyperException, arguments: Sequence[str]) -> str:
     """Return an error of the option parser. Without a command, it is the help, which begins with `Usage:`."""
-    return _with_argument_hint(_with_help(_reworded(error), error), arguments)
+    return _with_argument_hint(_with_help(_reworded(error), error, arguments), arguments)
 
 
 def _reworded(error: typer.TyperException) -> str:
@@ -61,34 +62,76 @@ def _reworded(error: typer.TyperException) -> str:
     return f"{rejected[1]} {error.__cause__.errors()[0]['input']}: {rejected[2]}"
 
 
-def _with_help(message: str, error: typer.TyperException) -> str:
-    """Return the message with the command that lists arguments and options, if one is missing or unknown."""
+# words that other programs use, and the commands that do this
+_OTHER_WORDS = {
+    "convert": "import",
+    "devices": "ports",
+    "find": "locate",
+    "help": "--help",
+    "list": "ports",
+    "measure": "scan",
+    "open": "gui",
+    "play": "replay",
+    "plot": "compare LOG --plot PICTURE",
+    "predict": "simulate",
+    "record": "scan",
+    "show": "gui",
+    "test": "doctor",
+    "upload": "flash",
+    "version": "--version",
+    "view": "gui",
+}
+_OF_A_FILE = {"log": "info", "profile": "check", "room": "check"}  # the command of a group that describes a file
+
+
+def _with_help(message: str, error: typer.TyperException, arguments: Sequence[str]) -> str:
+    """Return the message with what to write instead, or with the command that lists arguments and options."""
     context = getattr(error, "ctx", None)
-    if context is not None and (group := _group_with_command(message, context.command)):
-        return f"{message.partition('.')[0]}; did you mean `{context.command_path} {group}`?"
-    if context is None or message.endswith("?") or not message.startswith(("Missing ", "No such ", "Got unexpected ")):
+    if context is None:
+        return message
+    if meant := _meant(message, context, arguments):
+        # an unknown command may be followed by the names of similar ones
+        return f"{message.partition('. Did you mean')[0].rstrip('.')}; did you mean `{meant}`?"
+    if message.startswith("Missing "):
+        return f"{message.rstrip('.')}; expected `{_usage(context)}`; see `{context.command_path} --help`"
+    if message.endswith("?") or not message.startswith(("No such ", "Got unexpected ")):
         return message
     return f"{message.rstrip('.')}; see `{context.command_path} --help`"
 
 
-def _group_with_command(message: str, root: object) -> str:
-    """Return `log export` for the message that `export` is unknown; empty if no group has such a command."""
+def _meant(message: str, context: typer.Context, arguments: Sequence[str]) -> str:
+    """Return the command or option that an unknown one probably means, or an empty text."""
+    if message.startswith("No such option: -"):
+        names = {name for parameter in context.command.params for name in parameter.opts}
+        return next((f"-{word}" for word in arguments if f"-{word}" in names), "")
     unknown = re.match(r"No such command '([^']*)'", message)
-    groups: dict[str, object] = getattr(root, "commands", {})
-    found = (
-        f"{name} {unknown[1]}"
-        for name, group in groups.items()
-        if unknown and unknown[1] in getattr(group, "commands", {})
-    )
-    return next(found, "")
+    if unknown is None:
+        return ""
+    word, path = unknown[1], context.command_path
+    groups: dict[str, Any] = getattr(context.command, "commands", {})
+    if group := next((name for name, group in groups.items() if word in getattr(group, "commands", {})), ""):
+        return f"{path} {group} {word}"
+    if context.parent is None:
+        return f"{path} {_OTHER_WORDS[word]}" if word in _OTHER_WORDS else ""
+    return "" if "Did you mean" in message else f"{path} {_OF_A_FILE[context.info_name or '']} {word}"
+
+
+def _usage(context: typer.Context) -> str:
+    """Return a command with its arguments and required options, as `sonarhw scan URL --out LOG.mcap`."""
+    pieces = [piece for piece in context.command.collect_usage_pieces(context) if piece != "[OPTIONS]"]
+    for option in context.command.params:
+        if option.param_type_name == "option" and option.required:
+            names, _ = option.get_help_record(context) or ("", "")
+            pieces.append(plain(option, names))
+    return " ".join([context.command_path, *pieces])
 
 
 def _with_argument_hint(message: str, arguments: Sequence[str]) -> str:
     """Return the message with how to write X,Y or a second log if there is an argument too many."""
     is_extra = message.startswith("Got unexpected extra argument")
-    if (is_extra or message.startswith("--place: expected one for each")) and any(
-        one.endswith(",") for one in arguments
-    ):
+    has_comma = any(argument.endswith(",") for argument in arguments)
+    is_number = "--place" in arguments and re.search(r"\(-?[\d.]+\)", message) is not None
+    if (is_extra and (has_comma or is_number)) or (message.startswith("--place: expected one for each") and has_comma):
         return f"{message}; write X,Y without a space"
     if is_extra and "compare" in arguments:
         return f"{message}; to compare two logs, use `sonarhw compare A.mcap --with B.mcap`"

@@ -566,12 +566,12 @@ class _PlainCommand(TyperCommand):
         for title, kind in (("Arguments", "argument"), ("Options", "option")):
             parameters = [parameter for parameter in self.get_params(ctx) if parameter.param_type_name == kind]
             rows = [(parameter, parameter.get_help_record(ctx)) for parameter in parameters]
-            if shown := [(_plain(parameter, row[0]), row[1]) for parameter, row in rows if row is not None]:
+            if shown := [(plain(parameter, row[0]), row[1]) for parameter, row in rows if row is not None]:
                 with formatter.section(title):
                     formatter.write_dl(shown)
 
 
-def _plain(parameter: Any, name: str) -> str:
+def plain(parameter: Any, name: str) -> str:
     """Return an argument as in the usage, and an option with the value that it expects."""
     if parameter.param_type_name == "argument":
         return f"{parameter.display_name_raw}{'...' if parameter.nargs != 1 else ''}"

@@ -575,7 +575,7 @@ def is_fake(url: str) -> bool:
 def read_fake_url(url: str) -> FakeUrl:
     """Return the settings in `fake:ROOM?place=NAME&seed=1`. Raises InputError for unknown keys or invalid values."""
     room, _, query = url.removeprefix(f"{SCHEME}:").partition("?")
-    if not room:
+    if room in ("", SCHEME):
         raise InputError(f"{url}: room missing; expected 'fake:NAME?place=NAME' or 'fake:FILE.toml?place=NAME'")
     values = dict(parse_qsl(query, keep_blank_values=True))
     if unknown := sorted(set(values) - set(_KEYS)):

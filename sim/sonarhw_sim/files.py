@@ -26,8 +26,11 @@ _MOST_LETTERS = 100  # longer words are not compared: the time is quadratic
 
 
 def near_miss(word: str, known: Iterable[str]) -> str | None:
-    """Return the most similar of the known names, or None if none is similar."""
+    """Return the only known name that begins with a word, else the most similar one, or None if none is similar."""
     names = {name.casefold(): name for name in known}
+    longer = [name for key, name in names.items() if key.startswith(word.casefold())] if len(word) > 1 else []
+    if len(longer) == 1:
+        return longer[0]
     close = get_close_matches(word.casefold(), names, n=1, cutoff=_ALIKE) if len(word) <= _MOST_LETTERS else []
     return names[close[0]] if close else None
 
