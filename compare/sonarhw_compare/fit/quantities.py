@@ -168,8 +168,15 @@ def _speeds(_room: "Room", _board: "Board") -> tuple[float, float]:
     return Air(-10.0).speed_of_sound, Air(45.0).speed_of_sound
 
 
-def _around(key: str) -> Bounds:
-    return lambda _, board: (getattr(board.mount, key) - _REACH, getattr(board.mount, key) + _REACH)
+def _length(name: str, label: str, key: str, **more: Any) -> BoardQuantity:
+    """Return a length of the board profile that is within some centimetres of the one under its key."""
+
+    def bounds(_room: "Room", board: "Board") -> tuple[float, float]:
+        present = quantity.read(board)
+        return present - _REACH, present + _REACH
+
+    quantity = BoardQuantity(name=name, unit="m", step=2e-3, bounds=bounds, digits=5, label=label, key=key, **more)
+    return quantity
 
 
 def _with_reflectances(room: "Room", values: Mapping[str, float]) -> "Room":
@@ -201,31 +208,28 @@ def _write_walls(room: "Room", values: Mapping[str, float]) -> "Room":
     return with_written_walls(room, values, WALL.digits)
 
 
-X = PlaceQuantity(
-    name="x",
-    unit="m",
-    step=2e-3,
-    bounds=_span(0),
-    digits=5,
-    label="x",
-    group="position",
-    offer=Offer("Position", "Position of the sensor in the room", True),
-    moves_paths=True,
-    value=lambda place: place.position[0],
-    put=lambda place, value: replace(place, position=(value, place.position[1])),
-)
-Y = PlaceQuantity(
-    name="y",
-    unit="m",
-    step=2e-3,
-    bounds=_span(1),
-    digits=5,
-    label="y",
-    group="position",
-    moves_paths=True,
-    value=lambda place: place.position[1],
-    put=lambda place, value: replace(place, position=(place.position[0], value)),
-)
+def _coordinate(axis: int, name: str, offer: Offer | None = None) -> PlaceQuantity:
+    def put(place: "Place", value: float) -> "Place":
+        x, y = place.position
+        return replace(place, position=(value, y) if axis == 0 else (x, value))
+
+    return PlaceQuantity(
+        name=name,
+        unit="m",
+        step=2e-3,
+        bounds=_span(axis),
+        digits=5,
+        label=name,
+        group="position",
+        offer=offer,
+        moves_paths=True,
+        value=lambda place: place.position[axis],
+        put=put,
+    )
+
+
+X = _coordinate(0, "x", Offer("Position", "Position of the sensor in the room", True))
+Y = _coordinate(1, "y")
 HEADING = PlaceQuantity(
     name="heading",
     unit="°",
@@ -261,27 +265,8 @@ SLOPE = BoardQuantity(
     label="slope of the range offset",
     key="clock_error",
 )
-AHEAD = BoardQuantity(
-    name="ahead",
-    unit="m",
-    step=2e-3,
-    bounds=_around("ahead"),
-    digits=5,
-    label="face ahead of the axis",
-    group="axis",
-    shifts_place=True,
-    key="mount.ahead",
-)
-ASIDE = BoardQuantity(
-    name="aside",
-    unit="m",
-    step=2e-3,
-    bounds=_around("aside"),
-    digits=5,
-    label="face left of the axis",
-    group="axis",
-    key="mount.aside",
-)
+AHEAD = _length("ahead", "face ahead of the axis", "mount.ahead", group="axis", shifts_place=True)
+ASIDE = _length("aside", "face left of the axis", "mount.aside", group="axis")
 SCALE = BoardQuantity(
     name="scale",
     unit="",
@@ -293,28 +278,8 @@ SCALE = BoardQuantity(
     tolerance=lambda _: _SCALE_TOLERANCE,
     key="turntable_scale",
 )
-AXIS_X = BoardQuantity(
-    name="axis_x",
-    unit="m",
-    step=2e-3,
-    bounds=lambda _, board: (board.axis_x - _REACH, board.axis_x + _REACH),
-    digits=5,
-    label="axis ahead of the mark",
-    moves_paths=True,
-    shifts_place=True,
-    key="axis_x",
-)
-AXIS_Y = BoardQuantity(
-    name="axis_y",
-    unit="m",
-    step=2e-3,
-    bounds=lambda _, board: (board.axis_y - _REACH, board.axis_y + _REACH),
-    digits=5,
-    label="axis left of the mark",
-    moves_paths=True,
-    shifts_place=True,
-    key="axis_y",
-)
+AXIS_X = _length("axis_x", "axis ahead of the mark", "axis_x", moves_paths=True, shifts_place=True)
+AXIS_Y = _length("axis_y", "axis left of the mark", "axis_y", moves_paths=True, shifts_place=True)
 TEMPERATURE = AirQuantity(
     name="temperature",
     unit="°C",
