@@ -282,18 +282,6 @@ _CLIMBS = 5  # most repetitions of a refinement
 _AS_GOOD = 6.0  # largest deficit of the log-likelihood of a solution that is reported
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A step of a fit, with the shares of the whole fit at its start and end."""
-
-    step: str
-    begin: float
-    end: float
-
-
-_SEARCH, _CLIMB, _SAMPLE = _Part("searching", 0.0, 0.5), _Part("refining", 0.5, 0.7), _Part("sampling", 0.7, 1.0)
-
-
 def fit_scans(
     scans: Sequence[PlacedScan],
     room: Room,
@@ -314,18 +302,20 @@ def fit_scans(
     check_fit(scans, board, free, options)
     problem = make_problem(scans, room, board, free, options.prediction, all_echoes=options.all_echoes)
 
-    def tick(part: _Part, share: float) -> None:
+    def tick(step: str, begin: float, end: float, share: float) -> None:
         if cancelled is not None and cancelled():
             raise Cancelled("the fit was cancelled")
         if progress is not None:
-            progress(part.begin + (part.end - part.begin) * share, part.step)
+            progress(begin + (end - begin) * share, step)
+
+    sampling = partial(tick, "sampling", 0.7, 1.0)
 
     # for uncertainties and for the comparison of solutions
     weighted = replace(problem, redundancies=_redundancies(problem))
-    found = _starting_poses(problem, options, lambda share: tick(_SEARCH, share))
-    solutions = _solutions(problem, weighted, found, lambda share: tick(_CLIMB, share))
-    marginals = marginals_of(weighted, solutions[0].values, options, lambda share: tick(_SAMPLE, share))
-    tick(_SAMPLE, 1.0)
+    found = _starting_poses(problem, options, partial(tick, "searching", 0.0, 0.5))
+    solutions = _solutions(problem, weighted, found, partial(tick, "refining", 0.5, 0.7))
+    marginals = marginals_of(weighted, solutions[0].values, options, sampling)
+    sampling(1.0)
     result = _result(problem, marginals, solutions)
     ridge = underestimated(weighted, solutions[0].values, marginals.narrow)
     result = replace(result, warnings=warnings_of(result, ridge))

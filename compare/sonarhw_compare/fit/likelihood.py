@@ -164,7 +164,7 @@ def _touched_normals(paths: Paths, walls: FloatArray) -> NDArray[np.complex128]:
     `walls` (n, 2) are the normals of the walls.
     """
     surfaces, after = paths.surfaces, _after_bend(paths)
-    normals = _complex_vectors(walls)[np.minimum(surfaces, len(walls) - 1)]
+    normals = (walls[:, 0] + 1j * walls[:, 1])[np.minimum(surfaces, len(walls) - 1)]
     for path, touch in np.argwhere(surfaces >= len(walls)).tolist():
         # after the bend, the edge is one more point
         at = int((surfaces[path, : touch + 1] >= 0).sum()) + int(after[path, touch])
@@ -194,10 +194,6 @@ def _image_move(
         factor = np.where(counts, -factor * normal**2, factor)
         flipped ^= counts
     return np.asarray(moves + factor[:, None] * np.where(flipped[:, None], end.conj(), end))
-
-
-def _complex_vectors(vectors: FloatArray) -> NDArray[np.complex128]:
-    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
 
 
 def _as_vectors(moves: NDArray[np.complex128]) -> FloatArray:

@@ -61,97 +61,8 @@ from sonarhw_compare.fit.quantities import (
 )
 from sonarhw_compare.fit.result import PlacedScan, check_given_once
 
-# Board, turning axis and air of a vector as plain numbers. Copies of room and board for each vector would be slow.
-
-
 # all quantities of the board that the likelihood depends on
 _OF_BOARD = (OFFSET, SLOPE, AHEAD, ASIDE, SCALE, AXIS_X, AXIS_Y, THRESHOLD, APERTURE)
-
-
-@dataclass(frozen=True)
-class SettingNumbers:
-    """The numbers of `Problem.setting` that the likelihood depends on, for vectors of the `parameters`, (size,)."""
-
-    board: Board
-    air: Air
-    places: tuple[Place, ...]  # of the scans
-    parameters: tuple[Parameter, ...]
-    pose_rows: tuple[list[int], ...]  # by scan: the rows of the parameters of its place
-    reported_speed: float | None  # m/s, for ranges from echo times; None if the air is not free
-
-    def of_board(self, values: FloatArray) -> dict[str, float]:
-        """Return the numbers of the board profile by key."""
-        present = self._present
-        changed = {one.key: one.number(present[one.key], float(values[row])) for row, one in self.board_rows}
-        return present | changed
-
-    def axis_pose(self, values: FloatArray, scan: int, numbers: Mapping[str, float]) -> tuple[float, float, float]:
-        """Return the position of the turning axis, m, and the actual heading of step 0, rad.
-
-        `numbers` are those of the board for the same `values`.
-        """
-        present, rows = self._poses[scan]
-        pose = present | {name: float(values[row]) for row, name in rows}
-        heading = pose[HEADING.name] + math.radians(self.board.home_angle_deg)
-        x, y = axis_beside((pose[X.name], pose[Y.name]), heading, numbers[AXIS_X.key], numbers[AXIS_Y.key])
-        return x, y, heading
-
-    def air_of(self, values: FloatArray) -> Air:
-        """Return the air."""
-        air = self.air
-        for row, parameter in enumerate(self.parameters):
-            if isinstance(parameter.quantity, AirQuantity):
-                air = parameter.quantity.put(air, float(values[row]))
-        return air
-
-    def for_kernel(
-        self, values: FloatArray, numbers: Mapping[str, float], heading: float, stretch: float
-    ) -> BoardValues:
-        """Return the board as the kernel of the likelihood needs it, for step 0 at `heading` (rad).
-
-        `stretch` is the ratio of measured to true ranges; a free speed of sound replaces it.
-        """
-        board, speed = self.board, self.air.speed_of_sound
-        if self.reported_speed is not None:
-            speed = self.air_of(values).speed_of_sound
-            stretch = self.reported_speed / speed
-        stretch *= 1 + numbers[SLOPE.key]
-        ahead, aside, half = numbers[AHEAD.key], numbers[ASIDE.key], board.mount.separation / 2
-        offset = numbers[OFFSET.key]
-        return BoardValues(
-            heading=heading,
-            scale=numbers[SCALE.key],
-            ka=math.tau * board.frequency / speed * numbers[APERTURE.key],
-            threshold_db=numbers[THRESHOLD.key],
-            opens=board.blanking_end * speed / 2 * stretch + offset,
-            closes=board.max_range * stretch + offset,
-            dead=board.rearm * speed / 2 * stretch,
-            stretch=stretch,
-            offset=offset,
-            sender=(ahead, aside + half),
-            listener=(ahead, aside - half),
-        )
-
-    @cached_property
-    def board_rows(self) -> list[tuple[int, BoardQuantity]]:
-        """The rows of the parameters of the board, with their quantities."""
-        quantities = ((row, one.quantity) for row, one in enumerate(self.parameters))
-        return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
-
-    @cached_property
-    def _present(self) -> dict[str, float]:
-        return {one.key: one.read(self.board) for one in _OF_BOARD}
-
-    @cached_property
-    def _poses(self) -> list[tuple[dict[str, float], list[tuple[int, str]]]]:
-        """For each scan, the present pose by name of its quantities, and the rows that change it."""
-        return [
-            (
-                {one.name: one.value(place) for one in (X, Y, HEADING)},
-                [(row, self.parameters[row].quantity.name) for row in rows],
-            )
-            for place, rows in zip(self.places, self.pose_rows, strict=True)
-        ]
 
 
 # Prior of tolerated values. How far they are off is unknown, so several standard deviations are possible.
@@ -379,7 +290,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class Objective:
-    """Log-likelihood plus log-prior near the values at which paths were searched."""
+    """Log-likelihood plus log-prior near the values at which paths were searched.
+
+    Board, turning axis and air of a vector are plain numbers: copies of room and board for each would be slow.
+    """
 
     problem: Problem
     values: FloatArray
@@ -422,11 +336,11 @@ class Objective:
         rows = zip(values, noises.tolist(), self._images(values, scan), self._levels(values, scan), strict=True)
         for row, (vector, of_noise, (out, back), levels) in enumerate(rows):
             noise = ReadingNoise(*of_noise)
-            numbers = self._numbers.of_board(vector)
-            x, y, heading = self._numbers.axis_pose(vector, scan, numbers)
+            numbers = self._of_board(vector)
+            x, y, heading = self._axis_pose(vector, scan, numbers)
             by = x - self._axes[scan][0], y - self._axes[scan][1]
             paths = PathArrays(out, back, found.rise, found.turn, found.kind, found.until, levels)
-            chosen = self._numbers.for_kernel(vector, numbers, heading, noise.stretch)
+            chosen = self._for_kernel(vector, numbers, heading, noise.stretch)
             likelihoods[row] = log_likelihoods(readings, paths, by, chosen, noise, self._table, self._lateness)
         return likelihoods
 
@@ -451,23 +365,90 @@ class Objective:
         middle, spread = np.array([*own, *((math.log(noise.median), noise.spread) for noise in self.problem.noises)]).T
         return middle, spread
 
+    def _of_board(self, values: FloatArray) -> dict[str, float]:
+        """Return the numbers of the board profile by key."""
+        present = self._present
+        changed = {one.key: one.number(present[one.key], float(values[row])) for row, one in self._board_rows}
+        return present | changed
+
+    def _axis_pose(self, values: FloatArray, scan: int, numbers: Mapping[str, float]) -> tuple[float, float, float]:
+        """Return the position of the turning axis, m, and the actual heading of step 0, rad.
+
+        `numbers` are those of the board for the same `values`.
+        """
+        present, rows = self._poses[scan]
+        pose = present | {name: float(values[row]) for row, name in rows}
+        heading = pose[HEADING.name] + math.radians(self.problem.board.home_angle_deg)
+        x, y = axis_beside((pose[X.name], pose[Y.name]), heading, numbers[AXIS_X.key], numbers[AXIS_Y.key])
+        return x, y, heading
+
+    def _air_of(self, values: FloatArray) -> Air:
+        """Return the air."""
+        air = self.room.air
+        for row, parameter in enumerate(self.problem.parameters):
+            if isinstance(parameter.quantity, AirQuantity):
+                air = parameter.quantity.put(air, float(values[row]))
+        return air
+
+    def _for_kernel(
+        self, values: FloatArray, numbers: Mapping[str, float], heading: float, stretch: float
+    ) -> BoardValues:
+        """Return the board as the kernel of the likelihood needs it, for step 0 at `heading` (rad).
+
+        `stretch` is the ratio of measured to true ranges; a free speed of sound replaces it.
+        """
+        board, speed = self.problem.board, self.room.air.speed_of_sound
+        if self.problem.reported_speed is not None:
+            speed = self._air_of(values).speed_of_sound
+            stretch = self.problem.reported_speed / speed
+        stretch *= 1 + numbers[SLOPE.key]
+        ahead, aside, half = numbers[AHEAD.key], numbers[ASIDE.key], board.mount.separation / 2
+        offset = numbers[OFFSET.key]
+        return BoardValues(
+            heading=heading,
+            scale=numbers[SCALE.key],
+            ka=math.tau * board.frequency / speed * numbers[APERTURE.key],
+            threshold_db=numbers[THRESHOLD.key],
+            opens=board.blanking_end * speed / 2 * stretch + offset,
+            closes=board.max_range * stretch + offset,
+            dead=board.rearm * speed / 2 * stretch,
+            stretch=stretch,
+            offset=offset,
+            sender=(ahead, aside + half),
+            listener=(ahead, aside - half),
+        )
+
     @cached_property
-    def _numbers(self) -> SettingNumbers:
-        problem = self.problem
-        rows = tuple(problem.pose_rows(scan) for scan in range(len(self.places)))
-        air, speed = self.room.air, problem.reported_speed
-        return SettingNumbers(problem.board, air, self.places, problem.parameters, rows, speed)
+    def _board_rows(self) -> list[tuple[int, BoardQuantity]]:
+        """The rows of the parameters of the board, with their quantities."""
+        quantities = ((row, one.quantity) for row, one in enumerate(self.problem.parameters))
+        return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
+
+    @cached_property
+    def _present(self) -> dict[str, float]:
+        return {one.key: one.read(self.problem.board) for one in _OF_BOARD}
+
+    @cached_property
+    def _poses(self) -> list[tuple[dict[str, float], list[tuple[int, str]]]]:
+        """For each scan, the present pose by name of its quantities, and the rows that change it."""
+        return [
+            (
+                {one.name: one.value(place) for one in (X, Y, HEADING)},
+                [(row, self.problem.parameters[row].quantity.name) for row in self.problem.pose_rows(scan)],
+            )
+            for scan, place in enumerate(self.places)
+        ]
 
     @cached_property
     def _axes(self) -> tuple[tuple[float, float], ...]:
         """Position of the turning axis of each scan at the values where paths were searched."""
-        numbers = self._numbers.of_board(self.values)
-        return tuple(self._numbers.axis_pose(self.values, scan, numbers)[:2] for scan in range(len(self.places)))
+        numbers = self._of_board(self.values)
+        return tuple(self._axis_pose(self.values, scan, numbers)[:2] for scan in range(len(self.places)))
 
     @cached_property
     def _table(self) -> FloatArray:
         board = self.problem.board
-        widest = [quantity.put(board, self.problem.parameters[row].upper) for row, quantity in self._numbers.board_rows]
+        widest = [quantity.put(board, self.problem.parameters[row].upper) for row, quantity in self._board_rows]
         aperture = max(one.aperture_radius for one in (board, *widest))
         coldest = replace(self.room.air, temperature_c=-10.0)
         return beam_table(board.wavenumber(coldest) * aperture)
@@ -498,7 +479,7 @@ class Objective:
         if self.problem.reported_speed is None:
             lost = self._lost[scan]
         else:
-            airs = (self._numbers.air_of(vector) for vector in values)
+            airs = (self._air_of(vector) for vector in values)
             lost = np.array([uncompensated_db(self._lengths[scan], self.problem.board, air) for air in airs])
         ratios = values[:, self._reflectance_rows] / self._reflectances
         gained = 20 * np.log10(np.maximum(ratios, 1e-9)) @ paths.powers.T

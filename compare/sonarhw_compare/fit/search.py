@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -507,15 +507,18 @@ def _of_known(
 ) -> Marginals:
     """Return the posterior near its maximum `top` (size,)."""
     start = averaged(top, covariance_of(whole.near(top), top), whole.tolerance_prior)
-    if not options.samples:
-        reach = _NORMAL_INTERVAL * whole.widenings * np.sqrt(np.diag(start.covariance))
-        middle, *ends = np.clip((start.mean, start.mean - reach, start.mean + reach), *whole.bounds)
-        return _marginals(whole, tolerated, middle, ends, start.covariance, np.empty((0, whole.size)))
-    objective = replace(whole, averages=True).near(top)
-    samples = samples_of(objective, start, options.samples, options.seed, tick)
-    middle, narrow = np.median(samples, axis=0), np.cov(samples, rowvar=False)
-    samples = np.clip(middle + whole.widenings * (samples - middle), *whole.bounds)
-    return _marginals(whole, tolerated, middle, np.percentile(samples, CREDIBLE_INTERVAL, axis=0), narrow, samples)
+    if options.samples:
+        objective = replace(whole, averages=True).near(top)
+        samples = samples_of(objective, start, options.samples, options.seed, tick)
+        middle, narrow = np.median(samples, axis=0), np.cov(samples, rowvar=False)
+        samples = np.clip(middle + whole.widenings * (samples - middle), *whole.bounds)
+        lower, upper = np.percentile(samples, CREDIBLE_INTERVAL, axis=0)
+    else:
+        samples, narrow = np.empty((0, whole.size)), start.covariance
+        reach = _NORMAL_INTERVAL * whole.widenings * np.sqrt(np.diag(narrow))
+        middle, lower, upper = np.clip((start.mean, start.mean - reach, start.mean + reach), *whole.bounds)
+    covariance = narrow * np.outer(whole.widenings, whole.widenings)
+    return Marginals(whole, tolerated, middle, lower, upper, covariance, narrow, samples)
 
 
 def _with_priors(known: Marginals, whole: Problem, idle: BoolArray, options: FitOptions) -> Marginals:
@@ -580,18 +583,6 @@ def _rows_named(problem: Problem, name: str, idle: BoolArray) -> list[int]:
     return [
         row for row, parameter in enumerate(problem.parameters) if parameter.quantity.name == name and not idle[row]
     ]
-
-
-def _marginals(
-    whole: Problem,
-    tolerated: tuple[Parameter, ...],
-    middle: FloatArray,
-    ends: Sequence[FloatArray],
-    narrow: FloatArray,
-    samples: FloatArray,
-) -> Marginals:
-    covariance = narrow * np.outer(whole.widenings, whole.widenings)
-    return Marginals(whole, tolerated, middle, ends[0], ends[1], covariance, narrow, samples)
 
 
 def tolerated_at(problem: Problem, values: FloatArray, options: FitOptions) -> tuple[Parameter, ...]:
