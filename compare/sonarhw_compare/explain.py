@@ -22,7 +22,6 @@ from sonarhw_compare.regions import Region
 from sonarhw_compare.score import (
     ProbabilityScore,
     RegionMatch,
-    RegionPair,
     assigned_echoes,
     calibration_text,
     compare_regions,
@@ -213,8 +212,7 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
         parts += [*added, f"{text(predicted_m)} is predicted"] if added and other else added
     parts += _within_blanking(prediction, row.index, row.path, text)
     if change is not None:
-        direction = "higher" if change > 0 else "lower"
-        parts.append(f"a threshold {max(abs(change), 0.1):.1f} dB {direction} would make the model agree")
+        parts.append(f"{_other_threshold(change)} would make the model agree")
     elif row.kind in (Kind.MATCH, Kind.BOTH_SILENT) and _is_exact(prediction):
         parts += _barely(row.index, prediction, text)
     return "; ".join(parts)
@@ -288,14 +286,18 @@ def _barely(index: int, prediction: PredictedScan, text: LengthText) -> list[str
         at = text(margins.fainter.range)
         said.append((lacking, f"an echo at {at} is only {lacking:.1f} dB below the threshold"))
     if moved is not None and least <= 1 and all(least < change / _BARELY_DB for change, _ in said):
-        return [_overtaken(moved, prediction, text)]
+        return [f"with {_moved(moved, text)} it would be {describe_path(prediction, moved.echo.path)}"]
     return [sentence for _, sentence in said]
 
 
-def _overtaken(moved: WallChange, prediction: PredictedScan, text: LengthText) -> str:
-    direction = "nearer" if moved.nearer > 0 else "farther"
-    path = describe_path(prediction, moved.echo.path)
-    return f"with {moved.wall} {text(abs(moved.nearer))} {direction} it would be {path}"
+def _other_threshold(change: float) -> str:
+    """Return a threshold with a change, dB: `a threshold 0.7 dB lower`."""
+    return f"a threshold {max(abs(change), 0.1):.1f} dB {'higher' if change > 0 else 'lower'}"
+
+
+def _moved(change: WallChange, text: LengthText) -> str:
+    """Return a wall with its shift: `top 0.004 m nearer`."""
+    return f"{change.wall} {text(abs(change.nearer))} {'nearer' if change.nearer > 0 else 'farther'}"
 
 
 def describe_path(prediction: PredictedScan, path: int) -> str:
@@ -382,12 +384,12 @@ def reading_details(comparison: Comparison, index: int) -> Details:
         "explanation": explain_reading(comparison, index),
         "echoes": [
             {
-                "measured_m": echo.measured,
-                "predicted_m": echo.predicted,
-                "level_db": echo.level_db,
-                "via": _via(prediction, echo.path),
+                "measured_m": measured,
+                "predicted_m": echo and echo.range,
+                "level_db": echo and echo.level_db,
+                "via": echo and _via(prediction, echo.path),
             }
-            for echo in (() if own_body else assigned_echoes(comparison, index))
+            for measured, echo in (() if own_body else assigned_echoes(comparison, index))
         ],
         "margin_db": margins.margin_db,
         "next": _echo(prediction, margins.next),
@@ -406,20 +408,20 @@ def region_details(comparison: Comparison) -> Details:
     """Return the regions of constant depth of both scans, pairs first."""
     found = compare_regions(comparison)
     return {
-        "pairs": [_pair(pair) for pair in found.pairs],
-        "parts": [_pair(pair) for pair in found.parts],
+        "pairs": [_pair(*pair) for pair in found.pairs],
+        "parts": [_pair(*pair) for pair in found.parts],
         "only_measured": [_region(region) for region in found.only_measured],
         "only_predicted": [_region(region) for region in found.only_predicted],
     }
 
 
-def _pair(pair: RegionPair) -> Details:
+def _pair(measured: Region, predicted: Region) -> Details:
     return {
-        "measured": _region(pair.measured),
-        "predicted": _region(pair.predicted),
-        "farther_m": pair.farther,
-        "turned_deg": _degrees(pair.turned),
-        "wider_deg": _degrees(pair.wider),
+        "measured": _region(measured),
+        "predicted": _region(predicted),
+        "farther_m": measured.range - predicted.range,
+        "turned_deg": _degrees(math.remainder(measured.bearing - predicted.bearing, math.tau)),
+        "wider_deg": _degrees(measured.width - predicted.width),
     }
 
 
@@ -438,8 +440,8 @@ def _echo(prediction: PredictedScan, echo: Step | Echo | None) -> Details | None
     return {"range_m": echo.range, "level_db": echo.level_db, "via": _via(prediction, echo.path)}
 
 
-def _via(prediction: PredictedScan, path: int | None) -> list[str] | None:
-    return None if path is None else list(prediction.paths.via(path, prediction.room))
+def _via(prediction: PredictedScan, path: int) -> list[str]:
+    return list(prediction.paths.via(path, prediction.room))
 
 
 def _degrees(angle: float) -> float:
@@ -541,11 +543,9 @@ def remedy_text(found: Remedy, text: LengthText = in_metres) -> str:
     """Return what would let an echo win: `a threshold 0.7 dB lower`; empty if nothing is known."""
     parts = []
     if found.threshold_db is not None:
-        direction = "higher" if found.threshold_db > 0 else "lower"
-        parts.append(f"a threshold {max(abs(found.threshold_db), 0.1):.1f} dB {direction}")
+        parts.append(_other_threshold(found.threshold_db))
     if found.wall is not None:
-        direction = "nearer" if found.wall.nearer > 0 else "farther"
-        parts.append(f"{found.wall.wall} {text(abs(found.wall.nearer))} {direction}")
+        parts.append(_moved(found.wall, text))
     if found.blanking is not None:
         parts.append(f"blanking {max(found.blanking * 1e3, 0.01):.2f} ms shorter")
     return " or ".join(parts)

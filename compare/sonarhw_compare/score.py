@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from sonarhw_sim.air import ROOM_TOLERANCE, Model
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.predict.probability import RESOLUTION, PossibleReading, possible_readings, scan_with_fainter_paths
 from sonarhw_sim.rays.paths import Paths
@@ -25,21 +26,6 @@ _TO_DEVIATION = 1.4826  # standard deviation of a normal distribution by its med
 
 
 @dataclass(frozen=True)
-class AssignedEcho:
-    """One measured echo and its predicted echo."""
-
-    measured: float  # m, offset added
-    predicted: float | None  # m; this and the next two are None without a predicted echo within 5 cm
-    path: int | None  # row of the prediction's paths
-    level_db: float | None
-
-    @property
-    def residual(self) -> float | None:
-        """Measured minus predicted, m."""
-        return None if self.predicted is None else self.measured - self.predicted
-
-
-@dataclass(frozen=True)
 class EchoStatistics:
     """Statistics of all measured echoes of a scan; readings of the carrier's own body are left out."""
 
@@ -49,17 +35,13 @@ class EchoStatistics:
     spread_m: float | None  # standard deviation, from the median absolute deviation
 
 
-def assigned_echoes(comparison: Comparison, index: int) -> tuple[AssignedEcho, ...]:
-    """Return every echo of reading `index`, nearest first, with its predicted echo."""
+def assigned_echoes(comparison: Comparison, index: int) -> tuple[tuple[float, Echo | None], ...]:
+    """Return every echo of reading `index`, m with the offset, nearest first, each with its predicted echo."""
     measured = np.array(comparison.rows[index].reading.echo_ranges, dtype=np.float64) + comparison.offset
     echoes = comparison.prediction.ping(comparison.rows[index].index).echoes
     chosen = assigned(measured, np.array([echo.range for echo in echoes], dtype=np.float64))
-    return tuple(
-        AssignedEcho(float(distance), None, None, None)
-        if at is None
-        else AssignedEcho(float(distance), echoes[at].range, echoes[at].path, echoes[at].level_db)
-        for distance, at in zip(measured, chosen, strict=True)
-    )
+    predicted = (None if row is None else echoes[row] for row in chosen)
+    return tuple(zip(measured.tolist(), predicted, strict=True))
 
 
 def assigned(measured: FloatArray, predicted: FloatArray) -> list[int | None]:
@@ -80,7 +62,7 @@ def echo_statistics(comparison: Comparison) -> EchoStatistics:
     """Return the statistics of all echoes of a scan."""
     of_room = [index for index, row in enumerate(comparison.rows) if row.kind is not Kind.OWN_BODY]
     echoes = [echo for index in of_room for echo in assigned_echoes(comparison, index)]
-    residuals = np.array([echo.residual for echo in echoes if echo.residual is not None], dtype=np.float64)
+    residuals = np.array([measured - echo.range for measured, echo in echoes if echo is not None], dtype=np.float64)
     if not len(residuals):
         return EchoStatistics(len(echoes), 0.0 if echoes else None, None, None)
     bias = float(np.median(residuals))
@@ -201,27 +183,7 @@ def _most_probable(measured: float | None, outcomes: Sequence[PossibleReading]) 
 # Assignment of the measured regions of constant depth to the predicted ones, with the differences of each pair.
 
 
-@dataclass(frozen=True)
-class RegionPair:
-    """One region found in both scans."""
-
-    measured: Region
-    predicted: Region
-
-    @property
-    def farther(self) -> float:
-        """Measured range minus predicted, m."""
-        return self.measured.range - self.predicted.range
-
-    @property
-    def turned(self) -> float:
-        """Measured bearing minus predicted, rad, -π..π."""
-        return math.remainder(self.measured.bearing - self.predicted.bearing, math.tau)
-
-    @property
-    def wider(self) -> float:
-        """Measured width minus predicted, rad."""
-        return self.measured.width - self.predicted.width
+RegionPair: TypeAlias = tuple[Region, Region]  # one region as measured and as predicted
 
 
 @dataclass(frozen=True)
@@ -236,7 +198,7 @@ class RegionMatch:
     def by_bearing(self) -> list[tuple[Region | None, Region | None]]:
         """Return each region as measured and as predicted, None if missing in that scan, counter-clockwise."""
         rows: list[tuple[float, Region | None, Region | None]] = []
-        rows += [(pair.measured.bearing, pair.measured, pair.predicted) for pair in self.pairs + self.parts]
+        rows += [(measured.bearing, measured, predicted) for measured, predicted in self.pairs + self.parts]
         rows += [(region.bearing, region, None) for region in self.only_measured]
         rows += [(region.bearing, None, region) for region in self.only_predicted]
         return [(measured, predicted) for _, measured, predicted in sorted(rows, key=lambda one: one[0])]
@@ -279,8 +241,8 @@ def match_regions(measured: Sequence[Region], predicted: Sequence[Region]) -> Re
     parts = [(k, int(shared[k].argmax())) for k in sorted(of_measured) if shared[k].any()]
     parts += [(int(shared[:, j].argmax()), j) for j in sorted(of_predicted) if shared[:, j].any()]
     return RegionMatch(
-        tuple(RegionPair(measured[k], predicted[j]) for k, j in chosen),
-        tuple(RegionPair(measured[k], predicted[j]) for k, j in parts),
+        tuple((measured[k], predicted[j]) for k, j in chosen),
+        tuple((measured[k], predicted[j]) for k, j in parts),
         tuple(measured[k] for k in sorted(of_measured) if not shared[k].any()),
         tuple(predicted[j] for j in sorted(of_predicted) if not shared[:, j].any()),
     )

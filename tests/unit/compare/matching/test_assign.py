@@ -49,7 +49,7 @@ def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
     reading = Reading(0, 0, 0, 0.0, 0.0, times, SPEED)
     comparison = compare_readings([reading], ROOM, replace(PLACE, heading=1.0), BOARD)
     echoes = assigned_echoes(comparison, 0)
-    assert [echo.path for echo in echoes] == [None, *(echo.path for echo in predicted_echoes)]
+    assert [echo and echo.path for _, echo in echoes] == [None, *(echo.path for echo in predicted_echoes)]
     statistics = echo_statistics(comparison)
     assert (statistics.echoes, statistics.explained) == (4, 0.75)
     assert statistics.bias_m == pytest.approx(0.004, abs=1e-9)

@@ -64,9 +64,8 @@ def test_a_sentence_and_the_details_name_the_own_body() -> None:
 
 def test_regions_fits_and_maps_leave_the_own_body_out() -> None:
     comparison = compare_readings(scan(), ROOM, PLACE, BOARD)
-    measured = [pair.measured for pair in compare_regions(comparison).pairs] + list(
-        compare_regions(comparison).only_measured
-    )
+    found = compare_regions(comparison)
+    measured = [*(region for region, _ in found.pairs), *found.only_measured]
     assert all(region.range > 0.1 for region in measured)
     placed = PlacedScan(scan(), PLACE)
     free = free_parameters(("heading",), ("scan",), ROOM, BOARD)

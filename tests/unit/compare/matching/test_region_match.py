@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from sonarhw_compare.explain import region_details
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.regions import Region, regions_of
 from sonarhw_compare.score import compare_regions, match_regions
@@ -30,14 +31,19 @@ def test_a_predicted_scan_has_the_predicted_regions() -> None:
     found = compare_regions(compare_readings(scan(0.0, 0.0, slice(0, 0)), ROOM, PLACE, BOARD))
     assert len(found.pairs) >= 4
     assert (found.only_measured, found.only_predicted) == ((), ())
-    assert all((pair.farther, pair.turned, pair.wider) == (0.0, 0.0, 0.0) for pair in found.pairs)
+    for measured, predicted in found.pairs:
+        assert (measured.range, measured.bearing, measured.width) == (
+            predicted.range,
+            predicted.bearing,
+            predicted.width,
+        )
 
 
 def test_regions_show_rotation_and_offset_of_a_scan() -> None:
     readings = scan(math.radians(6), 0.02, slice(0, 0))
-    found = compare_regions(compare_readings(readings, ROOM, PLACE, BOARD))
-    assert np.median([pair.farther for pair in found.pairs]) == pytest.approx(0.02, abs=1e-6)
-    assert np.median([pair.turned for pair in found.pairs]) == pytest.approx(math.radians(-6), abs=math.radians(1.6))
+    pairs = region_details(compare_readings(readings, ROOM, PLACE, BOARD))["pairs"]
+    assert np.median([pair["farther_m"] for pair in pairs]) == pytest.approx(0.02, abs=1e-6)
+    assert np.median([pair["turned_deg"] for pair in pairs]) == pytest.approx(-6, abs=1.6)
 
 
 def test_a_silent_region_is_only_predicted() -> None:
@@ -62,7 +68,7 @@ def test_two_walls_at_equal_range_are_two_regions() -> None:
     times = [() if math.isnan(r) else (2 * float(r) / SPEED,) for r in ranges]
     readings = [Reading(k, 0, 0, float(a), 0.1 * k, times[k], SPEED) for k, a in enumerate(ANGLES)]
     found = compare_regions(compare_readings(readings, ROOM, place, BOARD))
-    near = sorted(math.degrees(pair.measured.bearing) for pair in found.pairs if abs(pair.measured.range - 0.3) < 0.01)
+    near = sorted(math.degrees(region.bearing) for region, _ in found.pairs if abs(region.range - 0.3) < 0.01)
     assert len(near) == 2
     assert (found.parts, found.only_measured, found.only_predicted) == ((), (), ())
 
@@ -73,7 +79,7 @@ def test_a_reflector_detected_in_pieces_is_one_region_and_its_parts() -> None:
     found = match_regions(pieces, whole)
     assert (len(found.pairs), len(found.parts)) == (1, 1)
     assert (found.only_measured, found.only_predicted) == ((), ())
-    assert match_regions(whole, pieces).parts[0].measured == whole[0]
+    assert match_regions(whole, pieces).parts[0][0] == whole[0]
 
 
 def arc(begin: float, end: float, distance: float = 1.0) -> Region:
