@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count, islice
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -167,11 +167,8 @@ class CsvHead:
 def read_head(file: Path, most_rows: int, decimal_comma: bool = False) -> CsvHead:
     """Return the names of the columns and the first lines below them. Raises InputError."""
     with opened(file) as text:
-        lines = short_lines(file, text)
-        first = next(lines, "")
-        separator = _separator(first) if decimal_comma else ","
-        header = _header(file, next(csv.reader([first], delimiter=separator), []), separator)
-        filled = (row for row in csv.reader(lines, delimiter=separator) if any(field.strip() for field in row))
+        header, reader = _header_and_reader(file, text, decimal_comma)
+        filled = (row for row in reader if any(field.strip() for field in row))
         return CsvHead(tuple(header), tuple(map(tuple, islice(filled, most_rows))), decimal_comma)
 
 
@@ -262,12 +259,8 @@ def short_lines(file: Path, text: TextIO, expected: str = "a CSV file", most: in
 
 def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[ForeignRow]:
     with opened(file) as text:
-        lines = short_lines(file, text)
-        first = next(lines, "")
-        separator = _separator(first) if columns.decimal_comma else ","
-        header = _header(file, next(csv.reader([first], delimiter=separator), []), separator)
-        indices = _column_indices(file, header, columns)
-        reader, read = csv.reader(lines, delimiter=separator), 0
+        header, reader = _header_and_reader(file, text, columns.decimal_comma)
+        indices, read = _column_indices(file, header, columns), 0
         for fields in reader:
             if any(field.strip() for field in fields):
                 read += 1
@@ -278,9 +271,17 @@ def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[Fo
                 yield _row(line, columns, indices, no_echo)
 
 
-def _separator(header: str) -> str:
-    """Return what separates the columns of a file with decimal commas: a tab if the header has one, or semicolons."""
-    return "\t" if "\t" in header else ";"
+def _header_and_reader(file: Path, text: TextIO, decimal_comma: bool) -> tuple[list[str], Any]:
+    """Return the names of the columns, and the reader of the lines below.
+
+    With decimal commas, columns are separated by tabs if the header has one, or else by semicolons.
+    """
+    lines = short_lines(file, text)
+    first, separator = next(lines, ""), ","
+    if decimal_comma:
+        separator = "\t" if "\t" in first else ";"
+    header = _header(file, next(csv.reader([first], delimiter=separator), []), separator)
+    return header, csv.reader(lines, delimiter=separator)
 
 
 def _header(file: Path, fields: list[str], separator: str = ",") -> list[str]:

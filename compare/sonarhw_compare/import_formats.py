@@ -1,10 +1,9 @@
 """The file formats that `sonarhw import` reads besides CSV, each with its file suffixes.
 
-To add a format, write a function `read_x(file, meaning)` in a new module and add an entry to FORMATS. The command and
-its help follow.
+To add a format, write a function `read_x(file, meaning)` in `imports` and add an entry to FORMATS. The command and its
+help follow.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,38 +23,23 @@ class ImportFormat:
     title: str
     has_traces: bool  # of received signals, in place of ranges
     has_step: bool  # without angles of its own, at least in part
-    read: "Callable[[Path, Meaning], list[Reading]]"
+    reader: str  # name of a function of `imports`
 
+    def read(self, file: Path, meaning: "Meaning") -> "list[Reading]":
+        """Return the readings of a file in this format. Raises InputError."""
+        from sonarhw_compare import imports  # loads NumPy, which the help does not need
 
-def _read_carmen(file: Path, meaning: "Meaning") -> "list[Reading]":
-    from sonarhw_compare.imports import read_carmen_log  # loads NumPy, which the help does not need
-
-    return read_carmen_log(file, meaning)
-
-
-def _read_ping360(file: Path, meaning: "Meaning") -> "list[Reading]":
-    from sonarhw_compare.imports import read_ping360_log
-
-    return read_ping360_log(file, meaning)
-
-
-def _read_ros(file: Path, meaning: "Meaning") -> "list[Reading]":
-    from sonarhw_compare.imports import read_ros_bag
-
-    return read_ros_bag(file, meaning)
-
-
-def _read_raw(file: Path, meaning: "Meaning") -> "list[Reading]":
-    from sonarhw_compare.imports import read_raw_traces
-
-    return read_raw_traces(file, meaning)
+        readings: list[Reading] = getattr(imports, self.reader)(file, meaning)
+        return readings
 
 
 FORMATS = (
-    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, False, _read_carmen),
-    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, False, _read_ping360),
-    ImportFormat((".bag",), "ROS bags, also the folder of a bag of ROS 2", False, True, _read_ros),
-    ImportFormat((".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, True, _read_raw),
+    ImportFormat((".log", ".clf"), "CARMEN logs with SONAR lines", False, False, "read_carmen_log"),
+    ImportFormat((".bin",), "Ping Viewer logs of a Ping360", True, False, "read_ping360_log"),
+    ImportFormat((".bag",), "ROS bags, also the folder of a bag of ROS 2", False, True, "read_ros_bag"),
+    ImportFormat(
+        (".wav", ".npy", ".mat"), "raw traces, also as text with a sampling rate", True, True, "read_raw_traces"
+    ),
 )
 _ROS, _RAW = FORMATS[-2:]
 
