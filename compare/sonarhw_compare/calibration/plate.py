@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -125,15 +125,6 @@ def level_posterior(
 
 
 @dataclass(frozen=True)
-class _Headings:
-    """Where each used heading is in a table with a row of `_ANGLES` for each pair of numbers, at each turn."""
-
-    counts: list[tuple[int, int]]  # of each row: pings that hear the plate, and all pings
-    below: NDArray[np.intp]  # (t, n), element of the flat table at or below the heading
-    share: FloatArray  # (t, n), of the way to the next element
-
-
-@dataclass(frozen=True)
 class _Hearing:
     """The likelihood of hearing of one scan."""
 
@@ -152,10 +143,10 @@ class _Hearing:
         level = self._detected(values[_APERTURE], values.get(_GAIN_STEP, 0.0))
         heard = ndtr((level - threshold) / scatter)
         at_errors = np.array([np.interp(_ANGLES + error * one, _ANGLES, heard) for one in _ERRORS])
-        of_headings = self._headings
-        table = np.log([_chances(at_errors, *one) for one in of_headings.counts]).ravel()
-        before, after = table[of_headings.below], table[of_headings.below + 1]
-        found = (before + of_headings.share * (after - before)).sum(axis=1)
+        counts, below, share = self._headings
+        table = np.log([_chances(at_errors, *one) for one in counts]).ravel()
+        before, after = table[below], table[below + 1]
+        found = (before + share * (after - before)).sum(axis=1)
         return float(logsumexp(found - ((self._turns / self.turn_deviation) ** 2) / 2))
 
     @property
@@ -164,14 +155,19 @@ class _Hearing:
         return np.linspace(-half, half, _TURNS)
 
     @cached_property
-    def _headings(self) -> _Headings:
+    def _headings(self) -> tuple[list[tuple[int, int]], NDArray[np.intp], FloatArray]:
+        """Where each used heading is in a table with a row of `_ANGLES` for each pair of numbers, at each turn.
+
+        The numbers of pings that hear the plate and of all pings, for each row; the element of the flat table at or
+        below the heading, (t, n); and the share of the way to the next element, (t, n).
+        """
         offsets = self.scan.angles - self.scan.middle - self.turn - self._turns[:, None]
         place = np.clip((offsets[:, self.used] + WIDEST) / _ANGLE_STEP, 0.0, len(_ANGLES) - 1.0)
         below = np.minimum(place.astype(np.intp), len(_ANGLES) - 2)
         pairs = np.column_stack((self.scan.heard, self.scan.pings))[self.used].tolist()
         counts = sorted({(int(hits), int(pings)) for hits, pings in pairs})
         rows = np.array([counts.index((int(hits), int(pings))) for hits, pings in pairs], dtype=np.intp)
-        return _Headings(counts, below + rows * len(_ANGLES), place - below)
+        return counts, below + rows * len(_ANGLES), place - below
 
     def _detected(self, aperture: float, gain: float) -> FloatArray:
         """Return the level at the detector at `_ANGLES`, dB, interpolated between boards on a grid."""
@@ -320,7 +316,8 @@ class _Problem:
     def residuals(self, values: FloatArray) -> FloatArray:
         """Return all residuals that are used, in standard deviations, (k,)."""
         of_peaks = np.concatenate(self.peak_residuals(values)) / self.deviation
-        return np.concatenate((of_peaks, self.hearing_residuals(values)[self.counted], self._weak(values)))
+        # a weak prior, so that the deviation of what nothing determines is large, not infinite
+        return np.concatenate((of_peaks, self.hearing_residuals(values)[self.counted], values / self.limits))
 
     def peak_residuals(self, values: FloatArray) -> list[FloatArray]:
         """Return measured minus expected peaks of each scan that are used, dB, (k,) each."""
@@ -358,10 +355,6 @@ class _Problem:
             blur = levels.slopes_at(angles) * scan.step / math.sqrt(12)
             chances.append(ndtr((levels.detected_at(angles) - threshold) / np.hypot(scatter, blur)))
         return np.asarray(_OUTLIERS / 2 + (1 - _OUTLIERS) * np.concatenate(chances))
-
-    def _weak(self, values: FloatArray) -> FloatArray:
-        """Return weak prior residuals, so that the deviation of what nothing determines is large, not infinite."""
-        return values / self.limits
 
 
 def free_keys(board: Board, scans: Sequence[PlateReadings]) -> tuple[str, ...]:
@@ -424,14 +417,10 @@ def _without_outliers(problem: _Problem, values: FloatArray) -> _Problem:
 
 def _solved(problem: _Problem, values: FloatArray) -> FloatArray:
     limits = problem.limits
-
-    def derivatives(at: FloatArray) -> FloatArray:
-        return _derivatives(problem.residuals, at)
-
     found = least_squares(
         problem.residuals,
         np.clip(values, -0.99 * limits, 0.99 * limits),
-        jac=derivatives,
+        jac=partial(_derivatives, problem.residuals),
         bounds=(-limits, limits),
         x_scale=limits,
         loss="soft_l1",  # objects beside the plate disturb some headings

@@ -75,15 +75,6 @@ class Between(NamedTuple):
 
 
 @dataclass(frozen=True)
-class DetectionChoice:
-    """What the rule chooses."""
-
-    threshold_db: Between
-    aperture_radius: Between
-    is_determined: bool  # False: the scans have no silence, or no echo, and the rule counts one kind only
-
-
-@dataclass(frozen=True)
 class _Outcomes:
     """What each pair of the grid predicts right, for all r readings together."""
 
@@ -99,9 +90,10 @@ def choose_detection(
     places: Sequence[Place],
     redundancy: float,
     tick: Callable[[float], None] = lambda _share: None,
-) -> DetectionChoice:
+) -> tuple[Between | None, Between]:
     """Return threshold and aperture by the rule, for scans at `places` (with the actual headings of the zero).
 
+    The threshold is None if the scans have no silence, or no echo: the rule then counts one kind only.
     `redundancy` is the number of readings per independent reading; the intervals are from a bootstrap of such blocks.
     """
     found = _outcomes(scans, room, board, places, tick)
@@ -111,12 +103,9 @@ def choose_detection(
     a, t = nearest_good_pair(scores, drawn_scores)
     drawn = np.array(best_pairs(drawn_scores))
     thresholds, apertures = board.threshold_db + THRESHOLDS, board.aperture_radius * APERTURES
-    both = bool(found.sounding.any() and not found.sounding.all())
-    return DetectionChoice(
-        _between(float(thresholds[t]), thresholds[drawn[:, 1]], 1.0),
-        _between(float(apertures[a]), apertures[drawn[:, 0]], 0.1 * float(apertures[a])),
-        both,
-    )
+    threshold = _between(float(thresholds[t]), thresholds[drawn[:, 1]], 1.0)
+    aperture = _between(float(apertures[a]), apertures[drawn[:, 0]], 0.1 * float(apertures[a]))
+    return threshold if found.sounding.any() and not found.sounding.all() else None, aperture
 
 
 def _between(value: float, drawn: FloatArray, step: float) -> Between:
@@ -287,16 +276,11 @@ def _runs(values: FloatArray, enough: BoolArray) -> list[IntArray]:
     joined = enough & np.roll(enough, 1) & (np.abs(values - np.roll(values, 1)) <= _NEXT)
     if joined.all():
         return [np.arange(count)]
-    runs: list[list[int]] = []
     # begin behind a gap
-    first = int(np.flatnonzero(~joined)[0])
-    for k in (np.arange(count) + first) % count:
-        if enough[k]:
-            if joined[k] and runs and runs[-1][-1] == (k - 1) % count:
-                runs[-1].append(int(k))
-            else:
-                runs.append([int(k)])
-    return [np.array(run, dtype=np.intp) for run in runs]
+    order = np.roll(np.arange(count), -int(np.flatnonzero(~joined)[0]))
+    order = order[enough[order]]
+    begins = ~(joined & np.roll(enough, 1))
+    return np.split(order, np.flatnonzero(begins[order])[1:]) if len(order) else []
 
 
 def _runs_by_chance(
@@ -808,21 +792,15 @@ def _lone_runs(compared: Sequence[Comparison]) -> list[str]:
     """Return runs of echoes that are nearer than all that the room can give, of the first scan, in words."""
     rows = [row for row in compared[0].rows if row.kind in (Kind.SHORT, Kind.EXTRA) and row.path is None]
     nearest = float(np.nanmin(compared[0].prediction.ranges, initial=math.inf))
-    near = [row for row in rows if row.measured is not None and row.measured < nearest]
-    runs: list[list[int]] = []
-    for row in near:
-        if runs and row.index == runs[-1][-1] + 1:
-            runs[-1].append(row.index)
-        else:
-            runs.append([row.index])
+    near = np.array([row.index for row in rows if row.measured is not None and row.measured < nearest], dtype=np.intp)
     lines = []
-    for run in runs:
+    for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
         if len(run) >= _LONE_RUN:
-            angles = [math.degrees(compared[0].rows[k].reading.angle) for k in run]
-            ranges = [compared[0].rows[k].reading.range or 0.0 for k in run]
+            angles, ranges = angles_and_ranges([compared[0].rows[k].reading for k in run])
+            first, last = np.degrees((angles.min(), angles.max()))
             lines.append(
-                f"echoes at turntable angles {min(angles):.0f} to {max(angles):.0f} degrees, {min(ranges):.2f} to "
-                f"{max(ranges):.2f} m, are nearer than anything in the room: perhaps own body; scan from another place"
+                f"echoes at turntable angles {first:.0f} to {last:.0f} degrees, {ranges.min():.2f} to "
+                f"{ranges.max():.2f} m, are nearer than anything in the room: perhaps own body; scan from another place"
             )
     return lines
 
@@ -875,12 +853,12 @@ def _find_home(found: RoomCalibration, fitted: TurntableFit) -> None:
 def _find_detection(found: RoomCalibration, places: Sequence[Place], tick: Callable[[float], None]) -> None:
     """Add threshold and aperture by the rule for echoes and silence; a threshold that no silence bounds stays."""
     redundancy = float(np.mean([readings_per_independent(scan, found.board) for scan in found.scans]))
-    chosen = choose_detection(found.scans, found.room, found.board, places, redundancy, tick)
-    if chosen.is_determined:
-        found.add("threshold_db", *chosen.threshold_db, "dB")
-    else:
+    threshold, aperture = choose_detection(found.scans, found.room, found.board, places, redundancy, tick)
+    if threshold is None:
         found.kept["threshold_db"] = "the logs have no silence, or no echo"
-    found.add("aperture_radius", *chosen.aperture_radius, "m")
+    else:
+        found.add("threshold_db", *threshold, "dB")
+    found.add("aperture_radius", *aperture, "m")
 
 
 def _find_spreads(found: RoomCalibration, places: Sequence[Place], tick: Callable[[], None]) -> None:
