@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from textwrap import fill
 from typing import TypeAlias
@@ -55,25 +55,15 @@ _SLANT = 17.2  # degrees
 _CHECKED = (-36.0, -20.0, -28.0)  # dB at that angle: carrier, peak, energy
 
 
-@dataclass(frozen=True)
-class Loss:
-    """The loss of a burst in both directions together, dB."""
-
-    carrier: float
-    peak: float
-    energy: float
-
-
 def burst_off_the_axis(degrees: float = _SLANT, radius: float = 0.0192) -> Claim:
     """Check three measures of the loss at one angle."""
-    loss = _loss(degrees, radius)
-    found = (loss.carrier, loss.peak, loss.energy)
+    carrier, peak, energy = _losses(degrees, radius)
     return Claim(
         "h_R convolved with the pulse gives the loss by angle, once on transmission and once on reception (the paper "
         "draws the loss but does not state values; -36, -20 and -28 dB were computed independently of this code)",
-        f"at {degrees:g}°, both directions: carrier {loss.carrier:.1f} dB, peak of the burst {loss.peak:.1f} dB, its "
-        f"energy {loss.energy:.1f} dB",
-        all(abs(value - expected) < 0.6 for value, expected in zip(found, _CHECKED, strict=True)),
+        f"at {degrees:g}°, both directions: carrier {carrier:.1f} dB, peak of the burst {peak:.1f} dB, its "
+        f"energy {energy:.1f} dB",
+        all(abs(value - expected) < 0.6 for value, expected in zip((carrier, peak, energy), _CHECKED, strict=True)),
     )
 
 
@@ -91,12 +81,13 @@ def loss_grows_to_the_first_null(radius: float = 0.0192) -> Claim:
     )
 
 
-def _loss(degrees: float, radius: float) -> Loss:
+def _losses(degrees: float, radius: float) -> tuple[float, float, float]:
+    """Return the losses of carrier, peak and energy of a burst in both directions together, dB."""
     burst = square_burst(_FREQUENCY, _CYCLES, _RATE)
     left = _convolved(burst, math.radians(degrees), radius, passes=2)
     gain = beam_gain(np.array([math.radians(degrees)]), math.tau * _FREQUENCY / _SPEED * radius)[0]
     energy = (np.abs(left) ** 2).sum() / (np.abs(burst) ** 2).sum()
-    return Loss(40 * math.log10(gain), 20 * math.log10(np.abs(left).max()), 10 * math.log10(energy))
+    return 40 * math.log10(gain), 20 * math.log10(np.abs(left).max()), 10 * math.log10(energy)
 
 
 def _convolved(burst: ComplexArray, angle: float, radius: float, passes: int) -> ComplexArray:
@@ -150,20 +141,6 @@ def _draw_losses(axes: Axes) -> None:
 
 def _decibels(amplitudes: FloatArray) -> FloatArray:
     return np.asarray(20 * np.log10(np.maximum(amplitudes, 1e-6)))
-
-
-BEAM_EXHIBITS = (
-    Exhibit(
-        "figure5",
-        "Figure 5: the impulse response and the pulse",
-        "A circular face of 19.2 mm radius and a square burst of 16 cycles of 49.4 kHz, at 20 °C and 50 % "
-        "humidity. Left: Kuc and Siegel's h_R convolved with the burst, summed in time. Right: the loss at "
-        "each angle in both directions together.",
-        (),
-        _draw_beam,
-        (burst_off_the_axis, loss_grows_to_the_first_null),
-    ),
-)
 
 
 # Figures 10 to 13: the corner of two boxes in open space, with an obtuse and with a right angle.
@@ -369,39 +346,6 @@ def _note_at(axes: Axes, scene: PaperScene, reading: PredictedReading, text: str
     note(axes, text, (x, y), (x + aside[0], y + aside[1]))
 
 
-CORNER_EXHIBITS = (
-    Exhibit(
-        "figure10_11",
-        "Figures 10 and 11: an oblique corner",
-        "Two boxes at an obtuse angle in open space, one reading every 3°. The dimensions are ours: the upper box is "
-        "120 mm nearer, and the corner is near the perpendicular foot on the lower box, so that the arc of the lower "
-        "box extends behind the upper one.",
-        (OBLIQUE, OBLIQUE_FAR),
-        _draw_oblique,
-        (
-            walls_do_not_meet,
-            lower_is_seen_behind_upper,
-            oblique_almost_unchanged,
-            oblique_walls_are_lost_off_the_axis,
-        ),
-    ),
-    Exhibit(
-        "figure12_13",
-        "Figures 12 and 13: a right-angle corner",
-        "Two boxes at a right angle in open space, one reading every 3°, from two places; the second is nearer to the "
-        "corner. The dimensions are ours.",
-        (RIGHT, RIGHT_NEARER),
-        _draw_right,
-        (
-            corner_is_a_tangential_wall,
-            hole_at_each_side,
-            almost_unchanged_from_nearer,
-            right_walls_are_lost_off_the_axis,
-        ),
-    ),
-)
-
-
 # Section 3 of the paper: a sensor is moved along one wall of a long corridor, and its errors are correlated.
 #
 # An error is the range minus the distance of the nearest wall along the axis.
@@ -417,7 +361,9 @@ _ALIKE = 0.8  # correlation
 
 def right_at_right_angles(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Check the readings across the corridor."""
-    worst = float(np.abs([errors(scene)[_corridor_row(scene, degrees)] for scene in walk for degrees in _ACROSS]).max())
+    worst = float(
+        np.abs([errors(scene)[scene.readings.index(scene.at(degrees))] for scene in walk for degrees in _ACROSS]).max()
+    )
     return Claim(
         "readings at right angles to the walls are correct",
         f"at 90 and 270° the largest error of {2 * len(walk)} readings is {worst * 1000:.1f} mm",
@@ -482,10 +428,6 @@ def _all_errors(walk: tuple[PaperScene, ...]) -> FloatArray:
     return np.array([errors(scene) for scene in walk])
 
 
-def _corridor_row(scene: PaperScene, degrees: float) -> int:
-    return scene.readings.index(scene.at(degrees))
-
-
 def _draw_corridor() -> Figure:
     figure = sheet(10, 8)
     top, bottom = figure.subplots(2, 1, height_ratios=(1, 1.35))
@@ -509,24 +451,6 @@ def _draw_errors(axes: Axes, figure: Figure) -> None:
     figure.colorbar(image, ax=axes, label="range minus distance of the wall (m)")
     axes.set(xlabel="heading (degrees)", ylabel="position along the corridor (m)", xticks=range(0, 360, 30))
     axes.set_title("error of every reading; light grey: no echo", fontsize=11)
-
-
-CORRIDOR_EXHIBITS = (
-    Exhibit(
-        "corridor",
-        "Section 3: along a corridor",
-        f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, one reading every "
-        f"{WALK[0].degrees[2]:g}°. The dimensions are ours. The command predicts the scan at the first place.",
-        WALK[:1],
-        _draw_corridor,
-        (
-            right_at_right_angles,
-            long_ahead_and_behind,
-            errors_are_correlated_between_headings,
-            errors_are_correlated_between_places,
-        ),
-    ),
-)
 
 
 # Figures 3 and 4: three scans of a laboratory from a table top, drawn in one plan.
@@ -678,26 +602,6 @@ def _draw_laboratory() -> Figure:
     note(axes, "pillar, half lost", (1.121, 1.95), (1.2, 2.75))
     finish_plan(axes, "Laboratory: three scans in one plan", (-5.2, 8.8, -5.2, 6.8), "upper left")
     return figure
-
-
-LABORATORY_EXHIBITS = (
-    Exhibit(
-        "figure3_4",
-        "Figures 3 and 4: a laboratory from a table top",
-        "Three scans in one plan, one reading every 5°. The room resembles the paper's; its dimensions are ours. The "
-        "outer corner is sharp; the paper does not say how it was seen. The pillar is round and 0.6 m thick, with "
-        "nothing in front of it.",
-        SCANS,
-        _draw_laboratory,
-        (
-            near_wall_over_a_short_span,
-            blackboard_moves_the_wall,
-            protruding_corner_is_strong,
-            person_is_strong,
-            pillar_is_half_lost,
-        ),
-    ),
-)
 
 
 # Figures 1 and 2: a plate in front of the transducer, and the raw receive signal of one ping.
@@ -853,23 +757,6 @@ def _finish(axes: Axes, title: str, farthest: float) -> None:
     axes.set_xlim(0, farthest)
     axes.axhline(0, color=WALL, lw=0.4)
     axes.grid(alpha=0.25)
-
-
-PLATE_EXHIBITS = (
-    Exhibit(
-        "figure2",
-        "Figures 1 and 2: one plate, four raw traces",
-        "A plate on a stand in front of the transducer, whose face reflects returning sound. Distances, "
-        "sizes and angles are ours. The paper does not explain the small early echo from the plate at 45° in (d); here "
-        "it is diffraction at the near edge of the plate, 4.6° off the axis, with the paper's factor for edges. By the "
-        "uniform theory it is 9 dB fainter, below the peaks of the noise. The receiver's gain compensates for the "
-        "distance, so echoes lose level only by reflection and by the directivity of the face. All traces have the "
-        "same noise, of -60 dB (ours).",
-        (NO_TARGET, TILTED, PARALLEL, AT_45, PLATE_TURNED),
-        _draw_plates,
-        (nothing_returns, one_echo, many_echoes, strongest_is_reflected_by_the_plate, small_echo_vanishes),
-    ),
-)
 
 
 # Figures 7, 8 and 9: the room of shelving, as the unit measured it and as the paper's simulation predicted it.
@@ -1068,43 +955,6 @@ _SETUP = (
     "Room and places are the paper's: 928 × 742 mm of shelving. The reflectance, 0.95, is ours. One reading every 3°."
 )
 
-SIMPLE_ROOM_EXHIBITS = (
-    Exhibit(
-        "figure7",
-        "Figure 7: the simple room, as the unit measured it",
-        f"{_SETUP} The sensor is 397 mm from the top and 94 mm from the right. The unit's face reflects. Left: the "
-        "first echo above the threshold. Right: the ranging board's own receiver, which integrates, so that sound that "
-        "arrives at the end of blanking is read there.",
-        (FIGURE_7, FIGURE_7_BOARD),
-        _draw_7,
-        (very_close_at_the_right, circle_of_minimum_range),
-    ),
-    Exhibit(
-        "figure8",
-        "Figure 8: the simple room, as the paper's simulation predicts it",
-        f"{_SETUP} The place is that of figure 7. The unit blocks the sound that returns to its face.",
-        (FIGURE_8,),
-        _draw_8,
-        (far_wall_is_wavy, nothing_near_at_the_right),
-    ),
-    Exhibit(
-        "figure9",
-        "Figure 9: a false wall, and a robot that does not detect it",
-        f"{_SETUP} The sensor is 657 mm from the top and 154 mm from the right; sound passes it. The robot of the "
-        "text has a round body of 152 mm radius (this radius and its position along the wall are ours). Its face is "
-        "also 85 mm from the lower wall when it points there.",
-        (FIGURE_9, ROBOT),
-        _draw_9,
-        (
-            upper_wall_is_true,
-            far_wall_is_wavy_again,
-            lower_wall_is_false,
-            corridor_of_twice_the_width,
-            body_removes_the_false_wall,
-        ),
-    ),
-)
-
 
 # Figure 14: the rays of one reading, between walls that are labelled with their reflectances.
 
@@ -1171,19 +1021,6 @@ def _draw_rays() -> Figure:
     finish_plan(axes, "The reading at 270°, and the three echoes after it", (-0.06, 0.99, -0.1, 0.8), "upper left")
     axes.legend(loc="center left", bbox_to_anchor=(0.08, 0.72), fontsize=9)
     return figure
-
-
-RAY_EXHIBITS = (
-    Exhibit(
-        "figure14",
-        "Figure 14: the rays of one reading",
-        "The reading of figure 9 at 270° with thick rays, and the next three echoes with thin rays. The paper does not "
-        "say which reading it shows. Rays that run back and forth on one line are shifted sideways, by 50 mm in total.",
-        (READING,),
-        _draw_rays,
-        (legs_of_the_reading, level_is_the_product_of_reflectances),
-    ),
-)
 
 
 # Figure 6: a room like Kuc and Siegel's, by an independent model of single reflections and by ray following.
@@ -1296,7 +1133,50 @@ def _draw_single_reflections() -> Figure:
     return figure
 
 
-SINGLE_REFLECTION_EXHIBITS = (
+# The page of figures: a picture of every exhibit, and the text of `figures.md`, in the order of the paper.
+
+
+PAGE = "figures.md"
+EXHIBITS: tuple[Exhibit, ...] = (
+    Exhibit(
+        "figure2",
+        "Figures 1 and 2: one plate, four raw traces",
+        "A plate on a stand in front of the transducer, whose face reflects returning sound. Distances, "
+        "sizes and angles are ours. The paper does not explain the small early echo from the plate at 45° in (d); here "
+        "it is diffraction at the near edge of the plate, 4.6° off the axis, with the paper's factor for edges. By the "
+        "uniform theory it is 9 dB fainter, below the peaks of the noise. The receiver's gain compensates for the "
+        "distance, so echoes lose level only by reflection and by the directivity of the face. All traces have the "
+        "same noise, of -60 dB (ours).",
+        (NO_TARGET, TILTED, PARALLEL, AT_45, PLATE_TURNED),
+        _draw_plates,
+        (nothing_returns, one_echo, many_echoes, strongest_is_reflected_by_the_plate, small_echo_vanishes),
+    ),
+    Exhibit(
+        "figure3_4",
+        "Figures 3 and 4: a laboratory from a table top",
+        "Three scans in one plan, one reading every 5°. The room resembles the paper's; its dimensions are ours. The "
+        "outer corner is sharp; the paper does not say how it was seen. The pillar is round and 0.6 m thick, with "
+        "nothing in front of it.",
+        SCANS,
+        _draw_laboratory,
+        (
+            near_wall_over_a_short_span,
+            blackboard_moves_the_wall,
+            protruding_corner_is_strong,
+            person_is_strong,
+            pillar_is_half_lost,
+        ),
+    ),
+    Exhibit(
+        "figure5",
+        "Figure 5: the impulse response and the pulse",
+        "A circular face of 19.2 mm radius and a square burst of 16 cycles of 49.4 kHz, at 20 °C and 50 % "
+        "humidity. Left: Kuc and Siegel's h_R convolved with the burst, summed in time. Right: the loss at "
+        "each angle in both directions together.",
+        (),
+        _draw_beam,
+        (burst_off_the_axis, loss_grows_to_the_first_null),
+    ),
     Exhibit(
         "figure6",
         "Figure 6: a room in the manner of Kuc and Siegel's",
@@ -1307,22 +1187,92 @@ SINGLE_REFLECTION_EXHIBITS = (
         _draw_single_reflections,
         (single_readings_are_theirs, several_reflections_are_missing),
     ),
-)
-
-
-# The page of figures: a picture of every exhibit, and the text of `figures.md`, in the order of the paper.
-
-
-PAGE = "figures.md"
-EXHIBITS: tuple[Exhibit, ...] = (
-    *PLATE_EXHIBITS,
-    *LABORATORY_EXHIBITS,
-    *BEAM_EXHIBITS,
-    *SINGLE_REFLECTION_EXHIBITS,
-    *SIMPLE_ROOM_EXHIBITS,
-    *CORNER_EXHIBITS,
-    *RAY_EXHIBITS,
-    *CORRIDOR_EXHIBITS,
+    Exhibit(
+        "figure7",
+        "Figure 7: the simple room, as the unit measured it",
+        f"{_SETUP} The sensor is 397 mm from the top and 94 mm from the right. The unit's face reflects. Left: the "
+        "first echo above the threshold. Right: the ranging board's own receiver, which integrates, so that sound that "
+        "arrives at the end of blanking is read there.",
+        (FIGURE_7, FIGURE_7_BOARD),
+        _draw_7,
+        (very_close_at_the_right, circle_of_minimum_range),
+    ),
+    Exhibit(
+        "figure8",
+        "Figure 8: the simple room, as the paper's simulation predicts it",
+        f"{_SETUP} The place is that of figure 7. The unit blocks the sound that returns to its face.",
+        (FIGURE_8,),
+        _draw_8,
+        (far_wall_is_wavy, nothing_near_at_the_right),
+    ),
+    Exhibit(
+        "figure9",
+        "Figure 9: a false wall, and a robot that does not detect it",
+        f"{_SETUP} The sensor is 657 mm from the top and 154 mm from the right; sound passes it. The robot of the "
+        "text has a round body of 152 mm radius (this radius and its position along the wall are ours). Its face is "
+        "also 85 mm from the lower wall when it points there.",
+        (FIGURE_9, ROBOT),
+        _draw_9,
+        (
+            upper_wall_is_true,
+            far_wall_is_wavy_again,
+            lower_wall_is_false,
+            corridor_of_twice_the_width,
+            body_removes_the_false_wall,
+        ),
+    ),
+    Exhibit(
+        "figure10_11",
+        "Figures 10 and 11: an oblique corner",
+        "Two boxes at an obtuse angle in open space, one reading every 3°. The dimensions are ours: the upper box is "
+        "120 mm nearer, and the corner is near the perpendicular foot on the lower box, so that the arc of the lower "
+        "box extends behind the upper one.",
+        (OBLIQUE, OBLIQUE_FAR),
+        _draw_oblique,
+        (
+            walls_do_not_meet,
+            lower_is_seen_behind_upper,
+            oblique_almost_unchanged,
+            oblique_walls_are_lost_off_the_axis,
+        ),
+    ),
+    Exhibit(
+        "figure12_13",
+        "Figures 12 and 13: a right-angle corner",
+        "Two boxes at a right angle in open space, one reading every 3°, from two places; the second is nearer to the "
+        "corner. The dimensions are ours.",
+        (RIGHT, RIGHT_NEARER),
+        _draw_right,
+        (
+            corner_is_a_tangential_wall,
+            hole_at_each_side,
+            almost_unchanged_from_nearer,
+            right_walls_are_lost_off_the_axis,
+        ),
+    ),
+    Exhibit(
+        "figure14",
+        "Figure 14: the rays of one reading",
+        "The reading of figure 9 at 270° with thick rays, and the next three echoes with thin rays. The paper does not "
+        "say which reading it shows. Rays that run back and forth on one line are shifted sideways, by 50 mm in total.",
+        (READING,),
+        _draw_rays,
+        (legs_of_the_reading, level_is_the_product_of_reflectances),
+    ),
+    Exhibit(
+        "corridor",
+        "Section 3: along a corridor",
+        f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, one reading every "
+        f"{WALK[0].degrees[2]:g}°. The dimensions are ours. The command predicts the scan at the first place.",
+        WALK[:1],
+        _draw_corridor,
+        (
+            right_at_right_angles,
+            long_ahead_and_behind,
+            errors_are_correlated_between_headings,
+            errors_are_correlated_between_places,
+        ),
+    ),
 )
 _HEAD = """\
 # The paper's figures
