@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -107,6 +108,11 @@ def new_figure(width: float, height: float, dpi: int) -> Figure:
     figure = ShownFigure(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def _named_marks(plans: Iterable[Axes]) -> dict[str, Any]:
+    """Return a mark for each name in the legends of plans."""
+    return {name: mark for axes in plans for mark, name in zip(*axes.get_legend_handles_labels(), strict=True)}
 
 
 def laid_out(figure: Figure) -> Figure:
@@ -351,9 +357,7 @@ def draw_calibration(found: RoomCalibration) -> Figure:
     axes[0, 0].yaxis.set_major_formatter(lambda value, _: f"{value:g}" if value >= 0 else "")  # shared by all
     for one in axes[-1]:
         one.set(xlabel="heading in the room (°)", xlim=(0, 360), xticks=range(0, 361, 45))
-    handles = {
-        label: handle for one in axes.flat for handle, label in zip(*one.get_legend_handles_labels(), strict=True)
-    }
+    handles = _named_marks(axes.flat)
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=4, frameon=False)
     return laid_out(figure)
 
@@ -488,28 +492,21 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     for axes, (layer, title) in zip(plans, layers, strict=True):
         _draw_layer(axes, layer)
         if room is not None:
-            _draw_outline(axes, room)
+            _draw_surfaces(axes, room, WALL, 1.2, "room file", style="--")
         mark_sensors(axes, sensors)
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
     outline = [] if room is None else [room.walls.reshape(-1, 2)]
-    _zoom(plans[0], [*(mark for layer, _ in layers for mark in _marks(layer)), sensors, *outline])
-    named = {label: mark for axes in plans for mark, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    # cones may end far behind the features
+    low, high = _around([*(mark for layer, _ in layers for mark in _marks(layer)), sensors, *outline], _MAP_MARGIN)
+    plans[0].set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    named = _named_marks(plans)
     shades = [
         Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
         for share, name in ((0.0, "empty"), (0.5, "unknown"), (1.0, "occupied"))
     ]
     figure.legend(handles=[*named.values(), *shades], loc="outside lower center", ncols=4 * len(layers))
     return laid_out(figure)
-
-
-def _draw_outline(axes: Axes, room: Room) -> None:
-    """Draw walls and posts of a room, dashed."""
-    for x0, y0, x1, y1 in room.walls:
-        axes.plot((x0, x1), (y0, y1), "--", color=WALL, lw=1.2)
-    for x, y, radius in room.posts:
-        axes.add_patch(Circle((x, y), radius, fill=False, ls="--", color=WALL, lw=1.2))
-    axes.plot([], [], "--", color=WALL, lw=1.2, label="room file")
 
 
 def _draw_layer(axes: Axes, layer: Layer) -> None:
@@ -542,14 +539,6 @@ def _marks(layer: Layer) -> list[FloatArray]:
         + [np.array((wall.start, wall.end)) for wall in features.walls]
         + points
     )
-
-
-def _zoom(axes: Axes, shown: list[FloatArray]) -> None:
-    """Crop the plan to the features; cones may end far behind them."""
-    points = np.vstack(shown)
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = _MAP_MARGIN * float((high - low).max())
-    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
 
 
 def _outline(arc: Arc) -> FloatArray:
@@ -629,7 +618,8 @@ def draw_found_room(
     """
     count = 2 if known is None else 3
     sensors = np.array([scan.place.position for scan in scans])
-    low, high = _bounds([room, *([known] if known else [])], sensors)
+    ends = [part for one in (room, known) if one for part in (one.walls.reshape(-1, 2), one.posts[:, :2])]
+    low, high = _around([*ends, sensors], _ROOM_MARGIN)  # of the rooms, for many echoes are far outside
     aspect = float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.4, 1.6))
     figure = new_figure(_WIDTH * count, _WIDTH * aspect + _ROOM_BESIDE, 110)
     plans = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)[0]
@@ -648,7 +638,7 @@ def draw_found_room(
         axes.grid(alpha=0.25)
     plans[0].set(ylabel="y (m)")
     plans[0].set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    named = {label: mark for axes in plans for mark, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    named = _named_marks(plans)
     figure.legend(handles=named.values(), labels=named.keys(), loc="outside lower center", ncols=4)
     return laid_out(figure)
 
@@ -690,12 +680,15 @@ def _touched(scan: PlacedScan, room: Room, board: Board) -> FloatArray:
     return np.vstack([np.empty((0, 2)), *points])
 
 
-def _draw_surfaces(axes: Axes, room: Room, colour: str, width: float, label: str, alpha: float = 1.0) -> None:
+def _draw_surfaces(
+    axes: Axes, room: Room, colour: str, width: float, label: str, alpha: float = 1.0, style: str = "-"
+) -> None:
+    """Draw walls and posts of a room, with an entry in the legend."""
     for x0, y0, x1, y1 in room.walls.tolist():
-        axes.plot((x0, x1), (y0, y1), "-", color=colour, lw=width, alpha=alpha, solid_capstyle="butt")
+        axes.plot((x0, x1), (y0, y1), style, color=colour, lw=width, alpha=alpha, solid_capstyle="butt")
     for x, y, radius in room.posts.tolist():
-        axes.add_patch(Circle((x, y), radius, fill=False, color=colour, lw=width, alpha=alpha))
-    axes.plot([], [], "-", color=colour, lw=width, alpha=alpha, label=label)
+        axes.add_patch(Circle((x, y), radius, fill=False, color=colour, lw=width, alpha=alpha, ls=style))
+    axes.plot([], [], style, color=colour, lw=width, alpha=alpha, label=label)
 
 
 def _name_surfaces(axes: Axes, room: Room, sensors: FloatArray, inch: float) -> None:
@@ -724,10 +717,9 @@ def _away(wall: FloatArray, sensor: FloatArray) -> FloatArray:
     return np.asarray(normal if (sensor - wall[:2]) @ normal < 0 else -normal)
 
 
-def _bounds(rooms: Sequence[Room], sensors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of the plans, (2,) m each: around the rooms, for many echoes are far outside."""
-    parts = [part for room in rooms for part in (room.walls.reshape(-1, 2), room.posts[:, :2])]
-    corners = np.vstack([*parts, sensors])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    margin = _ROOM_MARGIN * float((high - low).max())
-    return low - margin, high + margin
+def _around(shown: Sequence[FloatArray], margin: float) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of a plan of points (k, 2) m, (2,) m each; `margin` is a share of their longer side."""
+    points = np.vstack(shown)
+    low, high = points.min(axis=0), points.max(axis=0)
+    wider = margin * float((high - low).max())
+    return low - wider, high + wider

@@ -45,7 +45,8 @@ class FreeSpace:
         middle = np.array([self.left + (column + 0.5) * self.spacing, self.bottom + (row + 0.5) * self.spacing])
         away = middle - point
         seen = distances_ahead(point[None], np.array([math.atan2(away[1], away[0])]), self.room.surfaces)[0]
-        return bool(self.free[row, column] and seen >= np.hypot(*away) and _distance(self.room, point) > clearance)
+        is_clear = distances_to(self.room, point[None])[0] > clearance
+        return bool(self.free[row, column] and seen >= np.hypot(*away) and is_clear)
 
     def draw(self, random: np.random.Generator, clearance: float = 0.0) -> tuple[float, float]:
         """Return a random position, m, uniform over the free space.
@@ -72,9 +73,8 @@ def find_free_space(room: Room, spacing: float | None = None) -> FreeSpace:
     y = low[1] + (np.arange(rows) + 0.5) * spacing
     middles = np.column_stack((np.tile(x, rows), np.repeat(y, columns)))
     pieces = _pieces(room, middles, (int(rows), int(columns)), spacing)
-    free = np.isin(pieces, _areas_with_places(room, pieces, low, spacing)) & ~_in_posts(room, middles).reshape(
-        rows, columns
-    )
+    in_posts = (_post_distances(room, middles) <= 0).reshape(rows, columns)
+    free = np.isin(pieces, _areas_with_places(room, pieces, low, spacing)) & ~in_posts
     return FreeSpace(room, float(low[0]), float(low[1]), spacing, free)
 
 
@@ -110,13 +110,12 @@ def _areas_with_places(room: Room, pieces: NDArray[np.int32], low: FloatArray, s
     return np.array([np.bincount(pieces.ravel()).argmax()], dtype=np.int32)
 
 
-def _in_posts(room: Room, points: FloatArray) -> BoolArray:
-    gaps = np.hypot(*(points[:, None] - room.posts[:, :2]).transpose(2, 0, 1)) - room.posts[:, 2]
-    return np.asarray((gaps <= 0).any(axis=1))
+def _post_distances(room: Room, points: FloatArray) -> FloatArray:
+    """Return the distances of points (n, 2) from the nearest post, (n,) m; infinite without one."""
+    away = np.hypot(*(points[:, None] - room.posts[:, :2]).transpose(2, 0, 1)) - room.posts[:, 2]
+    return np.asarray(away.min(axis=1, initial=math.inf))
 
 
-def _distance(room: Room, point: FloatArray) -> float:
-    """Return the distance from a point (2,) to the nearest wall or post, m; negative inside a post."""
-    walls = wall_distances(point[None], room.walls)
-    posts = np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2]
-    return float(min(walls.min(), posts.min(initial=math.inf)))
+def distances_to(room: Room, points: FloatArray) -> FloatArray:
+    """Return the distances of points (n, 2) from the nearest wall or post, (n,) m; negative inside a post."""
+    return np.asarray(np.minimum(wall_distances(points, room.walls).min(axis=1), _post_distances(room, points)))

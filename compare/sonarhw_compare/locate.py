@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 from sonarhw_sim.board.profile import Board, without_own_body
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.room.room import Place, Room, wall_distances
+from sonarhw_sim.room.room import Place, Room
 
 from sonarhw.errors import InputError, counted
 from sonarhw.readings import FloatArray, Reading, angle_difference
@@ -23,7 +23,7 @@ from sonarhw_compare.fit.result import FitOptions, PlacedScan
 from sonarhw_compare.fit.search import Peak, covariance_of, highest, peak_at, refined
 from sonarhw_compare.fit.starting import HEADINGS, QUICK, Scores, at_marks, best_apart, local_maxima, score_positions
 from sonarhw_compare.foreign_csv import opened, other_separator, short_lines
-from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.free_space import distances_to, find_free_space
 from sonarhw_compare.headings import deviation_text, estimate_degrees, estimate_text, turned_near
 from sonarhw_compare.match import TOLERANCE, drawn_blocks, explains_few, few_explained
 from sonarhw_compare.regions import angles_and_ranges, mean_run
@@ -213,17 +213,15 @@ class Located:
         echoes = sum(reading.range is not None for reading in self.readings)
         few = few_explained(self.scan, self.explained, echoes, located=True)
         contradicted = (_heading_doubts(pose, self.expected, self.spread) for pose in self.poses[:1])
-        reasons = (*self._independence_doubts(), *(doubt for doubts in contradicted for doubt in doubts))
-        return (*few, *(f"{self.scan}: {reason}" for reason in reasons))
-
-    def _independence_doubts(self) -> tuple[str, ...]:
+        reasons = [doubt for doubts in contradicted for doubt in doubts]
         independent = len(self.readings) / self.redundancy
-        if independent >= FEWEST:
-            return ()
-        return (
-            f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose may "
-            "be stated as certain; scan a wider sector, or locate a scan from another place too",
-        )
+        if independent < FEWEST:
+            reasons.insert(
+                0,
+                f"only {counted(round(independent), 'independent reading')}, expected at least {FEWEST}: a wrong pose "
+                "may be stated as certain; scan a wider sector, or locate a scan from another place too",
+            )
+        return (*few, *(f"{self.scan}: {reason}" for reason in reasons))
 
     def lines(self, near: float = NEAR) -> Iterator[str]:
         """Yield the result as lines of text: each pose, and whether the scan distinguishes them."""
@@ -430,11 +428,7 @@ def _clear(tops: list[Peak], room: Room, board: Board) -> list[Peak]:
     mount = board.mount
     radius = max(math.hypot(mount.ahead, abs(mount.aside) + mount.separation / 2), board.aperture_radius)
     axes = [board.at_axis(board.faced(Place("", tuple(top.values[:2]), float(top.values[2])))) for top in tops]
-    positions = np.array([axis.position for axis in axes])
-    distances = wall_distances(positions, room.walls).min(axis=1)
-    if len(room.posts):
-        away = np.hypot(*(positions[:, None] - room.posts[:, :2]).transpose(2, 0, 1)) - room.posts[:, 2]
-        distances = np.minimum(distances, away.min(axis=1))
+    distances = distances_to(room, np.array([axis.position for axis in axes]))
     return [top for top, distance in zip(tops, distances, strict=True) if distance >= radius] or tops
 
 

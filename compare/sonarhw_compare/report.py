@@ -290,14 +290,14 @@ def calibration_svg(bins: Sequence[CalibrationBin]) -> bytes:
 
 def bscan_png(comparison: Comparison) -> bytes | None:
     """Return measured traces above predicted ones; None without recorded traces. Raises NotALog."""
-    traced = [row for row in comparison.rows if row.reading.trace is not None]
+    prediction = comparison.prediction
+    traced = [(row, trace) for row in comparison.rows if (trace := row.reading.trace) is not None]
     if not traced:
         return None
-    cells = _cells(traced[0], comparison)
-    rows = {heading_key(row.heading): row for row in traced}  # the newest of each heading
-    measured = {key: _trace_row(row, cells) for key, row in rows.items()}
-    prediction = comparison.prediction
-    predicted = {key: predicted_row(prediction, row.heading, cells) for key, row in rows.items()}
+    cells = _cells(traced[0][1], traced[0][0].reading.speed_of_sound, prediction.board)
+    rows = {heading_key(row.heading): (row, trace) for row, trace in traced}  # the newest of each heading
+    measured = {key: trace_row(trace, row.reading.speed_of_sound, cells) for key, (row, trace) in rows.items()}
+    predicted = {key: predicted_row(prediction, row.heading, cells) for key, (row, _) in rows.items()}
     figure, panes = _figure((10, 6.4), 2)
     floor = floor_of(prediction.board)
     for axes, name, levels in zip(panes, (comparison.origin.value, "predicted"), (measured, predicted), strict=True):
@@ -369,19 +369,10 @@ def _residual(row: Matched) -> float | None:
     return float(np.clip(row.residual * 1000, -_MOST_RESIDUAL, _MOST_RESIDUAL))
 
 
-def _trace(row: Matched) -> Trace:
-    assert row.reading.trace is not None
-    return row.reading.trace
-
-
-def _trace_row(row: Matched, cells: RangeCells) -> FloatArray:
-    return trace_row(_trace(row), row.reading.speed_of_sound, cells)
-
-
-def _cells(row: Matched, comparison: Comparison) -> RangeCells:
-    """Return cells up to the end of the first trace."""
-    trace, metres = _trace(row), row.reading.speed_of_sound / 2
-    reach = float(trace.times[-1]) * metres if len(trace.samples) else comparison.prediction.board.max_range
+def _cells(trace: Trace, speed_of_sound: float, board: Board) -> RangeCells:
+    """Return cells up to the end of a trace."""
+    metres = speed_of_sound / 2
+    reach = float(trace.times[-1]) * metres if len(trace.samples) else board.max_range
     return cells_for(reach, max(_SAMPLE, metres / trace.rate))
 
 
@@ -501,7 +492,8 @@ def _body(report: Report) -> Iterator[str]:
     summary = comparison.summary()
     yield f"<h1>{escaped(_title(report))}</h1>"
     made = "recorded" if comparison.origin is Origin.MEASURED else f"{comparison.origin} readings"
-    when = f", {made} {_date(log.metadata.started)}" if log and log.metadata.started else ""
+    started = log.metadata.started if log else None
+    when = f", {made} {datetime.fromtimestamp(started, UTC):%Y-%m-%d %H:%M:%S} UTC" if started else ""
     yield f"<p>{escaped(report.name)}{when}</p>"
     yield f'<p class="lead">{escape(_lead(summary))}</p>'
     for doubt in few_explained(report.name, summary.within_5cm, summary.n_echo):
@@ -696,7 +688,3 @@ def _readings(report: Report) -> Iterator[str]:
         )
         yield table_row(cells)
     yield "</tbody></table>"
-
-
-def _date(started: float) -> str:
-    return f"{datetime.fromtimestamp(started, UTC):%Y-%m-%d %H:%M:%S} UTC"

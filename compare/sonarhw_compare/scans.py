@@ -209,12 +209,7 @@ class ReadingNote:
         )
 
 
-@dataclass(frozen=True)
-class UnreadLine:
-    """A line that is not a note."""
-
-    number: int  # from 1
-    cells: tuple[str, ...]
+NumberedLine: TypeAlias = tuple[int, tuple[str, ...]]  # number from 1, and cells
 
 
 @dataclass(frozen=True)
@@ -222,14 +217,14 @@ class NoteFile:
     """The content of a notes file."""
 
     notes: tuple[ReadingNote, ...] = ()
-    unread: tuple[UnreadLine, ...] = ()
+    unread: tuple[NumberedLine, ...] = ()  # lines that are not notes
 
     def doubts(self, path: Path) -> Iterator[str]:
         """Yield a warning if there are lines that are not notes."""
         if self.unread:
             lines = counted_are(len(self.unread), "line")
             yield (
-                f"{path}: {lines} not a note, the first is line {self.unread[0].number}; expected "
+                f"{path}: {lines} not a note, the first is line {self.unread[0][0]}; expected "
                 f"{','.join(HEADER)}; such lines are kept and not shown"
             )
 
@@ -255,14 +250,14 @@ def read_notes(path: Path) -> NoteFile:
             raise InputError(f"{path}: is larger than {_MOST_BYTES // 2**20} MiB; expected notes on readings")
         text = path.read_bytes().decode(**_TEXT).removeprefix("\ufeff")
         lines = csv.reader(io.StringIO(text, newline=""))
-        rows = [UnreadLine(lines.line_num, tuple(cells)) for cells in lines if cells]
+        rows = [(lines.line_num, tuple(cells)) for cells in lines if cells]
     except OSError as error:
         raise InputError(f"{path}: notes cannot be read: {error.strerror}") from error
     except csv.Error as error:
         raise InputError(f"{path}: notes cannot be read: {error}") from error
-    if rows and tuple(cell.strip() for cell in rows[0].cells) != HEADER:
-        raise InputError(f"{path}: line {rows[0].number}: expected {','.join(HEADER)}; this is no file of notes")
-    found = [(_note(row.cells), row) for row in rows[1:]]
+    if rows and tuple(cell.strip() for cell in rows[0][1]) != HEADER:
+        raise InputError(f"{path}: line {rows[0][0]}: expected {','.join(HEADER)}; this is no file of notes")
+    found = [(_note(row[1]), row) for row in rows[1:]]
     notes = tuple(note for note, _ in found if note is not None)
     return NoteFile(notes, tuple(row for note, row in found if note is None))
 
@@ -283,7 +278,7 @@ def save_notes(path: Path, changes: Sequence[ReadingNote]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
     writer.writerows(map(_cells, notes))
-    writer.writerows(line.cells for line in known.unread)
+    writer.writerows(cells for _, cells in known.unread)
     with atomic_file(path, "folder for the log", overwrite=True) as file:
         file.write(text.getvalue().encode(**_TEXT))
 

@@ -1,7 +1,6 @@
 """One ping at one heading over time: the paths of its sound, blanking, and the moment of detection."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -105,13 +104,9 @@ class PlayedPing:
         """The paths that are shown, that of the winner first."""
         found = ranked_echoes(self.prediction, self.index)
         shown = [echo for echo in found if echo.wins or (not echo.too_weak and (echo.blanked or self.every))]
-        return tuple(self._ways(shown[:_MOST_PATHS]))
-
-    def _ways(self, echoes: Iterable[RankedEcho]) -> Iterable[SoundWay]:
-        paths = self.prediction.paths
-        for echo in echoes:
-            edge = int(paths.edges[echo.path]) >= 0
-            yield SoundWay(echo, paths.outline(echo.path), int(paths.bends[echo.path]) + 1 if edge else None)
+        shown, paths = shown[:_MOST_PATHS], self.prediction.paths
+        bends = [int(paths.bends[echo.path]) + 1 if paths.edges[echo.path] >= 0 else None for echo in shown]
+        return tuple(SoundWay(echo, paths.outline(echo.path), bend) for echo, bend in zip(shown, bends, strict=True))
 
     @property
     def speed(self) -> float:

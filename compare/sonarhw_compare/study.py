@@ -24,7 +24,6 @@ from importlib.metadata import version
 from io import BytesIO
 from itertools import product
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
 from zlib import crc32
 
@@ -61,6 +60,15 @@ __all__ = ["load_study", "read_study", "read_tables", "run_study"]
 if TYPE_CHECKING:
     import xarray as xr
 
+
+def _from_extra(name: str, need: str) -> Any:
+    """Return a module of the extra `study`. Raises MissingExtra if it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise MissingExtra(need, "study") from error
+
+
 # Apache Arrow for the tables of a study, installed only with the extra `study` because of its size.
 #
 # It is imported when it is first used, so that `help(sonarhw)` and `from sonarhw import *` work without it.
@@ -78,10 +86,7 @@ else:
             self._name = name
 
         def __getattr__(self, name: str) -> Any:
-            try:
-                return getattr(import_module(self._name), name)
-            except ModuleNotFoundError as error:
-                raise MissingExtra("studies need pyarrow", "study") from error
+            return getattr(_from_extra(self._name, "studies need pyarrow"), name)
 
     pa, pq = _OnFirstUse("pyarrow"), _OnFirstUse("pyarrow.parquet")
 
@@ -628,10 +633,7 @@ class PathCache:
         return paths
 
 
-@lru_cache(maxsize=4)
-def cases_of(study: Study) -> Cases:
-    """Return the cases of a study, computed once in a process."""
-    return Cases(study)
+cases_of = lru_cache(maxsize=4)(Cases)  # those of a study are computed once in a process
 
 
 def predict_case(case: Case, cache: PathCache) -> PredictedScan:
@@ -934,7 +936,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
     Readings, if kept, are variables along `scan` and `heading_deg`, or `reading` if scans have different headings; NaN
     for no echo. Raises InputError if the folder is not a finished study, or xarray is not installed.
     """
-    xarray = _load_xarray()
+    xarray = _from_extra("xarray", "labelled results need xarray")
     scans, headings = read_tables(folder)
     columns = {name: scans[name].to_numpy() for name in scans.column_names}
     number = columns.pop("scan")
@@ -949,7 +951,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
 
 def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
     """Return each column of the readings as an array (scans, readings), padded with NaN."""
-    xr = _load_xarray()
+    xr = _from_extra("xarray", "labelled results need xarray")
     filled = np.arange(counts.max()) < counts[:, None]
 
     def spread(name: str) -> FloatArray:
@@ -964,13 +966,6 @@ def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int
         return {name: xr.DataArray(spread(name), dims=("scan", "heading_deg"), coords=coords) for name in names}
     found = {name: xr.DataArray(spread(name), dims=("scan", "reading")) for name in names}
     return found | {"heading_deg": xr.DataArray(degrees, dims=("scan", "reading"))}
-
-
-def _load_xarray() -> ModuleType:
-    try:
-        return import_module("xarray")
-    except ImportError as error:
-        raise MissingExtra("labelled results need xarray", "study") from error
 
 
 # Workers that compute the parts of a study: this process, several processes, or a Dask cluster.
@@ -1003,7 +998,7 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
 
     Raises MissingExtra without Dask, InputError if the scheduler does not answer, WorkersLost if a part fails.
     """
-    distributed = _distributed()
+    distributed = _from_extra("distributed", "a scheduler needs Dask")
     # a loss is reported here in one line; Dask would add tracebacks
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -1023,14 +1018,6 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
             raise WorkersLost(
                 "the connection to the cluster or its workers was lost; complete parts are kept: resume the study"
             ) from error
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise MissingExtra("a scheduler needs Dask", "study") from error
-    return distributed
 
 
 # Running a study: compute and write the missing parts, then finish the folder.

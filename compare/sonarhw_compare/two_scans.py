@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -135,12 +136,7 @@ class ScanDifference:
     @property
     def stretches(self) -> tuple[tuple[HeadingDifference, ...], ...]:
         """Neighbouring headings with the same change, without those that are the same or silent in both."""
-        runs: list[list[HeadingDifference]] = []
-        for row in self.rows:
-            if runs and runs[-1][-1].change == row.change:
-                runs[-1].append(row)
-            else:
-                runs.append([row])
+        runs = [list(run) for _, run in groupby(self.rows, lambda row: row.change)]
         if len(runs) > 1 and runs[0][0].change == runs[-1][0].change and self._is_whole_turn:
             runs[0] = runs.pop() + runs[0]
         unchanged = (ScanChange.SAME, ScanChange.BOTH_SILENT)
