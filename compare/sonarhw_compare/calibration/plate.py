@@ -77,46 +77,33 @@ _MOST_START = 1.0  # largest standard deviation of the first proposals
 _FIRST_SPREADS = (0.3, 0.7)  # of ln σ and ln s
 
 
-@dataclass(frozen=True)
-class LevelPrior:
-    """What is known before hearing: a normal distribution of the keys, and one of the turn of each plate."""
+def level_posterior(problem: "_Problem", values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation of the keys of a problem, (k,) each, as changes from its first fit `values`.
 
-    keys: tuple[str, ...]
-    mean: FloatArray  # (k,), changes from the board; of the aperture, ln of its ratio
-    covariance: FloatArray  # (k, k)
-    turns: FloatArray  # (s,), rad, from the middle of the echo
-    turn_deviations: FloatArray  # (s,), rad
-
-
-def level_posterior(
-    board: Board,
-    scans: Sequence[PlateReadings],
-    counted: Sequence[BoolArray],
-    prior: LevelPrior,
-    covariance: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation of the keys of `prior`, (k,) each, as changes from the board.
-
-    `counted` are the headings of each scan whose hearing is used. The samples begin at the board, which is that of a
-    first fit, with its `covariance` (k, k).
+    The prior is what the peaks alone determine; without traces, hardly anything.
     """
+    board, count = problem.board(values), len(problem.keys)
+    peaks = replace(problem, counted=np.zeros_like(problem.counted), scatter=1.0)
+    solved = _solved(peaks, values)
+    known = _covariance(peaks, solved) * _widening(peaks, solved)
+    expected, certain = (solved - values)[:count], np.linalg.inv(known[:count, :count])
+    counted = np.split(problem.counted, np.cumsum([len(scan.angles) for scan in problem.scans])[:-1])
+    turns, deviations = problem.turns(values).tolist(), np.sqrt(np.diag(known))[count + 2 :].tolist()
     hearing = [
-        _Hearing(board, scan, used, prior.keys, turn, deviation)
-        for scan, used, turn, deviation in zip(
-            scans, counted, prior.turns.tolist(), prior.turn_deviations.tolist(), strict=True
-        )
+        _Hearing(board, scan, used, problem.keys, turn, deviation)
+        for scan, used, turn, deviation in zip(problem.scans, counted, turns, deviations, strict=True)
     ]
-    certain, count = np.linalg.inv(prior.covariance), len(prior.keys)
     lowest, highest = np.log([(SCATTERS[0], _HEADING_ERRORS[0]), (SCATTERS[1], _HEADING_ERRORS[1])])
 
     def log_density(values: FloatArray) -> float:
-        spreads, beside = values[count:], values[:count] - prior.mean
+        spreads, beside = values[count:], values[:count] - expected
         if (spreads < lowest).any() or (spreads > highest).any():
             return -math.inf
         before = -float(beside @ certain @ beside) / 2
         scatter, error = np.exp(spreads).tolist()
         return before + sum(one.log_likelihood(values[:count], scatter, error) for one in hearing)
 
+    covariance = _covariance(problem, values)[:count, :count]
     first = np.zeros((count + 2, count + 2))
     first[:count, :count] = covariance * min(1.0, _MOST_START**2 / float(np.diag(covariance).max()))
     first[count:, count:] = np.diag(np.square(_FIRST_SPREADS))
@@ -448,15 +435,8 @@ def _deviance_roots(heard: FloatArray, pings: FloatArray, chances: FloatArray) -
 
 
 def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
-    board, count = problem.board(values), len(problem.keys)
-    mean, spread = level_posterior(
-        board,
-        problem.scans,
-        np.split(problem.counted, np.cumsum([len(scan.angles) for scan in problem.scans])[:-1]),
-        _prior_of_peaks(problem, values),
-        _covariance(problem, values)[:count, :count],
-    )
-    board = _changed_board(board, dict(zip(problem.keys, mean.tolist(), strict=True)))
+    mean, spread = level_posterior(problem, values)
+    board = _changed_board(problem.board(values), dict(zip(problem.keys, mean.tolist(), strict=True)))
     deviations = dict(zip(problem.keys, spread.tolist(), strict=True))
     deviations[_APERTURE] *= board.aperture_radius
     residuals = [one for one in problem.peak_residuals(values) if len(one)]
@@ -466,21 +446,6 @@ def _fit_of(problem: _Problem, values: FloatArray) -> LevelFit:
         problem.trace_level(values),
         float(1 - problem.counted.mean()),
         max((abs(float(np.median(one))) for one in residuals), default=0.0),
-    )
-
-
-def _prior_of_peaks(problem: _Problem, values: FloatArray) -> LevelPrior:
-    """Return what the peaks alone determine, relative to the fit `values`; without traces, hardly anything."""
-    count = len(problem.keys)
-    peaks = replace(problem, counted=np.zeros_like(problem.counted), scatter=1.0)
-    solved = _solved(peaks, values)
-    covariance = _covariance(peaks, solved) * _widening(peaks, solved)
-    return LevelPrior(
-        problem.keys,
-        (solved - values)[:count],
-        covariance[:count, :count],
-        problem.turns(values),
-        np.sqrt(np.diag(covariance))[count + 2 :],
     )
 
 

@@ -101,5 +101,5 @@ def test_a_region_is_paired_with_the_one_that_has_most_headings_in_common() -> N
     # 12° and 16° in common
     measured, first, second = arc(0, 30), arc(-10, 12), arc(14, 34)
     found = match_regions((measured,), (first, second))
-    assert [pair.predicted for pair in found.pairs] == [second]
+    assert [predicted for _, predicted in found.pairs] == [second]
     assert [pair.predicted for pair in found.parts] == [first]
