@@ -102,4 +102,4 @@ def test_a_region_is_paired_with_the_one_that_has_most_headings_in_common() -> N
     measured, first, second = arc(0, 30), arc(-10, 12), arc(14, 34)
     found = match_regions((measured,), (first, second))
     assert [predicted for _, predicted in found.pairs] == [second]
-    assert [pair.predicted for pair in found.parts] == [first]
+    assert [predicted for _, predicted in found.parts] == [first]
