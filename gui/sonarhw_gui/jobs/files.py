@@ -4,14 +4,17 @@ import math
 import os
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple, Protocol
+from typing import BinaryIO, NamedTuple
 from xml.etree import ElementTree
 
-from sonarhw_compare.film_file import FILMS, write_film
+import numpy as np
+from numpy.typing import NDArray
+from sonarhw_compare.film_file import write_film
 from sonarhw_compare.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
 from sonarhw_compare.scans import ReadingNote, placed_notes
 from sonarhw_compare.sound import PlayedPing
@@ -26,11 +29,6 @@ from sonarhw.log.writer import write_scan
 from sonarhw.readings import Reading
 from sonarhw_gui.model.edits import room_and_place
 from sonarhw_gui.model.scene import Scene, first_place, scene_of_log, scene_with
-from sonarhw_gui.session.notices import with_newest
-from sonarhw_gui.session.scanner import free_name
-
-if TYPE_CHECKING:
-    from sonarhw_gui.views.base import Pixels
 
 
 @dataclass(frozen=True)
@@ -49,6 +47,7 @@ def read_csv(path: Path, columns: CsvColumns, meaning: Meaning) -> CsvRead:
 
 
 LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
+_MOST_NAMES = 10
 
 
 @dataclass(frozen=True)
@@ -118,6 +117,17 @@ def open_room(room_name: Path | str, board: Board) -> RoomOpened:
     room = load_room(room_name)
     path = room_name if isinstance(room_name, Path) else None
     return RoomOpened(path, scene_with(board, room, first_place(room), file_name(room_name)))
+
+
+def free_name(folder: Path, stem: str, suffix: str) -> Path:
+    """Return a file in `folder` that does not exist: the stem, with a number from 2 on if necessary."""
+    names = (folder / f"{stem}{'' if k == 1 else f'_{k}'}{suffix}" for k in count(1))
+    return next(name for name in names if not name.exists())
+
+
+def with_newest(names: tuple[str, ...], name: str) -> tuple[str, ...]:
+    """Return a short list of names with `name` in front, without duplicates."""
+    return (name, *(other for other in names if other != name))[:_MOST_NAMES]
 
 
 def can_open(path: Path) -> bool:
@@ -390,112 +400,83 @@ def _moved(x: float, y: float, matrix: Matrix) -> str:
 
 
 JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
+PICTURES, DATA, REPORT = (PNG, SVG), (*export_suffixes(), JSON), (HTML,)
+
+# Each writer takes what it writes and then the file, in a thread. It raises SonarError.
 
 
-class Content(Protocol):
-    """The content of a file to save."""
+def write_png(pixels: NDArray[np.uint8], file: BinaryIO) -> None:
+    """Write a picture, (height, width, 4)."""
+    from matplotlib.image import imsave  # takes half a second; only the first picture needs it
 
-    @property
-    def endings(self) -> Sequence[str]:
-        """The file name extensions that are possible."""
-
-    def write(self, file: BinaryIO, ending: str) -> None:
-        """Write the content; runs in a thread. Raises SonarError."""
+    imsave(file, pixels, format="png")
 
 
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture of a view, as pixels or as SVG."""
-
-    pixels: "Pixels | None"
-    svg: str = ""
-    endings: Sequence[str] = (PNG, SVG)
-
-    def write(self, file: BinaryIO, ending: str) -> None:
-        """Write the picture as PNG or SVG."""
-        if self.pixels is None:
-            file.write(with_own_coordinates(self.svg).encode())
-            return
-        from matplotlib.image import imsave  # takes half a second; only the first picture needs it
-
-        imsave(file, self.pixels, format="png")
+def write_svg(svg: str, file: BinaryIO) -> None:
+    """Write a picture as Qt has drawn it."""
+    file.write(with_own_coordinates(svg).encode())
 
 
-@dataclass(frozen=True)
-class Data:
-    """The readings of a log as from `sonarhw log export`, or the summary of `sonarhw compare --json`."""
-
-    recorded: Log | Path
-    scene: Scene
-    endings: Sequence[str] = (*export_suffixes(), JSON)
-    notes: Sequence[ReadingNote] = ()
-
-    def write(self, file: BinaryIO, ending: str) -> None:
-        """Write the readings or the summary."""
-        log = _log_of(self.recorded)
-        if ending == JSON:
-            file.write(_summary(log, self.scene).encode())
-        else:
-            export_format(ending).write(log, file, _notes_in(log, self.notes))
+def write_data(recorded: Log | Path, scene: Scene, notes: Sequence[ReadingNote], ending: str, file: BinaryIO) -> None:
+    """Write readings as `sonarhw log export` does, or the summary of `sonarhw compare --json`."""
+    log = _log_of(recorded)
+    if ending == JSON:
+        file.write(_summary(log, scene).encode())
+    else:
+        export_format(ending).write(log, file, _notes_in(log, notes))
 
 
-@dataclass(frozen=True)
-class ReportPage:
-    """The report about a log in a scene."""
+def write_report(
+    name: str,
+    recorded: Log | Path,
+    scene: Scene,
+    link: Sequence[tuple[str, str]],
+    notes: Sequence[ReadingNote],
+    file: BinaryIO,
+) -> None:
+    """Compute the report about a log in a scene, which takes some seconds, and write it."""
+    from sonarhw_compare.report import report_html, report_of
+    from sonarhw_compare.scans import GivenScan
 
-    name: str
-    recorded: Log | Path
-    scene: Scene
-    link: Sequence[tuple[str, str]] = ()
-    notes: Sequence[ReadingNote] = ()
-    endings: Sequence[str] = (HTML,)
-
-    def write(self, file: BinaryIO, ending: str) -> None:
-        """Compute the report, which takes some seconds, and write it."""
-        from sonarhw_compare.report import report_html, report_of
-        from sonarhw_compare.scans import GivenScan
-
-        log, scene = _log_of(self.recorded), self.scene
-        room, place = room_and_place(scene)
-        report = report_of(
-            GivenScan(self.name, log.readings, log),
-            room,
-            place,
-            scene.board,
-            scene.options,
-            link=tuple(self.link),
-            notes=_notes_in(log, self.notes),
-        )
-        file.write(report_html(report).encode())
+    log = _log_of(recorded)
+    room, place = room_and_place(scene)
+    report = report_of(
+        GivenScan(name, log.readings, log),
+        room,
+        place,
+        scene.board,
+        scene.options,
+        link=tuple(link),
+        notes=_notes_in(log, notes),
+    )
+    file.write(report_html(report).encode())
 
 
-@dataclass(frozen=True)
-class FilmOfSound:
-    """A film of one ping, as `sonarhw simulate --out FILE.gif` writes it."""
+def write_sound(ping: PlayedPing, ending: str, file: BinaryIO) -> None:
+    """Write a film of one ping as `sonarhw simulate --out FILE.gif` does, which takes some seconds.
 
-    ping: PlayedPing
-    endings: Sequence[str] = FILMS
+    Raises MissingExtra for a video without PyAV.
+    """
+    from sonarhw_compare.film import FilmTiming  # loads matplotlib, which the window does not need
 
-    def write(self, file: BinaryIO, ending: str) -> None:
-        """Draw and write the film, which takes some seconds. Raises MissingExtra for a video without PyAV."""
-        from sonarhw_compare.film import FilmTiming  # loads matplotlib, which the window does not need
-
-        write_film(self.ping, FilmTiming(), file, ending)
+    write_film(ping, FilmTiming(), file, ending)
 
 
-def save_file(content: Content, path: Path, overwrite: bool) -> Path:
-    """Write a file completely or not at all; return its path. Raises InputError, OutputError."""
+def save_file(write: Callable[[BinaryIO], None], endings: Sequence[str], path: Path, overwrite: bool) -> Path:
+    """Write a file completely or not at all; return its path. `endings`: the possible extensions.
+
+    Raises InputError, OutputError.
+    """
     from sonarhw.files import atomic_file
 
-    endings, ending = content.endings, path.suffix.lower()
-    if ending not in endings:
+    if path.suffix.lower() not in endings:
         raise InputError(f"{path.name}: expected a name ending in {' or '.join(endings)}")
     if path.is_symlink() and path.resolve().suffix.lower() not in endings:
         raise InputError(f"{path}: is a link to {path.resolve()}; choose another name")
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; choose another name")
     with atomic_file(path, "name", overwrite=overwrite) as file:
-        content.write(file, ending)
+        write(file)
     return path
 
 

@@ -17,10 +17,11 @@ from sonarhw_compare.scans import ReadingNote, note_on, notes_of_log, notes_path
 from sonarhw.errors import InputError, OutputError, SonarError
 from sonarhw.files import unfinished_file
 from sonarhw.readings import Reading
+from sonarhw_gui.jobs.files import free_name
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
 from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, SceneMemory, room_name
 from sonarhw_gui.session.notices import Notice, NoticeButton, Notices, Until
-from sonarhw_gui.session.scanner import ScanSettings, free_name
+from sonarhw_gui.session.scanner import ScanSettings
 
 # The state that the window restores at the next start, in a settings file of Qt (INI).
 

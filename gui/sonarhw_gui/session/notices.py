@@ -16,7 +16,6 @@ from sonarhw_sim.compilation import Watcher
 from sonarhw.errors import SonarError
 
 _MOST = 20  # a user who has not read the first of them does not need more
-_MOST_NAMES = 10
 
 
 class Until(Enum):
@@ -183,8 +182,3 @@ class Preparation(Watcher):
         """Return once why the next start compiles again; else empty."""
         doubt, self._doubt = self._doubt, ""
         return doubt
-
-
-def with_newest(names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """Return a short list of names with `name` in front, without duplicates."""
-    return (name, *(other for other in names if other != name))[:_MOST_NAMES]

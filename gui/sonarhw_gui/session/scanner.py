@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import count
 from math import radians
 from pathlib import Path
 from queue import SimpleQueue
@@ -32,9 +31,10 @@ from sonarhw.sound_speed import ScanAir
 from sonarhw.text_device import LineGuess, guess_lines
 from sonarhw.wire.messages import Outcome
 from sonarhw.wire.readings_of_frames import origin_of
+from sonarhw_gui.jobs.files import free_name, with_newest
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.notices import Notices, Until, with_newest
+from sonarhw_gui.session.notices import Notices, Until
 from sonarhw_gui.session.source import RateMeter, RecordedIn
 
 # The state of a live scanner as frozen values: its job, its identity and its link.
@@ -292,12 +292,6 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
 def _name_part(scene: Scene) -> str:
     """Return the room's name without characters that a file system may reject."""
     return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
-
-
-def free_name(folder: Path, stem: str, suffix: str) -> Path:
-    """Return a file in `folder` that does not exist: the stem, with a number from 2 on if necessary."""
-    names = (folder / f"{stem}{'' if k == 1 else f'_{k}'}{suffix}" for k in count(1))
-    return next(name for name in names if not name.exists())
 
 
 # The board profile that a scanner names: used from its connection on, except over a profile of the user.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from weakref import ref
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
@@ -29,7 +29,6 @@ from sonarhw_gui.jobs.files import (
     CSV,
     LOG,
     ROOM,
-    Content,
     CsvRead,
     Documents,
     FileWatch,
@@ -792,12 +791,18 @@ class WindowSession(QObject):
         self.showing.refresh()
         self.files.watch(WatchedFile.ROOM, file)
 
-    def save(self, content: Content, path: Path, overwrite: bool = False) -> None:
-        """Save a file, also if the window is closed meanwhile; `overwrite`: the user has agreed to overwrite it."""
+    def save(
+        self, write: Callable[[BinaryIO], None], endings: Sequence[str], path: Path, overwrite: bool = False
+    ) -> None:
+        """Save a file, also if the window is closed meanwhile; `overwrite`: the user has agreed to overwrite it.
+
+        `write` writes it, `endings` are its possible extensions: see `save_file`.
+        """
         self.jobs.run(
             f"save {path}",
             save_file,
-            content,
+            write,
+            endings,
             path,
             overwrite,
             then=lambda saved: self.saved.emit(f"saved: {saved}"),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
+from typing import Any, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 import pyqtgraph as pg
@@ -252,12 +252,6 @@ def add_buttons(row: QLayout, actions: Sequence[QAction]) -> None:
         row.addWidget(button)
 
 
-# A picture as a plain array, safe to pass between threads.
-
-
-Pixels: TypeAlias = NDArray[np.uint8]  # (height, width, 4), the top row first: red, green, blue, opacity
-
-
 # Pictures of views with title and legend, as pixels or as SVG.
 #
 # Drawing needs the window's thread. The results are plain arrays and text, which another thread writes to files.
@@ -267,8 +261,8 @@ _SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
 _RATIO = 2  # picture pixels per screen pixel, for print
 
 
-def png_pixels(widget: QWidget, title: str, shown: Shown) -> Pixels:
-    """Return the pixels of the view with title and legend; without a title, the widget alone."""
+def png_pixels(widget: QWidget, title: str, shown: Shown) -> NDArray[np.uint8]:
+    """Return the view with title and legend, (height, width, 4); without a title, the widget alone."""
     with _with_legend(widget, title, shown) as parts:
         size = _size(parts) * _RATIO
         image = QImage(size, QImage.Format.Format_RGBA8888)

@@ -1,10 +1,10 @@
 """The commands for files: open by dialog, from the recent files or by drag and drop, and save rooms."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import BinaryIO
 
 from PySide6.QtCore import QMimeData, QObject, Qt, Slot
 from PySide6.QtGui import QAction, QGuiApplication, QImage
@@ -13,19 +13,22 @@ from sonarhw_compare.film_file import FILMS
 from sonarhw_compare.sound import PlayedPing
 from sonarhw_sim.room.room import room_names
 
-from sonarhw.export import FORMATS, export_suffixes
+from sonarhw.export import FORMATS
 from sonarhw_gui.jobs.files import (
+    DATA,
     HTML,
     JSON,
+    PICTURES,
     PNG,
+    REPORT,
     SVG,
-    Content,
-    Data,
-    FilmOfSound,
-    Picture,
-    ReportPage,
     WatchedFile,
     can_open,
+    write_data,
+    write_png,
+    write_report,
+    write_sound,
+    write_svg,
 )
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
@@ -180,17 +183,7 @@ _FILTERS = {
     ".mp4": "Video (*.mp4)",
     ".webm": "Video (*.webm)",
 }
-PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (*export_suffixes(), JSON), (HTML,), (PNG,)
-
-
-@dataclass(frozen=True)
-class Subject:
-    """What to save."""
-
-    name: str
-    endings: tuple[str, ...]
-    view: QWidget | None = None  # for a picture
-    ping: PlayedPing | None = None  # for a film
+_Writer = Callable[[BinaryIO], None]
 
 
 class SaveCommands(QObject):
@@ -228,12 +221,12 @@ class SaveCommands(QObject):
         return image.copy()  # the pixels belong to the array
 
     def _save_picture(self, view: View) -> None:
-        self._ask(Subject(view.entry.name, PICTURES, view.picture()))
+        self._ask(view.entry.name, PICTURES, partial(self._picture, view.entry.name, view.picture()))
 
     @Slot()
     def save_window(self) -> None:
         """Save a picture of the window."""
-        self._ask(Subject("Window", WINDOW, self._window))
+        self._ask("Window", (PNG,), partial(self._picture, "Window", self._window))
 
     @Slot()
     def save_film(self) -> None:
@@ -243,13 +236,13 @@ class SaveCommands(QObject):
         if ping is None:
             self._session.notices.warn("there is no sound to film; select a reading, or click the predicted outline")
         else:
-            self._ask(Subject("Sound", FILMS, ping=ping))
+            self._ask("Sound", FILMS, lambda ending: partial(write_sound, ping, ending))
 
     @Slot()
     def export_data(self) -> None:
         """Save the readings, or the summary."""
         if self._has_readings():
-            self._ask(Subject("Readings", DATA))
+            self._ask("Readings", DATA, self._data)
 
     @Slot()
     def save_report(self) -> None:
@@ -257,53 +250,57 @@ class SaveCommands(QObject):
         if self._session.shown.scene.room is None:
             self._session.notices.warn("a report needs a room to compare with; open a room file")
         elif self._has_readings():
-            self._ask(Subject("Report", REPORT))
+            self._ask("Report", REPORT, self._report)
 
     def _has_readings(self) -> bool:
         if self._session.source.recorded is None:
             self._session.notices.warn("there are no readings to save; scan, or open a log")
         return self._session.source.recorded is not None
 
-    def _ask(self, subject: Subject) -> None:
-        folder, name = self._session.documents.folder(self._session.log_file), subject.name.lower()
+    def _ask(self, subject: str, endings: Sequence[str], writer: Callable[[str], _Writer | None]) -> None:
+        """Ask for a file. `writer` then returns what writes it with its extension; None: there is nothing to write."""
+        folder, name = self._session.documents.folder(self._session.log_file), subject.lower()
         dialog = QFileDialog(self._window, f"Save {name}", str(folder))
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setNameFilters([_FILTERS[ending] for ending in subject.endings])
-        dialog.setDefaultSuffix(subject.endings[0])
-        dialog.selectFile(f"{self._stem()}_{name.replace(' ', '-')}{subject.endings[0]}")
+        dialog.setNameFilters([_FILTERS[ending] for ending in endings])
+        dialog.setDefaultSuffix(endings[0])
+        dialog.selectFile(f"{self._stem()}_{name.replace(' ', '-')}{endings[0]}")
         dialog.filterSelected.connect(partial(_choose_ending, dialog))
-        dialog.fileSelected.connect(partial(self.write, subject))
+        dialog.fileSelected.connect(partial(self._write, endings, writer))
         show_alone(dialog)
 
-    def write(self, subject: Subject, name: str) -> None:
-        """Save a subject in a file; an existing one is replaced: the dialog has asked the user."""
+    def _write(self, endings: Sequence[str], writer: Callable[[str], _Writer | None], name: str) -> None:
+        """Save a file; an existing one is replaced: the dialog has asked the user."""
         path = Path(name)
         self._session.documents.saved_in = path.parent
-        content = self._content(subject, path.suffix.lower())
-        if content is not None:
-            self._session.save(content, path, overwrite=True)
+        write = writer(path.suffix.lower())
+        if write is not None:
+            self._session.save(write, endings, path, overwrite=True)
 
-    def _content(self, subject: Subject, ending: str) -> Content | None:
-        session, scene, recorded = self._session, self._session.shown.scene, self._session.source.recorded
-        if subject.view is not None:
-            return self._picture(subject, subject.view, ending)
-        if subject.ping is not None:
-            return FilmOfSound(subject.ping)
+    def _picture(self, name: str, view: QWidget | None, ending: str) -> _Writer | None:
+        if view is None:
+            return None
+        shown = self._session.shown
+        title = "" if view is self._window else f"{shown.scene.title} · {name.lower()}"
+        if ending == SVG:
+            return partial(write_svg, svg_text(view, title, shown))
+        return partial(write_png, png_pixels(view, title, shown))
+
+    def _data(self, ending: str) -> _Writer | None:
+        session, recorded = self._session, self._session.source.recorded
         if recorded is None:
             return None
-        if subject.endings == DATA:
-            return Data(recorded, scene, notes=session.showing.pinned_notes)
+        return partial(write_data, recorded, session.shown.scene, session.showing.pinned_notes, ending)
+
+    def _report(self, _: str) -> _Writer | None:
+        session, recorded = self._session, self._session.source.recorded
+        if recorded is None:
+            return None
         link = session.live.link
         live = link is not None and session.replay is None
         facts = [(name, value) for name, value, _ in link_figures(link)] if live else []
-        return ReportPage(self._log_name(), recorded, scene, facts, session.showing.pinned_notes)
-
-    def _picture(self, subject: Subject, view: QWidget, ending: str) -> Picture:
-        shown = self._session.shown
-        title = "" if view is self._window else f"{shown.scene.title} · {subject.name.lower()}"
-        if ending == SVG:
-            return Picture(None, svg_text(view, title, shown))
-        return Picture(png_pixels(view, title, shown), endings=subject.endings)
+        notes = session.showing.pinned_notes
+        return partial(write_report, self._log_name(), recorded, session.shown.scene, facts, notes)
 
     def _log_name(self) -> str:
         source = self._session.source

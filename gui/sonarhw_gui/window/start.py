@@ -14,12 +14,11 @@ from PySide6.QtWidgets import QApplication
 from sonarhw.errors import SonarError
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
-from sonarhw_gui.jobs.files import WatchedFile
+from sonarhw_gui.jobs.files import WatchedFile, with_newest
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene, SceneMemory
 from sonarhw_gui.model.theme import apply_look
 from sonarhw_gui.session.kept import Memory, read_memory
-from sonarhw_gui.session.notices import with_newest
 from sonarhw_gui.session.scanner import (
     WHOLE_TURN,
     ScannerFinder,

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from mcap.writer import MCAP0_MAGIC, Writer
 from sonarhw_cli.app import run
-from sonarhw_gui.jobs.files import Data, save_file
+from sonarhw_gui.jobs.files import save_file, write_data
 from sonarhw_gui.model.scene import scene_with
 from sonarhw_sim.board.profile import load_board
 
@@ -286,7 +287,8 @@ def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(export, "FORMATS", added)
     assert run(["log", "export", str(log), "--out", str(tmp_path / "command.count")]) == 0
     endings = export.export_suffixes()
-    save_file(Data(log, scene_with(load_board("polaroid-6500")), endings), tmp_path / "window.count", overwrite=False)
+    write = partial(write_data, log, scene_with(load_board("polaroid-6500")), (), ".count")
+    save_file(write, endings, tmp_path / "window.count", overwrite=False)
     assert (tmp_path / "command.count").read_text() == (tmp_path / "window.count").read_text() == "4"
 
 

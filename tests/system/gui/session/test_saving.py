@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,7 +13,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QFileDialog, QLineEdit, QMessageBox
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_gui.jobs.files import Data, Documents, save_file, with_own_coordinates
+from sonarhw_gui.jobs.files import DATA, Documents, save_file, with_own_coordinates, write_data
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.window.window import MainWindow
 
@@ -185,9 +186,9 @@ def test_files_are_not_overwritten_without_permission_and_need_a_known_extension
     there = tmp_path / "mine.csv"
     there.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
-        save_file(Data(recorded, scene), there, overwrite=False)
+        save_file(partial(write_data, recorded, scene, (), ".csv"), DATA, there, overwrite=False)
     with pytest.raises(InputError, match=r"expected a name ending in \.csv or \.npz or \.json"):
-        save_file(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False)
+        save_file(partial(write_data, recorded, scene, (), ".csv"), DATA, tmp_path / "a.xlsx", overwrite=False)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
     assert there.read_text() == "mine"
 
@@ -196,9 +197,9 @@ def test_a_failed_write_is_reported_and_the_next_files_are_saved(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
     session, scene = window.session, window.session.shown.scene
-    session.save(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
-    session.save(Data(recorded, scene), tmp_path / "b.csv")
-    session.save(Data(recorded, scene), tmp_path / "c.csv")
+    write = partial(write_data, recorded, scene, (), ".csv")
+    for path in ("nowhere/a.csv", "b.csv", "c.csv"):
+        session.save(write, DATA, tmp_path / path)
     until(qtbot, lambda: not session.jobs.busy("save files"))
     assert "nowhere" in window.banner.message
     assert sorted(path.name for path in tmp_path.glob("*.csv")) == ["b.csv", "c.csv"]
