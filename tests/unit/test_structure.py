@@ -11,8 +11,6 @@ SMALL_WITH_ONE_IMPORTER = {
     "sonarhw_gui.window.garbage": "settings of the process, tested in a process that loads nothing else",
     "sonarhw_gui.window.display": "checks whether Qt can be loaded, so it is loaded before",
     "sonarhw_cli.rooms": "commands; the list of all commands is another idea",
-    "sonarhw_gui.session.fake_place": "state of its own",
-    "sonarhw_gui.session.scans": "state of its own",
 }
 
 

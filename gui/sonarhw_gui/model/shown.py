@@ -28,39 +28,6 @@ from sonarhw_gui.model.scene import NO_NOTES, NoteTexts, Scene, bounce_losses, d
 if TYPE_CHECKING:
     from sonarhw_compare.pictures import RangeShading
 
-# The selected reading: one that the user picked, or the newest.
-
-
-class Choice:
-    """Selects the newest reading until the user picks one."""
-
-    def __init__(self) -> None:
-        self._picked: int | None = None
-
-    def among(self, count: int, compared: int = 0) -> int | None:
-        """Return the selected one of `count` readings; None if there are none.
-
-        The newest reading is the newest of the first `compared`, if any, because it can be explained.
-        """
-        if count == 0:
-            return None
-        newest = min(compared, count) - 1 if compared else count - 1
-        return newest if self._picked is None else min(self._picked, count - 1)
-
-    def pick(self, index: int) -> None:
-        """Select one reading."""
-        self._picked = index
-
-    def follow_newest(self) -> None:
-        """Select the newest reading again."""
-        self._picked = None
-
-    def step(self, by: int, now: int | None, count: int) -> None:
-        """Pick the reading `by` after `now` among `count`, wrapping around."""
-        if now is not None:
-            self._picked = (now + by) % count
-
-
 # What a search for the room draws in the plan: walls and posts found so far, readings, and the next place to scan.
 
 
@@ -109,15 +76,13 @@ class OverlaidScan:
     name: str
     series: HeadingSeries
     points: FloatArray  # (n, 2), m, in the plan; NaN without an echo
-    style: int  # number of its colour and symbol
     readings: tuple[Reading, ...]
     scene: Scene  # in which it was made; without room and place if they are unknown
+    style: int = 0  # number of its colour and symbol
     visible: bool = True
 
 
-def overlaid(
-    name: str, readings: tuple[Reading, ...], scene: Scene, style: int, drawn_in: Scene | None = None
-) -> OverlaidScan:
+def overlaid(name: str, readings: tuple[Reading, ...], scene: Scene, drawn_in: Scene | None = None) -> OverlaidScan:
     """Return readings that were made in a scene as a scan to draw over another one.
 
     `drawn_in`: the scene at whose place it is drawn if its own place is unknown.
@@ -126,7 +91,7 @@ def overlaid(
     series = heading_series(readings, at.board, at.place.heading if at.place else 0.0)
     sensors = standpoints(at.board, at.pose, series.headings) if len(readings) else np.empty((0, 2))
     points = points_at(sensors, series.headings, series.ranges)
-    return OverlaidScan(name, series, points, style, readings, scene)
+    return OverlaidScan(name, series, points, readings, scene)
 
 
 # A proposed change of the room, with the readings that it explains, drawn but not made yet.

@@ -1,5 +1,6 @@
 """The live scanner: its thread, its jobs, its state, and the choice of one."""
 
+import math
 import re
 import threading
 import time
@@ -8,10 +9,9 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import radians
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from PySide6.QtCore import QObject, Signal, Slot
 from sonarhw_compare.one_call import is_fake
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board, board_names, load_board
+from sonarhw_sim.room.room import Place
 
 from sonarhw.errors import Incompatible, LinkError, LogError, NoAnswer, SonarError, WrongDevice
 from sonarhw.host.scanner import DeviceInfo, Scanner, ScanPlan, probe_port, record_scan
@@ -33,7 +34,7 @@ from sonarhw.wire.messages import Outcome
 from sonarhw.wire.readings_of_frames import origin_of
 from sonarhw_gui.jobs.files import free_name, with_newest
 from sonarhw_gui.jobs.jobs import Jobs
-from sonarhw_gui.model.scene import Scene
+from sonarhw_gui.model.scene import Scene, room_name
 from sonarhw_gui.session.notices import Notices, Until
 from sonarhw_gui.session.source import RateMeter, RecordedIn
 
@@ -297,21 +298,6 @@ def _name_part(scene: Scene) -> str:
 # The board profile that a scanner names: used from its connection on, except over a profile of the user.
 
 
-class ScannerBoard:
-    """Whether to use the profile that the scanner names; decided once for each scanner that the user chooses."""
-
-    def __init__(self) -> None:
-        self.wanted = False
-
-    def instead_of(self, shown: Board, link: LinkState | None) -> Board | None:
-        """Return the profile to use for a scanner that was just connected; None: keep the one shown."""
-        if link is None or not self.wanted:
-            return None
-        self.wanted = False
-        board = suited_board(link.device.board, shown)
-        return None if board is shown else board
-
-
 def suited_board(named: str, shown: Board) -> Board:
     """Return the included profile that a scanner names, if the profile shown is another included one; else that shown.
 
@@ -326,7 +312,7 @@ def suited_board(named: str, shown: Board) -> Board:
 
 ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
 Job: TypeAlias = "Callable[[Scanner, ScannerThread], Phase]"  # returns its last phase; raises SonarError
-WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
+WHOLE_TURN = ScanOrder(0.0, math.radians(5), 72)
 
 
 @dataclass(frozen=True)
@@ -836,3 +822,82 @@ class ScannerChoice(QObject):
 
     def _fail(self, message: str) -> None:
         self._notices.fail(message, Until.CONNECTED)
+
+
+# Where the scanner is: a fake scanner that the window opened follows the plan, any other stays where it is.
+
+
+FAKE = "fake scanner, hides a post"
+_MEANS = (
+    "A fake scanner simulates its room, which deliberately differs from the room file: one additional post, a sensor "
+    "some millimetres away, and air of another temperature. View > Causes searches for the post"
+)
+_FOLLOWS = "Each scan takes the room, the place and the board that are shown when it begins"
+_STAYS = "It stays in its room, at its place and with its board"
+_CLOSE = 1e-4  # m or rad; a `fake:` URL states no more
+
+
+class FakeNote(NamedTuple):
+    """What the status bar says of a fake scanner."""
+
+    text: str = FAKE
+    tip: str = _MEANS
+
+
+@dataclass(frozen=True)
+class ScannerPlace:
+    """The scene in which the scanner is, as far as the window knows."""
+
+    scene: Scene
+    fake: bool = False  # whether it is a fake scanner in this process, whose scene is known
+    follow: Callable[[Scene], ScannerOpener] | None = None  # opens a fake scanner that follows the plan in its scene
+
+    def moved(self, shown: Scene) -> "ScannerPlace":
+        """Return the place when another scene is opened: only that of a fake scanner is known better."""
+        return self if self.fake else replace(self, scene=shown)
+
+    def is_in(self, shown: Scene) -> bool:
+        """Return whether a scan is made in exactly the scene that is shown."""
+        room, other = self.scene.room, shown.room
+        same_room = room is other or (room is not None and other is not None and room.text == other.text)
+        return same_room and (self.scene.place, self.scene.board) == (shown.place, shown.board)
+
+    def difference(self, shown: Scene) -> str:
+        """Return where a fake scanner is, or which board it has, if that is not what is shown; else empty."""
+        own, place = self.scene, shown.place
+        if not self.fake or own.place is None or place is None:
+            return ""
+        if room_name(own) != room_name(shown):
+            return f"in {room_name(own)!r}"
+        if not _is_same(own.place, place):
+            return f"at {own.place.name}"
+        return "" if own.board == shown.board else f"with board {own.board.name}"
+
+    def note(self, shown: Scene) -> FakeNote:
+        """Return what is to be known of a fake scanner: where it is if that is not what is shown, or what it hides."""
+        text = FAKE
+        if where := self.difference(shown):
+            text = f"fake scanner, {f'still {where}' if self.follow is None else f'{where} until the next scan'}"
+        return FakeNote(text, f"{_MEANS}. {_STAYS if self.follow is None else _FOLLOWS}")
+
+    def doubt(self, shown: Scene) -> str:
+        """Return why a scan does not fit the scene that is shown; else empty."""
+        if self.fake:
+            where = self.difference(shown)
+            return f"the fake scanner is still {where}; readings are predicted for what is shown" if where else ""
+        was, now = self.scene.pose, shown.pose
+        if (was.position, was.heading) == (now.position, now.heading):
+            return ""
+        return "the sensor was moved only in the window; readings are predicted from the place shown"
+
+
+def place_of(scanner: ScannerTarget | None, shown: Scene) -> ScannerPlace:
+    """Return the place of a scanner that is used from now on."""
+    if scanner is None or scanner.scene is None:
+        return ScannerPlace(shown)
+    return ScannerPlace(scanner.scene, fake=True, follow=scanner.follow)
+
+
+def _is_same(one: Place, other: Place) -> bool:
+    turned = math.remainder(one.heading - other.heading, math.tau)
+    return math.dist(one.position, other.position) < _CLOSE and abs(turned) < _CLOSE and one.height == other.height

@@ -9,9 +9,8 @@ from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.limits import MOST_READINGS
 from sonarhw.wire.messages import microdegrees_of
 from sonarhw.wire.readings_of_frames import MOST_DRIFT
-from sonarhw_gui.session.fake_place import FakeNote
 from sonarhw_gui.session.notices import Compiled
-from sonarhw_gui.session.scanner import IDLE, JobState, LinkState, Phase, ScanSettings, trouble
+from sonarhw_gui.session.scanner import IDLE, FakeNote, JobState, LinkState, Phase, ScanSettings, trouble
 
 
 class Badge(StrEnum):

@@ -33,7 +33,7 @@ from sonarhw_gui.widgets import PlainLabel
 
 # The `View` protocol: the interface between the window and a widget that draws readings and their prediction.
 #
-# `shell/view_area.py` lists all views, one line each. No other module names them.
+# `window/views.py` lists all views, one line each. No other module names them.
 
 _Item = TypeVar("_Item", bound=QGraphicsItem)
 

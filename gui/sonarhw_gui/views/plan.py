@@ -61,7 +61,7 @@ from sonarhw_gui.window.dialogs import show_alone
 
 # The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
 #
-# `plan.plan_controller` and `plan.plan_tools` handle mouse and keys; `plan.plan_layers` draws the parts.
+# `plan_tools` handles mouse and keys; `plan_layers` draws the parts.
 
 
 _Parts = tuple[str, ...]  # of `Shown`

@@ -19,8 +19,8 @@ from PySide6.QtWidgets import (
 from sonarhw.readings import Origin
 from sonarhw_gui.model.look import LIGHT, Look
 from sonarhw_gui.model.shown import Shown
-from sonarhw_gui.session.fake_place import FakeNote
 from sonarhw_gui.session.notices import Notices
+from sonarhw_gui.session.scanner import FakeNote
 from sonarhw_gui.session.status import Badge, Status
 from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, PlainLabel
 from sonarhw_gui.window.commands import Commands

@@ -16,7 +16,8 @@ from sonarhw_compare.scans import MOST_CHARACTERS, note_text
 from sonarhw.export import export_suffixes
 from sonarhw.readings import Reading
 from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
-from sonarhw_gui.session.session import ShownModel, WindowSession
+from sonarhw_gui.session.session import WindowSession
+from sonarhw_gui.session.showing import ShownModel
 from sonarhw_gui.views.base import View, ViewEntry
 from sonarhw_gui.window.dialogs import CommandPalette, ConnectDialog, HelpPage, ask_text, open_dialog, show_alone
 

@@ -135,7 +135,7 @@ def open_window(start: WindowStart) -> MainWindow:
     window = MainWindow(
         WindowSession(restored.scene, scanner, scan_settings, memory.look, start.find_scanner, start.memory)
     )
-    window.session.scanner_board.wanted = restored.takes_board
+    window.session.takes_board = restored.takes_board
     restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
     window.session.remember_used(recent, memory.urls)

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.model.theme import text_font
-from sonarhw_gui.session.session import ShownModel
+from sonarhw_gui.session.showing import ShownModel
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.bscan import BScanView
 from sonarhw_gui.views.differences import DifferenceView

@@ -52,7 +52,7 @@ def loaded_libraries_frozen() -> None:
 
 @pytest.fixture(autouse=True)
 def garbage_collected_between_tests() -> Iterator[None]:
-    """Collect garbage only between tests, as the application does between events: see `shell.garbage`."""
+    """Collect garbage only between tests, as the application does between events: see `window.garbage`."""
     gc.disable()
     yield
     gc.collect()

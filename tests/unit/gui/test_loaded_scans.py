@@ -26,8 +26,8 @@ def sweep(number: int) -> tuple[Reading, ...]:
 
 def test_each_scan_is_used_once_under_a_name_of_its_own() -> None:
     first, second = sweep(0), sweep(1)
-    parts = [overlaid("s", part, NOWHERE, 0) for part in (first, second)]
-    hidden = replace(overlaid("hidden", sweep(2), NOWHERE, 0), visible=False)
+    parts = [overlaid("s", part, NOWHERE) for part in (first, second)]
+    hidden = replace(overlaid("hidden", sweep(2), NOWHERE), visible=False)
     shown = Shown(NOWHERE, readings=(*first, *second), overlays=(*parts, hidden))
     scans = loaded_scans(shown, "shown")
     assert [(scan.name, scan.readings) for scan in scans] == [("s", first), ("s 2", second)]
@@ -46,7 +46,7 @@ def test_readings_of_the_own_body_are_left_out_so_that_evidence_belongs_to_the_r
 
 
 def test_a_scan_with_a_known_place_comes_first() -> None:
-    shown = Shown(NOWHERE, readings=sweep(0), overlays=(overlaid("k", sweep(1), KNOWN, 0),))
+    shown = Shown(NOWHERE, readings=sweep(0), overlays=(overlaid("k", sweep(1), KNOWN),))
     scans = loaded_scans(shown, "shown")
     assert [(scan.name, scan.known) for scan in scans] == [("k", True), ("shown", False)]
     assert scans[0].place is KNOWN.place

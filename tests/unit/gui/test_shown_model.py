@@ -8,11 +8,11 @@ from PySide6.QtCore import QObject
 from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import Look
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session import session
+from sonarhw_gui.session import showing
 from sonarhw_gui.session.kept import NoteStore
 from sonarhw_gui.session.notices import Notices
 from sonarhw_gui.session.scanner import Live, ScanSettings
-from sonarhw_gui.session.session import ShownModel
+from sonarhw_gui.session.showing import ShownModel
 from sonarhw_sim.board.profile import load_board
 
 
@@ -28,7 +28,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(session, "time", clock)
+    monkeypatch.setattr(showing, "time", clock)
     return clock
 
 

@@ -13,7 +13,7 @@ from sonarhw_compare.match import compare_readings
 from sonarhw_compare.one_call import read_fake_url
 from sonarhw_gui.model.edits import with_corner, with_sensor_at
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.fake_place import FAKE as FAKE_LABEL
+from sonarhw_gui.session.scanner import FAKE as FAKE_LABEL
 from sonarhw_gui.session.scanner import Phase
 from sonarhw_gui.window.window import MainWindow
 from sonarhw_sim.board.profile import load_board
