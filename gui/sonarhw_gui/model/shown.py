@@ -3,6 +3,7 @@
 A view compares the parts with those that it drew last. It redraws a part only if it is a different object.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
@@ -120,6 +121,8 @@ def proposal_of(room: Room, changed: Room, readings: tuple[int, ...], surface: s
 _HINT = "No reading yet: open a log or a room, or scan (F5) with a connected scanner."
 _HINT_IN_A_ROOM = "No reading yet. Click the predicted outline to see what the sonar would read there, and why."
 
+# the parts of `Shown` on which something drawn depends; each is replaced, never changed
+Parts: TypeAlias = Callable[["Shown"], tuple[object, ...]]
 Question: TypeAlias = tuple[PredictedScan, int]  # a prediction, and the row of a heading in it
 
 
@@ -232,13 +235,13 @@ class Shown:
         """Return the heading of a reading in the room, rad."""
         return self.scene.pose.heading + self.scene.board.turned(self.readings[reading].angle)
 
-    def changed_since(self, before: "Shown | None", *parts: str) -> bool:
+    def changed_since(self, before: "Shown | None", parts: Parts) -> bool:
         """Return whether any of these parts is another object than in `before`, which a view drew last, if anything."""
-        return before is None or any(getattr(before, part) is not getattr(self, part) for part in parts)
+        return before is None or any(was is not now for was, now in zip(parts(before), parts(self), strict=True))
 
     def same_readings(self, before: "Shown | None") -> bool:
         """Return whether `before` has the same readings in the same classes at the same points."""
-        return not self.changed_since(before, "readings", "compared", "scene", "hidden")
+        return not self.changed_since(before, marked_parts)
 
     def draws(self, layer: ViewLayer) -> bool:
         """Return whether a layer is drawn."""
@@ -290,6 +293,11 @@ class Shown:
             if len(found):
                 points[kind] = ClassPoints(tuple(found.tolist()), np.radians(rows.headings[found]), drawn_at[found])
         return points
+
+
+def marked_parts(shown: Shown) -> tuple[object, ...]:
+    """Return the parts on which the marks of the readings depend."""
+    return shown.readings, shown.compared, shown.scene, shown.hidden
 
 
 # The path that explains the selected reading, or the predicted one, and its losses bounce by bounce.

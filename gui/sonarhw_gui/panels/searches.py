@@ -173,7 +173,7 @@ class FitPanel(SearchPanel):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._drawn = self._drawn, shown
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._name_area()
             self._draw()
         self._enable()
@@ -388,7 +388,7 @@ class FindPanel(SearchPanel):
         before, self._drawn = self._drawn, shown
         if before.look is not shown.look:
             self._fill()
-        elif shown.changed_since(before, "readings", "overlays", "scene"):
+        elif shown.changed_since(before, lambda new: (new.readings, new.overlays, new.scene)):
             self._enable()
             if self._is_elsewhere(before) is not self._is_elsewhere(shown):
                 self._draw()

@@ -260,7 +260,7 @@ class BScanView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self.canvas.set_look(shown.look)
             for pane in self.panes.values():
                 pane.set_look(shown.look)

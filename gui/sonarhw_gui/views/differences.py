@@ -104,9 +104,9 @@ class DifferenceView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the differences of other scans, and redraw after a change of the look."""
         before, self._shown = self._shown, shown
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown.look)
-        if shown.changed_since(before, "look", "overlays", "pair", "readings", "scene"):
+        if shown.changed_since(before, lambda new: (new.look, new.overlays, new.pair, new.readings, new.scene)):
             self._draw(shown)
 
     def fit(self) -> None:

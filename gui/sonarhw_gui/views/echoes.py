@@ -103,7 +103,7 @@ class EchoListView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """List the echoes of another heading, and redraw after a change of the look."""
         before, self._shown = self._shown, shown
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown)
         question = shown.question
         if question is None:

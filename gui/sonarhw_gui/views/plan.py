@@ -30,7 +30,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_gui.model.edits import Edit, bearing, room_and_place, with_room
 from sonarhw_gui.model.look import LengthUnit, Look, ViewLayer
 from sonarhw_gui.model.scene import Scene, outline_points, plan_bounds
-from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.model.shown import Parts, Shown, marked_parts
 from sonarhw_gui.model.theme import text_font
 from sonarhw_gui.views.base import (
     Canvas,
@@ -64,10 +64,6 @@ from sonarhw_gui.window.dialogs import show_alone
 # `plan_tools` handles mouse and keys; `plan_layers` draws the parts.
 
 
-_Parts = tuple[str, ...]  # of `Shown`
-_MARK_PARTS: _Parts = ("readings", "compared", "scene", "hidden")
-_BEAM_PARTS: _Parts = ("scene", "readings", "chosen", "asked", "look", "hidden")
-_PATH_PARTS: _Parts = (*_MARK_PARTS, "chosen", "asked", "answer", "pointed_path", "look")
 _WIDEST = "-00.00"  # tick value on the left axis
 _OUTLINE_REACH = 8.0  # pixels
 _BEYOND = 0.08  # margin, share of the room's longer side
@@ -108,33 +104,33 @@ class PlanDrawing(Canvas):
         self._box.sigRangeChangedManually.connect(self._note_choice)
         self._box.sigResized.connect(self._show_frame)
 
-    def _layer_table(self) -> Iterator[tuple[_Parts, Callable[[Shown], None]]]:
-        """Yield the parts of `Shown` that each layer depends on, and what draws it, in order."""
-        yield _BEAM_PARTS, self.sensor.draw
+    def _layer_table(self) -> Iterator[tuple[Parts, Callable[[Shown], None]]]:
+        """Yield the parts that each layer depends on, and what draws it, in order."""
+        yield _beam_parts, self.sensor.draw
         if self._predicted:
-            yield ("outline", "hidden"), self._draw_outline
-            yield _PATH_PARTS, self.path.draw
+            yield lambda new: (new.outline, new.hidden), self._draw_outline
+            yield _path_parts, self.path.draw
         if self._measured:
-            yield _MARK_PARTS, self._draw_marks
-            yield (*_MARK_PARTS, "notes"), lambda shown: self.notes.draw(shown.notes, self._marks)
-            yield (*_MARK_PARTS, "chosen"), lambda shown: self._marks.ring(shown.chosen)
-            yield ("overlays",), self._draw_overlays
-        yield ("scene", "cursor"), self.pointer.draw
-        yield (*_MARK_PARTS, "proposal", "look"), lambda shown: self.proposal.draw(shown.proposal, self._marks)
-        yield ("found",), lambda shown: self.found.draw(shown.found)
-        yield ("sound", "look"), self.sound.draw
-        yield (*_MARK_PARTS, "chosen", "look"), self._draw_arrows
+            yield marked_parts, self._draw_marks
+            yield lambda new: (*marked_parts(new), new.notes), lambda new: self.notes.draw(new.notes, self._marks)
+            yield lambda new: (*marked_parts(new), new.chosen), lambda new: self._marks.ring(new.chosen)
+            yield lambda new: (new.overlays,), self._draw_overlays
+        yield lambda new: (new.scene, new.cursor), self.pointer.draw
+        yield _proposal_parts, lambda new: self.proposal.draw(new.proposal, self._marks)
+        yield lambda new: (new.found,), lambda new: self.found.draw(new.found)
+        yield lambda new: (new.sound, new.look), self.sound.draw
+        yield lambda new: (*marked_parts(new), new.chosen, new.look), self._draw_arrows
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self.shown = self.shown, shown
         self.repaint_whole()
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown.look)
         if before is None or before.scene.room is not shown.scene.room:
             self.draw_room()
         for parts, draw in self._layer_table():
-            if shown.changed_since(before, *parts):
+            if shown.changed_since(before, parts):
                 draw(shown)
         if shown.sound is not None and (before is None or before.sound is None):
             self._show_also(counted_position(shown.sound.ping, shown.sound.ping.duration))
@@ -323,6 +319,18 @@ class PlanDrawing(Canvas):
 
     def _tip(self, index: int) -> str:
         return reading_tip(self.shown, index) if self.shown else ""
+
+
+def _beam_parts(shown: Shown) -> tuple[object, ...]:
+    return shown.scene, shown.readings, shown.chosen, shown.asked, shown.look, shown.hidden
+
+
+def _path_parts(shown: Shown) -> tuple[object, ...]:
+    return *marked_parts(shown), shown.chosen, shown.asked, shown.answer, shown.pointed_path, shown.look
+
+
+def _proposal_parts(shown: Shown) -> tuple[object, ...]:
+    return *marked_parts(shown), shown.proposal, shown.look
 
 
 class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types

@@ -128,11 +128,11 @@ class RangeView(Canvas):
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         self.repaint_whole()
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown.look)
-        if shown.changed_since(before, "outline"):
+        if shown.changed_since(before, lambda new: (new.outline,)):
             self._draw_outline(shown)
-        if shown.changed_since(before, "chances", "look"):
+        if shown.changed_since(before, lambda new: (new.chances, new.look)):
             self.shading.draw(shown.chances, shown.look.palette.predicted)
         self._outline.setVisible(shown.draws(ViewLayer.PREDICTED))
         self.shading.setVisible(shown.chances is not None and shown.draws(ViewLayer.PREDICTED))
@@ -140,9 +140,9 @@ class RangeView(Canvas):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
-        if shown.changed_since(before, "notes") or not shown.same_readings(before):
+        if shown.changed_since(before, lambda new: (new.notes,)) or not shown.same_readings(before):
             self.notes.draw(shown.notes, self._marks[0])
-        if shown.changed_since(before, "overlays"):
+        if shown.changed_since(before, lambda new: (new.overlays,)):
             visible = [scan for scan in shown.overlays if scan.visible]
             self.overlays.draw(
                 {scan.style: _over_heading(scan.series.headings, scan.series.ranges) for scan in visible}

@@ -105,7 +105,7 @@ class ReadingModel(QAbstractTableModel):
     def show_state(self, shown: Shown) -> None:
         """Update readings, classes and look."""
         before, self._shown = self._shown, shown
-        if shown.changed_since(before, "look", "origin"):
+        if shown.changed_since(before, lambda new: (new.look, new.origin)):
             self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
             self._sentences.clear()
             self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
@@ -115,7 +115,7 @@ class ReadingModel(QAbstractTableModel):
             self._change(shown.rows, order_of(shown.rows, self.query, shown.notes))
         elif before.notes is not shown.notes:
             self._change(self.rows, order_of(self.rows, self.query, shown.notes))
-        if shown.changed_since(before, "outdated", "look"):
+        if shown.changed_since(before, lambda new: (new.outdated, new.look)):
             self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
             self._emit_data_changed()
 
@@ -296,7 +296,7 @@ class TableView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown)
         if before is not None and before.hidden is not shown.hidden:
             self._draw_switches(shown)
@@ -306,11 +306,11 @@ class TableView(QWidget):
         self._following = False
         if not shown.same_readings(before):
             self._count(shown)
-        if shown.changed_since(before, "notes"):
+        if shown.changed_since(before, lambda new: (new.notes,)):
             self._count_notes(shown)
         if before is None or _width_inputs(before) != _width_inputs(shown):
             self._widen_columns(shown)
-        if shown.changed_since(before, "outdated", "look"):
+        if shown.changed_since(before, lambda new: (new.outdated, new.look)):
             self._fade_counts(shown)
         self._follow(shown.chosen)
         self.view.lay_out()

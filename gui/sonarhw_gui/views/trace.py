@@ -504,9 +504,9 @@ class TraceView(QWidget):
         before, self._shown = self._shown, shown
         if before is None or before.trace is not shown.trace or _marked(before) != _marked(shown):
             self.canvas.repaint_whole()
-        if shown.changed_since(before, "look"):
+        if shown.changed_since(before, lambda new: (new.look,)):
             self._set_look(shown.look)
-        if shown.changed_since(before, "trace", "look"):
+        if shown.changed_since(before, lambda new: (new.trace, new.look)):
             self._draw(shown.trace)
         self._show_layers(shown)
         if shown.trace is None and not self._duration:
