@@ -5,7 +5,7 @@ import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -29,7 +29,7 @@ from sonarhw.link import LinkStatistics, Port, serial_ports
 from sonarhw.log import LogMetadata, LogWriter
 from sonarhw.readings import FloatArray, Origin, Reading, ScanOrder, Trace
 from sonarhw.sound_speed import ScanAir
-from sonarhw.text_device import LineGuess, guess_lines
+from sonarhw.text_device import guess_lines
 from sonarhw.wire.messages import Outcome
 from sonarhw.wire.readings_of_frames import origin_of
 from sonarhw_gui.jobs.files import free_name, with_newest
@@ -141,121 +141,6 @@ def packed(trace: Trace) -> Trace:
         if (np.abs(steps / full - levels) < _SAME).all() and ((steps >= 0) & (steps <= full)).all():
             return PackedTrace(steps.astype(form), trace)
     return trace
-
-
-@dataclass(frozen=True)
-class PortRow:
-    """One port."""
-
-    device: str
-    description: str
-    known: bool  # whether its USB device may be a scanner
-    answer: str = "not checked"
-    answers: bool = False  # whether a scanner answers
-    proposed_url: str = ""  # of a device that prints readings
-
-
-_PORTS = "probe ports"  # the thread that opens ports
-
-
-def _port_rows(find: Callable[[], list[Port]]) -> tuple[PortRow, ...]:
-    return tuple(PortRow(port.device, port.known or port.description, port.known is not None) for port in find())
-
-
-def _probed(row: PortRow, probe: Callable[[str], tuple[bool, str]]) -> PortRow:
-    answers, answer = probe(row.device)
-    return replace(row, answer=answer, answers=answers)
-
-
-def _listened(
-    row: PortRow, guess: Callable[[str, Callable[[], bool]], LineGuess], stopped: Callable[[], bool]
-) -> PortRow:
-    try:
-        line = guess(row.device, stopped)
-    except LinkError as error:
-        return replace(row, answer=str(error).removeprefix(f"{row.device}: "))
-    return replace(row, answer=line.text, proposed_url=line.url or "")
-
-
-class PortList:
-    """The ports, probed one after another.
-
-    Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
-    reset its device. On request, a port is listened at for the text of a device that prints readings.
-    """
-
-    def __init__(
-        self,
-        jobs: Jobs,
-        changed: Callable[[], None],
-        failed: Callable[[str], None],
-        find: Callable[[], list[Port]] = serial_ports,
-        probe: Callable[[str], tuple[bool, str]] = probe_port,
-        guess: Callable[[str, Callable[[], bool]], LineGuess] = guess_lines,
-    ) -> None:
-        """`changed` is called after each answer, `failed` with each error."""
-        self.rows: tuple[PortRow, ...] = ()
-        self._jobs, self._changed, self._failed = jobs, changed, failed
-        self._find, self._probe, self._guess = find, probe, guess
-        self._in_use = ""
-        self._to_probe: list[str] = []
-
-    @property
-    def busy(self) -> bool:
-        """Whether ports are being listed or probed."""
-        return bool(self._to_probe) or self._jobs.busy(_PORTS)
-
-    def list_ports(self, in_use: str = "") -> None:
-        """List the ports, and probe those with a known device, except the port in use."""
-        self._in_use, self._to_probe = in_use, []
-        self._run("list ports", _port_rows, self._find, then=self._take_rows)
-
-    def probe_all(self) -> None:
-        """Probe every port that was not checked yet."""
-        self._queue([row.device for row in self.rows])
-
-    def listen(self, device: str) -> None:
-        """Listen at a port for text, also at one that is not listed."""
-        if device not in [row.device for row in self.rows]:
-            self.rows += (PortRow(device, "", known=False),)
-        self.rows = tuple(replace(row, answer="listening …") if row.device == device else row for row in self.rows)
-        row = next(row for row in self.rows if row.device == device)
-        self._run("listen at a port", _listened, row, self._guess, lambda: self._jobs.closed, then=self._take_row)
-
-    def _run(self, key: str, function: Callable[..., Any], *args: object, then: Callable[[Any], None]) -> None:
-        self._jobs.run(key, function, *args, then=then, failed=self._fail, lane=_PORTS)
-
-    def _take_rows(self, rows: tuple[PortRow, ...]) -> None:
-        self.rows = tuple(
-            replace(row, answer="in use by this window") if row.device == self._in_use else row for row in rows
-        )
-        self._queue([row.device for row in rows if row.known])
-        self._changed()
-
-    def _take_row(self, probed: PortRow) -> None:
-        self.rows = tuple(probed if row.device == probed.device else row for row in self.rows)
-        self._probe_next()
-        self._changed()
-
-    def _fail(self, message: str) -> None:
-        if message:
-            self._failed(message)
-        self._probe_next()
-        self._changed()
-
-    def _queue(self, devices: list[str]) -> None:
-        waiting = {row.device for row in self.rows if row.answer == "not checked"}
-        self._to_probe = [device for device in devices if device in waiting]
-        self.rows = tuple(
-            replace(row, answer="checking …") if row.device in self._to_probe else row for row in self.rows
-        )
-        self._probe_next()
-
-    def _probe_next(self) -> None:
-        if self._to_probe and not self._jobs.busy(_PORTS):
-            device = self._to_probe.pop(0)
-            row = next(row for row in self.rows if row.device == device)
-            self._run("probe a port", _probed, row, self._probe, then=self._take_row)
 
 
 # Creates the log of a live scan, in the user's folder of recordings, named by date and room.
@@ -743,11 +628,47 @@ def _error_text(status: JobState) -> str:
 # The choice of the scanner, and the list of ports.
 
 
+@dataclass(frozen=True)
+class PortRow:
+    """One port."""
+
+    device: str
+    description: str
+    known: bool  # whether its USB device may be a scanner
+    answer: str = "not checked"
+    answers: bool = False  # whether a scanner answers
+    proposed_url: str = ""  # of a device that prints readings
+
+
+_PORTS = "probe ports"  # the thread that opens ports
+
+
+def _port_rows(find: Callable[[], list[Port]]) -> tuple[PortRow, ...]:
+    return tuple(PortRow(port.device, port.known or port.description, port.known is not None) for port in find())
+
+
+def _probed(row: PortRow, probe: Callable[[str], tuple[bool, str]]) -> PortRow:
+    answers, answer = probe(row.device)
+    return replace(row, answer=answer, answers=answers)
+
+
+def _listened(row: PortRow, stopped: Callable[[], bool]) -> PortRow:
+    try:
+        line = guess_lines(row.device, stopped)
+    except LinkError as error:
+        return replace(row, answer=str(error).removeprefix(f"{row.device}: "))
+    return replace(row, answer=line.text, proposed_url=line.url or "")
+
+
 ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for an invalid URL
 
 
 class ScannerChoice(QObject):
-    """The chosen scanner, if any, and the ports that were found last."""
+    """The chosen scanner, if any, and the ports, probed one after another.
+
+    Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
+    reset its device. On request, a port is listened at for the text of a device that prints readings.
+    """
 
     chosen = Signal(object)  # ScannerTarget
     ports_changed = Signal(object)  # tuple of PortRow
@@ -764,9 +685,11 @@ class ScannerChoice(QObject):
         super().__init__(parent)
         self.url = scanner.url if scanner else ""
         self.urls: tuple[str, ...] = ()  # used before, newest first
+        self.rows: tuple[PortRow, ...] = ()  # the ports that were found last
+        self.find_ports: Callable[[], list[Port]] = serial_ports
+        self.probe: Callable[[str], tuple[bool, str]] = probe_port
         self._find_scanner, self._jobs, self._notices = find_scanner, jobs, notices
-        self._make_ports = PortList
-        self._ports: PortList | None = None
+        self._to_probe: list[str] = []
 
     @property
     def possible(self) -> bool:
@@ -774,9 +697,9 @@ class ScannerChoice(QObject):
         return self._find_scanner is not None
 
     @property
-    def rows(self) -> Sequence[PortRow]:
-        """The ports that were found last."""
-        return self._ports.rows if self._ports else ()
+    def busy(self) -> bool:
+        """Whether ports are being listed or probed."""
+        return bool(self._to_probe) or self._jobs.busy(_PORTS)
 
     @Slot(str)
     def choose(self, url: str) -> None:
@@ -789,7 +712,7 @@ class ScannerChoice(QObject):
         try:
             return self._find_scanner(url) if self._find_scanner is not None else None
         except SonarError as error:
-            self._fail(str(error))
+            self._notices.fail(str(error), Until.CONNECTED)
             return None
 
     def remember(self, target: ScannerTarget) -> None:
@@ -799,29 +722,59 @@ class ScannerChoice(QObject):
 
     @Slot()
     def list_ports(self) -> None:
-        """List the ports of this computer."""
-        if self._ports is None:
-            self._ports = self._make_ports(self._jobs, self._emit_rows, self._fail)
-        self._ports.list_ports(self.url)
+        """List the ports of this computer, and probe those with a known device, except the port in use."""
+        self._to_probe = []
+        self._run("list ports", _port_rows, self.find_ports, then=self._take_rows)
 
     @Slot()
     def probe_all(self) -> None:
-        """Probe every port: open it and check whether a scanner answers."""
-        if self._ports is not None:
-            self._ports.probe_all()
+        """Probe every port that was not checked yet: open it and check whether a scanner answers."""
+        self._queue([row.device for row in self.rows])
 
     @Slot(str)
     def listen(self, device: str) -> None:
-        """Listen at a port for the text of a device that prints readings."""
-        if self._ports is not None:
-            self._ports.listen(device)
-            self._emit_rows()
+        """Listen at a port for the text of a device that prints readings, also at one that is not listed."""
+        if device not in [row.device for row in self.rows]:
+            self.rows += (PortRow(device, "", known=False),)
+        self.rows = tuple(replace(row, answer="listening …") if row.device == device else row for row in self.rows)
+        row = next(row for row in self.rows if row.device == device)
+        self._run("listen at a port", _listened, row, lambda: self._jobs.closed, then=self._take_row)
+        self.ports_changed.emit(self.rows)
 
-    def _emit_rows(self) -> None:
+    def _run(self, key: str, function: Callable[..., Any], *args: object, then: Callable[[Any], None]) -> None:
+        self._jobs.run(key, function, *args, then=then, failed=self._fail, lane=_PORTS)
+
+    def _take_rows(self, rows: tuple[PortRow, ...]) -> None:
+        self.rows = tuple(
+            replace(row, answer="in use by this window") if row.device == self.url else row for row in rows
+        )
+        self._queue([row.device for row in rows if row.known])
+        self.ports_changed.emit(self.rows)
+
+    def _take_row(self, probed: PortRow) -> None:
+        self.rows = tuple(probed if row.device == probed.device else row for row in self.rows)
+        self._probe_next()
         self.ports_changed.emit(self.rows)
 
     def _fail(self, message: str) -> None:
-        self._notices.fail(message, Until.CONNECTED)
+        if message:
+            self._notices.fail(message, Until.CONNECTED)
+        self._probe_next()
+        self.ports_changed.emit(self.rows)
+
+    def _queue(self, devices: list[str]) -> None:
+        waiting = {row.device for row in self.rows if row.answer == "not checked"}
+        self._to_probe = [device for device in devices if device in waiting]
+        self.rows = tuple(
+            replace(row, answer="checking …") if row.device in self._to_probe else row for row in self.rows
+        )
+        self._probe_next()
+
+    def _probe_next(self) -> None:
+        if self._to_probe and not self._jobs.busy(_PORTS):
+            device = self._to_probe.pop(0)
+            row = next(row for row in self.rows if row.device == device)
+            self._run("probe a port", _probed, row, self.probe, then=self._take_row)
 
 
 # Where the scanner is: a fake scanner that the window opened follows the plan, any other stays where it is.

@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.jobs.files import WatchedFile
 from sonarhw_gui.model.scene import Scene
-from sonarhw_gui.session.scanner import Phase, PortList, ScannerTarget
+from sonarhw_gui.session.scanner import Phase, ScannerTarget
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.errors import InputError
@@ -31,7 +30,8 @@ def nowhere(url: str) -> ScannerTarget:
 
 
 def with_ports(window: MainWindow, ask: Callable[[str], tuple[bool, str]]) -> None:
-    window.session.scanners._make_ports = partial(PortList, find=lambda: [ARDUINO, OTHER], probe=ask)
+    scanners = window.session.scanners
+    scanners.find_ports, scanners.probe = lambda: [ARDUINO, OTHER], ask
 
 
 def rows(window: MainWindow) -> list[list[str]]:
@@ -48,7 +48,7 @@ def test_ports_are_listed_and_known_ones_are_queried(qtbot: QtBot, open_with: Op
     window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (True, "scanner POL-7"))
     open_dialog(qtbot, window)
-    until(qtbot, lambda: not window.session.scanners._ports.busy and dialog_of(window).ports.rowCount() == 2)
+    until(qtbot, lambda: not window.session.scanners.busy and dialog_of(window).ports.rowCount() == 2)
     assert rows(window) == [
         ["/dev/ttyACM0", "Arduino Mega 2560", "scanner POL-7"],
         ["/dev/ttyS0", "n/a", "not checked"],

@@ -3,14 +3,13 @@
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack
-from functools import partial
 
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.window import _board_of, _Scanners
-from sonarhw_gui.session.scanner import Phase, PortList, ScannerFinder
+from sonarhw_gui.session.scanner import Phase, ScannerFinder
 from sonarhw_gui.window.window import MainWindow
 
 from sonarhw.log import read_log
@@ -31,9 +30,9 @@ def finder() -> Iterator[ScannerFinder]:
 
 
 def open_dialog(qtbot: QtBot, window: MainWindow) -> None:
-    window.session.scanners._make_ports = partial(PortList, find=lambda: [])
+    window.session.scanners.find_ports = lambda: []
     qtbot.keyClick(window, Qt.Key.Key_K, Qt.KeyboardModifier.ControlModifier)
-    until(qtbot, lambda: window.session.scanners._ports is not None and not window.session.scanners._ports.busy)
+    until(qtbot, lambda: not window.session.scanners.busy)
 
 
 def test_listening_proposes_the_url_and_a_scan_is_shown_over_the_room(

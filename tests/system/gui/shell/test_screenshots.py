@@ -9,7 +9,6 @@ docs/how_to/window.md explains them.
 import io
 import os
 from dataclasses import replace
-from functools import partial
 from math import radians
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
 from sonarhw_gui.model.look import DARK, LIGHT, Palette
 from sonarhw_gui.model.scene import Scene, scene_of_log
-from sonarhw_gui.session.scanner import Phase, PortList, ScannerTarget, ScannerThread, ScanSettings, scan_and_record
+from sonarhw_gui.session.scanner import Phase, ScannerTarget, ScannerThread, ScanSettings, scan_and_record
 from sonarhw_gui.window.window import Docks, MainWindow
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
@@ -324,12 +323,11 @@ def nowhere(url: str) -> ScannerTarget:
 
 
 def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
-    window.session.scanners._make_ports = partial(
-        PortList, find=lambda: PORTS, probe=lambda device: (True, "scanner POL-7")
-    )
+    scanners = window.session.scanners
+    scanners.find_ports, scanners.probe = lambda: PORTS, lambda device: (True, "scanner POL-7")
     window.commands.connect_scanner.trigger()
     dialog = dialog_of(window)
-    until(qtbot, lambda: not window.session.scanners._ports.busy and dialog.ports.rowCount() == len(PORTS))
+    until(qtbot, lambda: not scanners.busy and dialog.ports.rowCount() == len(PORTS))
     album.keep(dialog, "connect")
     dialog.close()
     window.commands.show_help.trigger()
