@@ -36,6 +36,7 @@ from PySide6.QtWidgets import (
     QSlider,
     QTableWidget,
     QTableWidgetItem,
+    QVBoxLayout,
     QWidget,
 )
 
@@ -457,6 +458,32 @@ def arranged(
         else:
             layout.addWidget(part, stretch=int(part is rest))
     return layout
+
+
+def stacked(widget: QWidget, *parts: QWidget | QLayout | tuple[QWidget | None, ...] | None) -> QVBoxLayout:
+    """Arrange parts one below the other; those of a tuple side by side. A list, a table, or None takes the rest."""
+    column = QVBoxLayout(widget)
+    for part in parts:
+        if part is None:
+            column.addStretch(1)
+        elif isinstance(part, QWidget):
+            column.addWidget(part, stretch=int(isinstance(part, QAbstractItemView)))
+        elif isinstance(part, QLayout):
+            column.addLayout(part)
+        else:
+            column.addLayout(beside(*part))
+    return column
+
+
+def beside(*parts: QWidget | None) -> QHBoxLayout:
+    """Return parts side by side; None takes the rest."""
+    row = QHBoxLayout()
+    for part in parts:
+        if part is None:
+            row.addStretch(1)
+        else:
+            row.addWidget(part)
+    return row
 
 
 def button(text: str, tip: str, slot: Callable[..., object] | SignalInstance) -> QPushButton:

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QPushButton,
     QSpinBox,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -30,7 +29,7 @@ from sonarhw_gui.session.status import (
     state_text,
     temperature_text,
 )
-from sonarhw_gui.widgets import NumberField, PlainLabel, button, ignore_wheel_without_focus
+from sonarhw_gui.widgets import NumberField, PlainLabel, beside, button, ignore_wheel_without_focus, stacked
 from sonarhw_gui.window.commands import Commands
 
 _FARTHEST = 720.0  # degrees, limit of the cable
@@ -149,13 +148,10 @@ class DevicePanel(QWidget):
 
     def _lay_out(self, commands: Commands) -> None:
         head = QGroupBox("Scanner")
-        buttons = QHBoxLayout()
-        buttons.addWidget(self.connect_button)
-        buttons.addWidget(self.disconnect_button)
         form = QFormLayout(head)
         form.addRow(self.state)
         form.addRow(self.hint)
-        form.addRow(buttons)
+        form.addRow(beside(self.connect_button, self.disconnect_button))
         form.addRow("Identity", self.identity)
         form.addRow("Air", self.temperature)
         link = QGroupBox("Link")
@@ -163,10 +159,7 @@ class DevicePanel(QWidget):
         for label, (name, _, meaning) in zip(self.figures, link_figures(None), strict=True):
             label.setToolTip(meaning)
             figures.addRow(name, label)
-        column = QVBoxLayout(self)
-        for part in (head, _button(commands.stop), self._turntable, self._scan, link):
-            column.addWidget(part)
-        column.addStretch(1)
+        stacked(self, head, _button(commands.stop), self._turntable, self._scan, link, None)
 
     def _connect(self) -> None:
         self.target.entered.connect(self._turn)

@@ -59,7 +59,7 @@ class TimeSlider(QSlider):
         self.setToolTip("Position in the log; drag or click to move. Marks show where scans begin")
         self.valueChanged.connect(self._seek)
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the colours of `look`."""
         self._look = look
         self.update()
@@ -151,10 +151,10 @@ class ReplayBar(NarrowBar):
         self.speed.activated.connect(self._choose_speed)
         self.hide()
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the colours and text size of `look`."""
         self._look = look
-        self.slider.show_look(look)
+        self.slider.set_look(look)
         self.badge.setStyleSheet(
             f"color: white; background: {look.palette.replay}; border-radius: 4px; padding: 2px 8px; font-weight: bold;"
         )
@@ -302,7 +302,7 @@ class SoundBar(NarrowBar):
         self._connect()
         self.hide()
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the colours and the unit of `look`."""
         self._look, self._unit, self._playing = look, look.unit, None
         self.hide_what_does_not_fit()

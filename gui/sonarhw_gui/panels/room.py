@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 from sonarhw_sim.air import EdgeStrength, Receiver, Unit
@@ -43,7 +42,16 @@ from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Shown
 from sonarhw_gui.views.plan_tools import surface_text
-from sonarhw_gui.widgets import NumberField, PlainLabel, SliderField, TitleLabel, button, short_list, show_names
+from sonarhw_gui.widgets import (
+    NumberField,
+    PlainLabel,
+    SliderField,
+    TitleLabel,
+    button,
+    short_list,
+    show_names,
+    stacked,
+)
 
 # applies an edit of the scene; edits of one gesture, a second argument, are one undo step
 Change = Callable[..., None]
@@ -391,10 +399,7 @@ class RoomPanel(QWidget):
         self.materials, self.air = MaterialGroup(self.change), AirGroup(self.change)
         self.model = ModelGroup(self.change)
         self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.model)
-        column = QVBoxLayout(self)
-        for part in (self._refused, *self._groups):
-            column.addWidget(part)
-        column.addStretch(1)
+        stacked(self, self._refused, *self._groups, None)
 
     def show_state(self, shown: Shown) -> None:
         """Draw the changes since the last call."""

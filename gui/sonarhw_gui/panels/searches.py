@@ -20,13 +20,10 @@ from PySide6.QtWidgets import (
     QFormLayout,
     QGridLayout,
     QGroupBox,
-    QHBoxLayout,
     QLabel,
-    QLayout,
     QListWidget,
     QListWidgetItem,
     QProgressBar,
-    QVBoxLayout,
     QWidget,
 )
 from sonarhw_compare.edits import remove_surface
@@ -64,7 +61,7 @@ from sonarhw_gui.model.rows import ReadingRows
 from sonarhw_gui.model.scene import first_place
 from sonarhw_gui.model.shown import NO_POINTS, SHOWN, FoundDrawing, NextScan, OverlaidScan, ScanPair, Shown, proposal_of
 from sonarhw_gui.session.session import WindowSession
-from sonarhw_gui.widgets import PlainLabel, button, ignore_wheel_without_focus, plain_tip, short_list
+from sonarhw_gui.widgets import PlainLabel, button, ignore_wheel_without_focus, plain_tip, short_list, stacked
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate import Pose
@@ -155,9 +152,9 @@ class FitPanel(SearchPanel):
         self.accept = button("Accept", "Move the sensor there; Undo moves it back", self._accept)
         self.discard = button("Discard", "", session.fitting.cancel)
         request, self._result = QGroupBox("Free parameters"), QGroupBox("Result")
-        _stack(request, *self.free.values(), self.where, self.begin)
-        _stack(self._result, self.solutions, self.table, self.notes, (self.accept, self.discard))
-        _stack(self, request, (self.progress, self.cancel), self.note, self._result, None)
+        stacked(request, *self.free.values(), self.where, self.begin)
+        stacked(self._result, self.solutions, self.table, self.notes, (self.accept, self.discard))
+        stacked(self, request, (self.progress, self.cancel), self.note, self._result, None)
         for box in self.free.values():
             box.toggled.connect(self._enable)
         self.solutions.activated.connect(self._draw_solution)
@@ -246,7 +243,7 @@ class CausesPanel(SearchPanel):
         self.shares = PlainLabel(wordWrap=True)
         self.note.setAlignment(Qt.AlignmentFlag.AlignTop)  # it has the whole panel before the first search
         decide = self.try_it, self.undo
-        _stack(self, self.begin, (self.progress, self.cancel), self.list, decide, self.shares, self.note)
+        stacked(self, self.begin, (self.progress, self.cancel), self.list, decide, self.shares, self.note)
         self.list.currentRowChanged.connect(self._select)
         self.list.itemClicked.connect(self._select)
         self.list.itemActivated.connect(self._try)
@@ -374,7 +371,7 @@ class FindPanel(SearchPanel):
         begin.addWidget(self.go_on, 0, 1)
         above = self.scans, form, begin, (self.progress, self.cancel), self.step
         below = self.poses, (self.accept, self.reject), self.plan, self.next, self.note
-        column = _stack(self, *above, self.list, *below)
+        column = stacked(self, *above, self.list, *below)
         column.addWidget(self._space, stretch=1)
         self._fill()
 
@@ -643,7 +640,7 @@ class ScansPanel(QWidget):
             buttons.addWidget(part, number // 2, number % 2)
         pair.addRow("First", self.first)
         pair.addRow("Second", self.second)
-        _stack(self, buttons, self.list, pair, self.note)
+        stacked(self, buttons, self.list, pair, self.note)
         self.list.itemChanged.connect(self._switch)
         self.list.currentRowChanged.connect(self._enable)
         session.scans.changed.connect(self.show_scans)
@@ -697,24 +694,6 @@ class ScansPanel(QWidget):
     @Slot()
     def _choose_pair(self) -> None:
         self._scans.compare(self.first.currentData(), self.second.currentData())
-
-
-def _stack(widget: QWidget, *parts: QWidget | QLayout | tuple[QWidget, ...] | None) -> QVBoxLayout:
-    """Arrange parts of a widget one below the other; those of a tuple side by side. A list, or None, takes the rest."""
-    column = QVBoxLayout(widget)
-    for part in parts:
-        if part is None:
-            column.addStretch(1)
-        elif isinstance(part, QWidget):
-            column.addWidget(part, stretch=int(isinstance(part, QListWidget)))
-        elif isinstance(part, QLayout):
-            column.addLayout(part)
-        else:
-            row = QHBoxLayout()
-            for beside in part:
-                row.addWidget(beside)
-            column.addLayout(row)
-    return column
 
 
 def _box(offer: Offer) -> QCheckBox:

@@ -361,7 +361,7 @@ def _title_and_legend(title: str, width: int, shown: Shown) -> list[QWidget]:
     head, legend = PlainLabel(title), Legend(shown.hidden, switches=False)
     head.setContentsMargins(8, 6, 8, 2)
     legend.show_state(shown)
-    legend.show_look(shown.look)
+    legend.set_look(shown.look)
     parts: list[QWidget] = [head, legend]
     for text in filter(None, (shown.sentence if shown.chosen is not None else "", bounces_text(shown))):
         line = PlainLabel(text, wordWrap=True)

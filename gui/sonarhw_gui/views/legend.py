@@ -337,7 +337,7 @@ class Legend(QWidget):
         self.more.setText(f"{len(used)} more")  # the widest text
         return bisect_right(ends, width - self._row.gap - self.more.sizeHint().width())
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the colours of `look`."""
         self._palette = look.palette
         self._draw()

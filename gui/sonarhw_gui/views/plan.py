@@ -532,9 +532,7 @@ class PlanView(QWidget):
 
     def _bar(self) -> QWidget:
         bar, tools = QWidget(), QWidget()
-        row, buttons = QHBoxLayout(bar), FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
-        row.setContentsMargins(0, 0, 4, 0)
-        row.setSpacing(0)
+        buttons = FlowLayout(tools, QMargins(2, 2, 4, 2), gap=0)
         for tool in TOOLS:
             action = view_action(self, tool.name, tool.key, tool.tip)
             action.setData(tool)
@@ -544,8 +542,7 @@ class PlanView(QWidget):
         add_buttons(buttons, [*self.tools.actions(), self.remove])
         message = LabelSlot(self.message)
         message.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # the tools come first
-        row.addWidget(tools)
-        row.addWidget(message, stretch=1)
+        arranged(QHBoxLayout(bar), tools, message, rest=message, margins=(0, 0, 4, 0))
         self.tools.actions()[0].setChecked(True)
         self.tools.triggered.connect(self._set_tool)
         return bar

@@ -67,7 +67,7 @@ class Banner(QFrame):
         """The visible text; empty while the banner is hidden."""
         return self._label.text() if not self.isHidden() else ""
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the colours of `look`."""
         ink, paper = look.palette.warning_ink, look.palette.warning_paper
         self.setStyleSheet(
@@ -141,7 +141,7 @@ class Hint(QFrame):
         for number, text in enumerate((marks, _LINE if room else _NO_LINE, click)):
             self.labels[number].setText(f"{number + 1}  {text}")
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Give each step the colour of what it describes."""
         for label, colour in zip(self.labels, _COLOURS, strict=True):
             label.setStyleSheet(f"color: {getattr(look.palette, colour)}; font-weight: bold")
@@ -211,7 +211,7 @@ class StatusBar(QStatusBar):
         """Show a message for 10 s."""
         self.showMessage(message, _MESSAGE_TIME)
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Set the text colour; with a style sheet, Qt would keep the colour of the previous palette."""
         ink = look.palette.ink
         self.setStyleSheet(f"QStatusBar::item {{ border: none; }} QLabel {{ color: {ink}; }}")

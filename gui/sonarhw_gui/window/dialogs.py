@@ -32,7 +32,7 @@ from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import MARKS, Look
 from sonarhw_gui.session.scanner import PortRow, ScannerChoice
 from sonarhw_gui.views.legend import mark_picture
-from sonarhw_gui.widgets import PlainLabel, cell, text_table
+from sonarhw_gui.widgets import PlainLabel, cell, stacked, text_table
 
 _Dialog = TypeVar("_Dialog", bound=QDialog)
 _SIZE = 420, 360  # pixels, of the palette
@@ -92,9 +92,7 @@ class CommandPalette(QDialog):
         self.words.returnPressed.connect(self._run)
         self.list.itemClicked.connect(self._run)
         self.words.installEventFilter(self)
-        column = QVBoxLayout(self)
-        column.addWidget(self.words)
-        column.addWidget(self.list)
+        stacked(self, self.words, self.list)
         self.resize(*_SIZE)
         self._filter("")
 
@@ -176,7 +174,8 @@ class ConnectDialog(QDialog):
         self.buttons = QDialogButtonBox()
         self.connect_button = self.buttons.addButton("Connect", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
-        self._lay_out()
+        buttons = self.refresh, self.probe_all, self.listen, None
+        stacked(self, self.none, self.ports, buttons, PlainLabel("Port or URL"), self.url, self.buttons)
         self._connect()
         self.resize(640, 340)
         self.url.addItems(list(scanners.urls))
@@ -207,20 +206,6 @@ class ConnectDialog(QDialog):
         row = next((k for k, row in enumerate(rows) if url in (row.device, row.proposed_url)), -1)
         if row >= 0:
             self.ports.selectRow(row)
-
-    def _lay_out(self) -> None:
-        beside = QHBoxLayout()
-        beside.addWidget(self.refresh)
-        beside.addWidget(self.probe_all)
-        beside.addWidget(self.listen)
-        beside.addStretch(1)
-        column = QVBoxLayout(self)
-        column.addWidget(self.none)
-        column.addWidget(self.ports, stretch=1)
-        column.addLayout(beside)
-        column.addWidget(PlainLabel("Port or URL"))
-        column.addWidget(self.url)
-        column.addWidget(self.buttons)
 
     def _connect(self) -> None:
         self.ports.clicked.connect(self._take_row)
@@ -396,9 +381,7 @@ class RecordingsDialog(QDialog):
         self.buttons = QDialogButtonBox()
         self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
-        column = QVBoxLayout(self)
-        for part in (self.search, self.table, self.summary, self.buttons):
-            column.addWidget(part)
+        stacked(self, self.search, self.table, self.summary, self.buttons)
         self.resize(860, 420)
         self.search.textChanged.connect(self._filter)
         self.table.itemSelectionChanged.connect(self._update_button)

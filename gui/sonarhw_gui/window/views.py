@@ -31,7 +31,7 @@ from sonarhw_gui.views.plan import PlanView, SideBySide
 from sonarhw_gui.views.ranges import RangeView
 from sonarhw_gui.views.table import TableView
 from sonarhw_gui.views.trace import TraceView
-from sonarhw_gui.widgets import PlainLabel
+from sonarhw_gui.widgets import PlainLabel, arranged
 
 # A dock with one small view, under a thin title bar: it can be moved, floated, stacked as a tab and closed.
 
@@ -80,7 +80,7 @@ class ViewDock(OpenedDock):
         self.setTitleBarWidget(self._title)
         self.opener.setStatusTip(f"Open, bring to the front or close the view {view.entry.name}")
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the text size of `look`."""
         self._title.name.setFont(text_font(look, _TEXT))
 
@@ -91,10 +91,7 @@ class _TitleBar(QWidget):
     def __init__(self, dock: QDockWidget) -> None:
         super().__init__(dock)
         self.name = PlainLabel(dock.windowTitle())
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 0, 2, 0)
-        row.setSpacing(0)
-        row.addWidget(self.name, stretch=1)
+        row = arranged(QHBoxLayout(self), self.name, rest=self.name, margins=(8, 0, 2, 0))
         self.setToolTip("Drag to move this view: beside or onto another view, or out of the window")
         pixmap = QStyle.StandardPixmap
         for what, tip, icon in (
@@ -261,10 +258,10 @@ class ViewArea(TabbedWindow):
             if dock.view.entry.is_text and dock.in_front:
                 dock.view.show_state(shown)
 
-    def show_look(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Use the text size of `look` for the title bars."""
         for dock in self.docks:
-            dock.show_look(look)
+            dock.set_look(look)
 
     @Slot()
     def fit(self) -> None:

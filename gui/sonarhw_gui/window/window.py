@@ -340,7 +340,7 @@ class MainWindow(TabbedWindow):
     @Slot(object)
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
-            self._show_look(shown.look)
+            self._set_look(shown.look)
         self.views.show_large(shown)
         self.docks.show_state(shown)
         self.toolbar.show_state(shown)
@@ -399,7 +399,7 @@ class MainWindow(TabbedWindow):
     def _name_tab_stops(self) -> None:
         name_tab_stops(self)
 
-    def _show_look(self, look: Look) -> None:
+    def _set_look(self, look: Look) -> None:
         self._look = look
         apply_look(look)
         for part in (
@@ -411,7 +411,7 @@ class MainWindow(TabbedWindow):
             self.replay_bar,
             self.status_bar,
         ):
-            part.show_look(look)
+            part.set_look(look)
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:

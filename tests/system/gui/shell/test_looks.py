@@ -51,7 +51,7 @@ def test_ctrl_d_makes_all_views_dark_and_light_again(qtbot: QtBot, window: MainW
 def test_every_symbol_of_the_legend_is_visible_on_dark() -> None:
     open_application()
     legend = Legend()
-    legend.show_look(Look(DARK))
+    legend.set_look(Look(DARK))
     for entry in legend.entries.values():
         image = entry.icon().pixmap(entry.iconSize()).toImage()
         pixels = [image.pixelColor(x, y) for x in range(image.width()) for y in range(image.height())]

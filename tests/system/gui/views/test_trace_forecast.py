@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.jobs.jobs import Jobs
-from sonarhw_gui.jobs.traces import BScanSettings, Pane, TraceForecast
+from sonarhw_gui.jobs.traces import BScanSettings, Pane
 from sonarhw_gui.model.scene import Scene
 from sonarhw_gui.model.shown import Shown
+from sonarhw_gui.session.showing import TraceForecast
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import NotALog
