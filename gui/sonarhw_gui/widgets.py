@@ -26,6 +26,7 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
     QComboBox,
+    QDialog,
     QDoubleSpinBox,
     QHBoxLayout,
     QLabel,
@@ -492,3 +493,23 @@ def button(text: str, tip: str, slot: Callable[..., object] | SignalInstance) ->
     made.setToolTip(tip)
     made.clicked.connect(slot)
     return made
+
+
+# Dialogs that are not modal, one at a time in each window.
+
+
+def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
+    """Close every open dialog of `window`, except `but`."""
+    for dialog in window.findChildren(QDialog):
+        if dialog is not but and dialog.isVisible():
+            dialog.close()
+
+
+def show_alone(dialog: QDialog) -> None:
+    """Show a dialog, which is deleted when it is closed, and close the others of its window."""
+    parent = dialog.parentWidget()
+    if parent is not None:
+        close_dialogs(parent.window(), but=dialog)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.show()
+    dialog.raise_()

@@ -56,8 +56,16 @@ from sonarhw_gui.views.plan_layers import (
     SoundLayer,
 )
 from sonarhw_gui.views.plan_tools import TOOLS, PlanController
-from sonarhw_gui.widgets import ElidedLabel, FlowLayout, LabelSlot, NumberField, PlainLabel, TitleLabel, arranged
-from sonarhw_gui.window.dialogs import show_alone
+from sonarhw_gui.widgets import (
+    ElidedLabel,
+    FlowLayout,
+    LabelSlot,
+    NumberField,
+    PlainLabel,
+    TitleLabel,
+    arranged,
+    show_alone,
+)
 
 # The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
 #

@@ -19,7 +19,8 @@ from sonarhw_gui.model.look import DARK, LIGHT, LengthUnit, Look
 from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.showing import ShownModel
 from sonarhw_gui.views.base import View, ViewEntry
-from sonarhw_gui.window.dialogs import CommandPalette, ConnectDialog, HelpPage, ask_text, open_dialog, show_alone
+from sonarhw_gui.widgets import show_alone
+from sonarhw_gui.window.dialogs import CommandPalette, ConnectDialog, HelpPage, ask_text, open_dialog
 
 _FORMATS = " or ".join(suffix[1:].upper() for suffix in export_suffixes())
 _LARGER = 1.1  # factor of the text size

@@ -32,7 +32,7 @@ from sonarhw_gui.jobs.jobs import Jobs
 from sonarhw_gui.model.look import MARKS, Look
 from sonarhw_gui.session.scanner import PortRow, ScannerChoice
 from sonarhw_gui.views.legend import mark_picture
-from sonarhw_gui.widgets import PlainLabel, cell, stacked, text_table
+from sonarhw_gui.widgets import PlainLabel, cell, show_alone, stacked, text_table
 
 _Dialog = TypeVar("_Dialog", bound=QDialog)
 _SIZE = 420, 360  # pixels, of the palette
@@ -43,23 +43,6 @@ _STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown
 def open_dialog(window: QWidget, kind: type[_Dialog]) -> _Dialog | None:
     """Return the open dialog of a kind; None without one."""
     return next((dialog for dialog in window.findChildren(kind) if dialog.isVisible()), None)
-
-
-def close_dialogs(window: QWidget, but: QDialog | None = None) -> None:
-    """Close every open dialog of `window`, except `but`."""
-    for dialog in window.findChildren(QDialog):
-        if dialog is not but and dialog.isVisible():
-            dialog.close()
-
-
-def show_alone(dialog: QDialog) -> None:
-    """Show a dialog, which is deleted when it is closed, and close the others of its window."""
-    parent = dialog.parentWidget()
-    if parent is not None:
-        close_dialogs(parent.window(), but=dialog)
-    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-    dialog.show()
-    dialog.raise_()
 
 
 def ask_text(window: QWidget, title: str, label: str, text: str = "", longest: int | None = None) -> QInputDialog:

@@ -34,8 +34,8 @@ from sonarhw_gui.session.session import WindowSession
 from sonarhw_gui.session.source import Replay
 from sonarhw_gui.session.status import link_figures
 from sonarhw_gui.views.base import View, png_pixels, svg_text
-from sonarhw_gui.widgets import plain_tip
-from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog, show_alone
+from sonarhw_gui.widgets import plain_tip, show_alone
+from sonarhw_gui.window.dialogs import RecordingsDialog, open_dialog
 from sonarhw_gui.window.import_dialog import ImportDialog
 from sonarhw_gui.window.views import ViewArea
 

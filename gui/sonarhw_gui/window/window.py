@@ -42,10 +42,10 @@ from sonarhw_gui.session.status import Status
 from sonarhw_gui.views.base import View
 from sonarhw_gui.views.legend import Legend
 from sonarhw_gui.views.table import BounceLine, Sentence
-from sonarhw_gui.widgets import LabelSlot, arranged
+from sonarhw_gui.widgets import LabelSlot, arranged, close_dialogs
 from sonarhw_gui.window.bars import Banner, Hint, StatusBar, ToolBar
 from sonarhw_gui.window.commands import Commands, CommandSlots, LayoutMenu, UndoList, ViewMenus
-from sonarhw_gui.window.dialogs import HelpPage, close_dialogs, open_dialog
+from sonarhw_gui.window.dialogs import HelpPage, open_dialog
 from sonarhw_gui.window.file_commands import FileCommands, SaveCommands
 from sonarhw_gui.window.views import OpenedDock, TabbedWindow, ViewArea
 
