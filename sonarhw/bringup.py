@@ -19,7 +19,7 @@ from sonarhw.readings import Reading, ScanOrder, pings_in_place, sector
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import Feature, Input, ResetCause, Statistics
 
-# The diagnoses of `sonarhw doctor`: each function judges what was measured, and states what to do.
+# the diagnoses of `sonarhw doctor`: each function judges what was measured, and states what to do
 
 
 COLDEST, HOTTEST = -20.0, 60.0  # °C; outside, a wire is wrong rather than the air
@@ -73,13 +73,13 @@ def line(counted: LinkStatistics, rejected: int, baud: int | None) -> Diagnosis:
 
     `baud` is the rate of the line; None: it has none.
     """
-    at = f"{baud} baud, " if baud else ""
+    rate = f"{baud} baud, " if baud else ""
     damaged = counted.rejected_blocks + counted.missing_frames + rejected
     if damaged or counted.repeated_commands:
-        text = f"{at}{damaged} damaged or lost frames, {counted.repeated_commands} repeated commands"
+        text = f"{rate}{damaged} damaged or lost frames, {counted.repeated_commands} repeated commands"
         return failed("line", text, "use a short USB cable, no hub, and keep it away from the wires of the motor")
     round_trip = "" if counted.round_trip is None else f", {counted.round_trip * 1e3:.1f} ms"
-    return passed("line", f"{at}{counted.frames_received} frames, none damaged{round_trip}")
+    return passed("line", f"{rate}{counted.frames_received} frames, none damaged{round_trip}")
 
 
 def firmware(info: DeviceInfo) -> Diagnosis:
@@ -242,7 +242,7 @@ def same_echoes(readings: Sequence[Reading], moves: Diagnosis) -> Diagnosis:
     for reading in readings:
         first = reading.echo_times[0] if reading.echo_times else math.inf
         times.setdefault(round(math.degrees(reading.angle) * 100), []).append(first)
-    pairs = [found for found in times.values() if len(found) == 2]
+    pairs = [times_of_heading for times_of_heading in times.values() if len(times_of_heading) == 2]
     other = sum(not math.isclose(*pair, rel_tol=SAME_ECHO) for pair in pairs)
     text = f"{other} of {len(pairs)} headings have another echo on the way back"
     if other >= MOST_CHANGED * len(pairs):
@@ -284,8 +284,8 @@ def judge_plate(readings: Sequence[Reading], distance: float) -> Diagnosis:
 
 def supply(device: Statistics | None, resets: int) -> Diagnosis:
     """Judge the cause of the last start, and restarts during the checks. `device` is None if it does not answer."""
-    known = device.reset_cause if device else ResetCause.UNKNOWN
-    cause = ResetCause(known) if known in [*ResetCause] else ResetCause.UNKNOWN
+    code = device.reset_cause if device else ResetCause.UNKNOWN
+    cause = ResetCause(code) if code in [*ResetCause] else ResetCause.UNKNOWN
     advice = (
         "the 6500 draws 2 A during a ping, and a servo 1 A: give it a supply of 5 V and 3 A of its own with a common "
         "ground, and 470 µF close to it"
@@ -297,7 +297,7 @@ def supply(device: Statistics | None, resets: int) -> Diagnosis:
     return passed("supply", "no restart during the checks")
 
 
-# Check a new scanner step by step: line, firmware, ranging board, turntable, first plate.
+# the checks, step by step
 
 
 EXCHANGES = 50  # commands
@@ -467,9 +467,7 @@ def _scanned(scanner: Scanner, order: ScanOrder) -> list[Reading] | Diagnosis:
         return judge_steps(_reason(scanner, error))
 
 
-# Write the prebuilt firmware to a board with avrdude, and ask the board who it is afterwards.
-#
-# `make -C firmware images` builds `images/*.hex`; a test compares them with a fresh build.
+# flashing: `make -C firmware images` builds `images/*.hex`, and a test compares them with a fresh build
 
 
 PATIENCE = 5.0  # s for the greeting of a board before it is flashed

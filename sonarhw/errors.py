@@ -132,10 +132,7 @@ class OutputError(SonarError):
     """A file other than the log of a running scan, or standard output, cannot be written."""
 
 
-# Text of messages: counts with nouns, and text from files and devices, made harmless for terminals and spreadsheets.
-#
-# A name may contain escape sequences that move the cursor or change colours, line breaks that pretend to be another
-# message, and marks that reverse the direction of writing. A file name that is not UTF-8 contains surrogates.
+# text of messages; names of files and devices may contain escape sequences, line breaks and direction marks
 
 
 _ESCAPED = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories: control, format, surrogate, line and paragraph separator
@@ -170,7 +167,7 @@ def counted_are(count: int, noun: str) -> str:
     return f"{counted(count, noun)} {'is' if count == 1 else 'are'}"
 
 
-# JSON of the figures that commands and the window write. Every JSON parser accepts it.
+# JSON that every parser accepts
 
 
 def json_text(figures: object) -> str:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sonarhw.log import Log
     from sonarhw.readings import Reading
 
-# Readings as lines of CSV, in degrees and metres: the output of `scan --print` and of `log export`.
+# readings as lines of CSV: the output of `scan --print` and of `log export`
 
 
 _FORMULA = tuple("=+-@＝＋－＠")  # first characters of a formula; a tab and a line break are escaped
@@ -70,10 +70,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-# The file formats in which readings are exported, by `sonarhw log export` and by Export data in the window.
-#
-# To add a format, write a function `write_x(log, file, notes)` in a new module and add an entry to FORMATS. The
-# command, its help, the window's file dialog and its tooltip follow.
+# file formats: an entry in FORMATS is all that the command and the window need
 
 
 @dataclass(frozen=True)
@@ -100,9 +97,9 @@ FORMATS = (
 
 def export_suffixes() -> tuple[str, ...]:
     """Return the suffix of every format, in order."""
-    return tuple(known.suffix for known in FORMATS)
+    return tuple(entry.suffix for entry in FORMATS)
 
 
 def export_format(suffix: str) -> ExportFormat:
     """Return the format with this suffix. Raises KeyError for any other."""
-    return {known.suffix: known for known in FORMATS}[suffix]
+    return {entry.suffix: entry for entry in FORMATS}[suffix]

@@ -10,11 +10,7 @@ from typing import BinaryIO
 
 from sonarhw.errors import OutputError
 
-# Write a file completely or not at all. A hidden file is written first, synced to the disk, and renamed when
-# complete.
-#
-# Logs of running scans are not written in this way. They grow on disk reading by reading, and are readable after any
-# interruption.
+# files that appear under their name when they are complete; logs of running scans grow reading by reading
 
 
 _OPEN_FILES = (Path("/dev/fd"), Path("/proc/self/fd"))
@@ -112,9 +108,7 @@ def _rename_to_new(unfinished: Path, target: Path) -> None:
         unfinished.replace(target)
 
 
-# Warn early when the disk is too small for a recording.
-#
-# There are two warnings at most: one when the disk is nearly full, and one shortly before it is full.
+# two warnings of a full disk: one when it is nearly full, and one shortly before it is full
 
 
 _CHECK_EVERY = 1.0  # s

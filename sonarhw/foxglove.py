@@ -62,9 +62,9 @@ class FoxgloveServer:
 
     def reading(self, reading: Reading) -> None:
         """Publish a reading and its trace."""
-        at = time.time() if reading.host_time is None else reading.host_time
+        measured = time.time() if reading.host_time is None else reading.host_time
         for topic, data in reading_messages(reading):
-            self._channels[topic].log(data, log_time=round(at * 1e9))
+            self._channels[topic].log(data, log_time=round(measured * 1e9))
 
     def sweep(self, readings: Sequence[Reading], predicted: Sequence[float | None] | None = None) -> None:
         """Publish a sweep, and the predicted ranges of its readings (m; None: no echo) beside it."""

@@ -22,9 +22,6 @@ from serial.tools.list_ports import comports
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost
 from sonarhw.wire.limits import FIRST_BAUD
 
-# Counters of the traffic over a link. They show a bad cable.
-
-
 _SMOOTHED = 0.2  # weight of the newest round trip in the average
 
 
@@ -66,9 +63,7 @@ def smoothed(average: float | None, newest: float) -> float:
     return newest if average is None else average + _SMOOTHED * (newest - average)
 
 
-# The serial ports of this machine, the USB devices behind them, and the processes that use them.
-#
-# The functions do not open ports.
+# the serial ports of this machine, their USB devices and users; no port is opened
 
 
 # by vendor and product: USB adapters and boards that scanners use
@@ -221,13 +216,11 @@ def _named(process: Path) -> str:
     return f"{name} ({process.name})"
 
 
-# pyserial's RFC 2217 port with faster reads, and without errors after the server has closed the connection.
-#
-# pyserial itself would then leave a socket open and print a traceback from its reader thread.
-
-
 class Rfc2217Port(Serial):
-    """A serial port behind a server such as ser2net."""
+    """A serial port behind a server such as ser2net, with faster reads than pyserial.
+
+    pyserial would leave a socket open after the server has closed the connection, and its thread print a traceback.
+    """
 
     def read(self, size: int = 1) -> bytes:
         """Return the received bytes, at most `size`. Raises SerialException if the server has closed the connection."""
@@ -254,9 +247,7 @@ class Rfc2217Port(Serial):
                 raise
 
 
-# A byte link to a scanner at any URL that pyserial opens, with errors that say what to do.
-#
-# One thread may read while another thread writes or calls `wake`.
+# byte links, with errors that say what to do
 
 
 BOOTLOADER = 2.0  # s for which the bootloader runs after a reset by the opening of the port
@@ -402,8 +393,8 @@ def _check_url(url: str) -> None:
     elif scheme == "hwgrep":
         _check_pattern(url)
     elif scheme not in _KNOWN:
-        known = ", ".join(f"{name}://" for name in sorted((*_WITH_HOST, *_KNOWN)))
-        raise InputError(f"{url}: unknown scheme {scheme}://; expected {known}, or the name of a serial port")
+        schemes = ", ".join(f"{name}://" for name in sorted((*_WITH_HOST, *_KNOWN)))
+        raise InputError(f"{url}: unknown scheme {scheme}://; expected {schemes}, or the name of a serial port")
 
 
 def _check_pattern(url: str) -> None:

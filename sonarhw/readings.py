@@ -152,9 +152,7 @@ def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.
     return ScanOrder(math.radians(start_deg), math.radians(step_deg), headings, pings=pings)
 
 
-# The interface between a fake scanner and the acoustics of its surroundings.
-#
-# An echo source computes the echo times and the trace of each ping. The one in `sonarhw_sim` simulates a room.
+# the interface between a fake scanner and the acoustics of its surroundings
 
 
 @dataclass(frozen=True)
@@ -190,11 +188,8 @@ class EchoSource(Protocol):
         """
 
 
-# Find the readings whose angles may be wrong because the turntable lost steps.
-#
-# The turntable passes its zero mark once a turn. A device checks the mark whenever it turns counter-clockwise over
-# it. It reports a misplaced or missing mark before it has turned MARK_OVERRUN past the position of the mark. After a
-# reset, or after a long silence of the host, a device homes again. Its angle error before that homing is unknown.
+# Angles that may be wrong: a device checks the mark whenever it turns over it counter-clockwise, and reports a missing
+# or misplaced one before it has turned MARK_OVERRUN past its position.
 
 
 MARK_APPROACH = math.radians(3)  # before the mark, plus the backlash: the table then moves when it reaches the mark

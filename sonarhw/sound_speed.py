@@ -38,5 +38,5 @@ class ScanAir:
 
     def speed_of_sound(self, thermometer: float | None) -> float:
         """Return the speed of sound in m/s: at the chosen temperature, else the thermometer's (°C), else the room's."""
-        known = (self.chosen_temperature, thermometer, self.room_temperature)
-        return self.speed_at(next(temperature for temperature in known if temperature is not None))
+        temperatures = (self.chosen_temperature, thermometer, self.room_temperature)
+        return self.speed_at(next(temperature for temperature in temperatures if temperature is not None))

@@ -425,9 +425,9 @@ def _check_format(read: LinesUrl) -> None:
         raise InputError("unit: the pattern names the unit already; remove one of them")
 
 
-def _one_of(key: str, value: str, known: tuple[str, ...]) -> str:
-    if value not in known:
-        raise InputError(f"{key}={value}: expected {', '.join(known)}")
+def _one_of(key: str, value: str, choices: tuple[str, ...]) -> str:
+    if value not in choices:
+        raise InputError(f"{key}={value}: expected {', '.join(choices)}")
     return value
 
 

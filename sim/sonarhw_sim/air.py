@@ -7,7 +7,7 @@ from typing import Self
 
 from sonarhw.sound_speed import speed_of_sound
 
-# The state of the air, and the absorption of sound in it at a frequency.
+# the state of the air, and the absorption of sound in it
 
 
 _COLDEST, _HOTTEST = -40.0, 60.0  # °C
@@ -57,9 +57,7 @@ def absorption(frequency: float, air: Air) -> float:
     return loss
 
 
-# The choices that every prediction offers, each defined once: model, receiver, unit and edge strength.
-#
-# This module imports nothing heavy, so a command line can list the choices before it loads any kernel.
+# the choices that every prediction offers; nothing heavy is imported, so that a command line can list them
 
 
 ROOM_TOLERANCE = 0.005  # m, standard deviation of the position of each wall of a room file; assumed

@@ -17,9 +17,6 @@ from sonarhw_sim.room.room import Place, Room, object_around, object_name, wall_
 from sonarhw_sim.room.room_file import MEETING, RoomFile
 from sonarhw_sim.room.room_writing import materials
 
-# One thing that is probably wrong in a room file.
-
-
 Point = tuple[float, float]  # m
 
 

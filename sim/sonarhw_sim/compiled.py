@@ -94,7 +94,7 @@ def _counted(kernel: _Function, **options: object) -> _Function:
     return cast(_Function, Kernel(kernel, {"error_model": "numpy", "nogil": True, **options}))
 
 
-# Processor cores, and work in parts that threads compute at once: kernels release Python's lock.
+# work in parts that threads compute at once: kernels release Python's lock
 
 
 _Result = TypeVar("_Result")

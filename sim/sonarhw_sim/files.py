@@ -18,16 +18,16 @@ from pydantic.fields import FieldInfo
 
 from sonarhw.errors import InputError
 
-# Suggestions for misspelt names: `; did you mean 'center'?`.
+# suggestions for misspelt names: `; did you mean 'center'?`
 
 
 _ALIKE = 0.6  # similarity from 0 to 1; 'pressure' and 'pressure_kpa' have 0.8
 _MOST_LETTERS = 100  # longer words are not compared: the time is quadratic
 
 
-def near_miss(word: str, known: Iterable[str]) -> str | None:
+def near_miss(word: str, words: Iterable[str]) -> str | None:
     """Return the only known name that begins with a word, else the most similar one, or None if none is similar."""
-    names = {name.casefold(): name for name in known}
+    names = {name.casefold(): name for name in words}
     longer = [name for key, name in names.items() if key.startswith(word.casefold())] if len(word) > 1 else []
     if len(longer) == 1:
         return longer[0]
@@ -35,13 +35,13 @@ def near_miss(word: str, known: Iterable[str]) -> str | None:
     return names[close[0]] if close else None
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, words: Iterable[str]) -> str:
     """Return `; did you mean 'NAME'?` for the most similar of the known names, or an empty text."""
-    near = near_miss(word, known)
+    near = near_miss(word, words)
     return f"; did you mean {near!r}?" if near is not None else ""
 
 
-# Reading TOML files and checking them against a model; an error is one line that names the file and the key.
+# TOML files, checked against a model; an error is one line that names the file and the key
 
 
 MOST_BYTES = 16 * 2**20  # of a file; a room of 100 000 walls has about 10 MB
@@ -143,8 +143,8 @@ def _as_draft_7(schema: Any) -> Any:
 
 def _problems(error: ValidationError, model: type[TomlModel]) -> list[str]:
     # an unknown key comes first: it is often the misspelt form of a key that is then reported as missing
-    found = sorted(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
-    return [": ".join(filter(None, (_key(one["loc"]), _reason(one, model)))) for one in found]
+    details = sorted(error.errors(include_url=False), key=lambda detail: detail["type"] != "extra_forbidden")
+    return [": ".join(filter(None, (_key(detail["loc"]), _reason(detail, model)))) for detail in details]
 
 
 def read_text(path: Path, what: str) -> str:
@@ -291,12 +291,12 @@ def _other_unit(error: Mapping[str, Any], model: type[TomlModel]) -> str:
     # a larger number is no mistake of the unit, and may not fit into a float
     if field is None or not factor or not abs(error["input"]) < _MOST_IN_OTHER_UNIT:
         return ""
-    limits = [{name: getattr(one, name, None) for name in _WITHIN} for one in field.metadata]
+    limits = [{name: getattr(item, name, None) for name in _WITHIN} for item in field.metadata]
     value = float(f"{error['input'] * factor:.12g}")
     within = all(
         _WITHIN[name](value, limit)
-        for one in [error["ctx"], *limits]
-        for name, limit in one.items()
+        for item in [error["ctx"], *limits]
+        for name, limit in item.items()
         if limit is not None
     )
     return f"; if this is in {unit}, write {value!r}" if within else ""
@@ -317,10 +317,7 @@ def _models_in(annotation: object) -> Iterator[type[TomlModel]]:
         yield from _models_in(argument)
 
 
-# Rooms and boards by name: a shipped one such as `laboratory`, or a file of the user such as `./laboratory.toml`.
-#
-# One rule separates them. A text that ends in `.toml` or contains a slash is the name of a file; any other text is
-# the name of a shipped room or board. A `Path` is always a file.
+# rooms and boards by name: a text that ends in `.toml` or contains a slash is a file, any other one is shipped
 
 
 SUFFIX = ".toml"
@@ -362,8 +359,8 @@ class Shipped:
 
     def _unknown(self, name: str) -> str:
         names = self.names()
-        found = next((file for file in (name, f"{name}{SUFFIX}") if os.path.isfile(file)), None)
-        if found:
-            read_text(Path(found), self.document)  # raises an error for a log, which must not be suggested
-        hint = f"; did you mean the file ./{found}?" if found else did_you_mean(name, names)
+        path = next((file for file in (name, f"{name}{SUFFIX}") if os.path.isfile(file)), None)
+        if path:
+            read_text(Path(path), self.document)  # raises an error for a log, which must not be suggested
+        hint = f"; did you mean the file ./{path}?" if path else did_you_mean(name, names)
         return f"unknown {self.what} {quoted(name)}{hint or ';'} known: {', '.join(names)}, or a file NAME{SUFFIX}"

@@ -43,11 +43,7 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.readings_of_frames import FAKE_FIRMWARE, scan_order, trace_chunks
 
-# A simulated turntable: its angle at any time. Angles are in rad, times in s.
-#
-# A simulated cam on the axle shows on which side of the zero mark the table is, also after a power failure. So the
-# table homes directly, in the direction that unwinds the cable. It homes at twice the speed of its turns: two turns
-# take 2 s.
+# a turntable with a cam that shows on which side of the mark it is, also after a power failure; rad and s
 
 
 SPEED = math.pi  # rad/s
@@ -190,7 +186,7 @@ def _passes_mark(low: float, high: float) -> bool:
     return math.floor((high + _TOLERANCE) / math.tau) >= math.ceil((low - _TOLERANCE) / math.tau)
 
 
-# Wiring faults of a scanner, and the wires of a fake board that has them.
+# wiring faults, and the wires of a fake board that has them
 
 
 CAM_ANGLE = math.radians(-20.0)  # edge of the cam

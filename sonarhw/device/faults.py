@@ -76,14 +76,14 @@ def read_faults(spec: str) -> Faults:
     lasting: dict[str, float | tuple[int, int] | WiringFault] = {}
     events = []
     for entry in filter(None, map(str.strip, spec.split(","))):
-        what, at, moment = entry.partition("@")
+        what, separator, moment = entry.partition("@")
         name, equals, value = what.partition("=")
         if name in _KINDS:
             size = _size(_KINDS[name], value, entry) if equals else _KINDS[name].size
-            events.append(_timed(Event(_KINDS[name], size), moment, entry) if at else Event(_KINDS[name], size))
+            events.append(_timed(Event(_KINDS[name], size), moment, entry) if separator else Event(_KINDS[name], size))
         elif name not in _LASTING:
             raise InputError(f"unknown fault {name!r}; expected one of {', '.join(KNOWN)}")
-        elif at or name in lasting:
+        elif separator or name in lasting:
             raise InputError(f"fault {entry!r}: {name} is permanent; specify it once, without a time")
         else:
             lasting[name] = _lasting(name, value, entry)
@@ -158,14 +158,14 @@ class LineNoise:
         if self._intact >= len(data):
             self._intact -= len(data)
             return data
-        arriving, at = bytearray(), 0
-        while self._intact < len(data) - at:
-            victim = at + int(self._intact)
-            arriving += data[at:victim] + self._damaged(data[victim])
-            at = victim + 1
+        arriving, position = bytearray(), 0
+        while self._intact < len(data) - position:
+            victim = position + int(self._intact)
+            arriving += data[position:victim] + self._damaged(data[victim])
+            position = victim + 1
             self._intact = self._until_next()
-        self._intact -= len(data) - at
-        return bytes(arriving + data[at:])
+        self._intact -= len(data) - position
+        return bytes(arriving + data[position:])
 
     def _damaged(self, byte: int) -> bytes:
         (what,) = self._chance.choices(("drop", "flip", "insert"), self._rates)

@@ -441,13 +441,13 @@ class ProtocolDevice(ABC):
         while (due := self._wake()) is not None and due <= now:
             running = self._running
             # what became due while it listened is done afterwards
-            self._done_until = at = max(due, self._done_until)
+            self._done_until = time = max(due, self._done_until)
             if not self.listening and due == self._silence_deadline():
-                self._handle_silence(at)
+                self._handle_silence(time)
             elif running and running.due <= due:
-                self._step(running, at)
+                self._step(running, time)
             else:
-                self._send_heartbeat(at)
+                self._send_heartbeat(time)
 
     def _send_heartbeat(self, now: float) -> None:
         state = self._running.state if self._running else State.IDLE

@@ -274,13 +274,13 @@ class Playback:
 
     def extend(self, log: Log) -> None:
         """Play the same log with the readings that it has now. A playback at the end stays at the end."""
-        position, at_end, known = self.position, self.position >= self.duration, self.readings
+        position, at_end, before = self.position, self.position >= self.duration, self.readings
         self.log, self._recorded = log, _schedule(log)
         self._set_times()
         self._go(self.duration if at_end else position)
         # the same objects as before, so that views draw only what is new
-        same = len(log.readings) >= len(known) and not (known and _differ(log.readings[len(known) - 1], known[-1]))
-        self.readings = (*known, *log.readings[len(known) :]) if same else log.readings
+        same = len(log.readings) >= len(before) and not (before and _differ(log.readings[len(before) - 1], before[-1]))
+        self.readings = (*before, *log.readings[len(before) :]) if same else log.readings
         self._emit()
 
     # seeking
@@ -352,9 +352,9 @@ class Playback:
         return sum(len(before.readings) for before in self.log.scans[: range(len(self.log.scans))[scan]])
 
 
-def _differ(one: Reading, other: Reading) -> bool:
+def _differ(reading: Reading, other: Reading) -> bool:
     """Return whether two readings are different pings. Stored traces are never equal."""
-    return (one.time, one.angle, one.echo_times) != (other.time, other.angle, other.echo_times)
+    return (reading.time, reading.angle, reading.echo_times) != (other.time, other.angle, other.echo_times)
 
 
 def _schedule(log: Log) -> list[float]:

@@ -23,7 +23,7 @@ from sonarhw.errors import InputError, LinkError
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Refusal, Refused
 
-# The ports at which a device is served: a TCP port or a pseudo-terminal, with one client at a time.
+# the ports at which a device is served, with one client at a time
 
 
 _MOST = 4096  # most bytes of one read

@@ -659,9 +659,9 @@ class Scanner:
         if capabilities is None or Feature.INPUTS not in capabilities.features:
             return None
         with self._changed:
-            known = self._session.heartbeat
+            newest = self._session.heartbeat
             until = time.monotonic() + _HEARTBEAT_WITHIN
-            while (beat := self._session.heartbeat) is None or beat is known:
+            while (beat := self._session.heartbeat) is None or beat is newest:
                 if time.monotonic() > until:
                     raise NoAnswer(f"{self.url}: no heartbeat for {_HEARTBEAT_WITHIN:g} s; check the cable")
                 self._thread.wait()

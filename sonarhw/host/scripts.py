@@ -75,11 +75,8 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.readings_of_frames import DeviceClock, Progress, broken_settings_rule, scan_order
 
-# A job of the device: its script, its readings and its result.
-#
-# A script is a generator that yields a `Wait` and returns its result. The session runs the script, drops it when the
-# device is lost, and starts it again when the device is back. So a script may send a command twice. This is safe,
-# because settings and angles are absolute, and a scan requests only the missing readings.
+# A script is dropped when the device is lost, and starts again when it is back. So it may send a command twice. This is
+# safe: settings and angles are absolute, and a scan requests only the missing readings.
 
 
 T = TypeVar("T")
@@ -166,12 +163,6 @@ class Job:
         """Finish the job, unless it is done already."""
         if not self.done:
             self.done, self.result, self.error = True, result, error
-
-
-# One conversation with a device, from Hello until the device is lost.
-#
-# A conversation runs one script at a time on a driver. The scripts are in `greeting` and `actions`. Their building
-# blocks are here: send a command, wait for its answer, and wait until an action has ended.
 
 
 MOVE_WITHIN = 120.0  # s; limit for a Home or a Turn
@@ -316,9 +307,6 @@ def broken_protocol(where: str, rule: str) -> DeviceError:
 def settled(command: Command, until: float = math.inf) -> Wait:
     """Return the wait until a command is answered or given up."""
     return Wait(lambda: command.settled, until)
-
-
-# The jobs of a device and their scripts: configure, request, home, turn and scan.
 
 
 _MAX_WITHOUT_PROGRESS = 3  # consecutive scan commands without a new reading
@@ -526,7 +514,7 @@ def _with_wrong_angles(error: LostSteps, runs: list[FloatArray]) -> LostSteps:
     return LostSteps(f"{error} {'; '.join(filter(None, (kept, lost_steps_clause(runs), unverified_clause(runs))))}")
 
 
-# Scripts that begin a conversation: greet the device, read its capabilities, raise the baud rate of the line.
+# the scripts that begin a conversation
 
 
 # a device uses the first after a reset, the second with protocol 1.0, and any of them after an earlier conversation
@@ -573,23 +561,23 @@ def _received_instead(talk: Conversation) -> str:
 
 
 def _check_identity(talk: Conversation, info: Info) -> None:
-    where, known = talk.device.where, talk.device.info
+    where, before = talk.device.where, talk.device.info
     if info.major != PROTOCOL_MAJOR:
         raise Incompatible(
             f"{where}: {info.firmware} uses protocol {info.major}.{info.minor}, this program "
             f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}; update the older of the two"
         )
-    if known is not None and info.serial != known.serial:
+    if before is not None and info.serial != before.serial:
         raise WrongDevice(
             f"{where}: scanner {info.serial or 'without serial number'} answers; expected scanner "
-            f"{known.serial or 'without serial number'}; plug that one in again"
+            f"{before.serial or 'without serial number'}; plug that one in again"
         )
 
 
 def prepare(talk: Conversation, job: Job | None) -> Script[None]:
     """Read the capabilities, raise the baud rate, restore the settings, and home if the turntable was homed before."""
     device, info = talk.device, talk.driver.info
-    known = device.info
+    before = device.info
     if info is None:
         raise NoAnswer(f"{device.where}: has not sent Info")
     if info.minor >= 1:
@@ -600,15 +588,15 @@ def prepare(talk: Conversation, job: Job | None) -> Script[None]:
         yield from talk.request(device.turntable)
     if device.configured:
         device.settings = yield from talk.request_typed(device.configured, Settings)
-    zero = _kept_zero(info, known)
-    if known is None:
+    zero = _kept_zero(info, before)
+    if before is None:
         device.zero = zero
     elif device.zero is not Zero.UNKNOWN and zero is Zero.UNKNOWN:
         yield from _restore_zero(talk, job)
 
 
-def _kept_zero(info: Info, known: Info | None) -> Zero:
-    if info.minor < 1 or not info.homed or (known is not None and info.boot != known.boot):
+def _kept_zero(info: Info, before: Info | None) -> Zero:
+    if info.minor < 1 or not info.homed or (before is not None and info.boot != before.boot):
         return Zero.UNKNOWN
     return Zero.HAND if info.homed == Zero.HAND else Zero.MARK
 

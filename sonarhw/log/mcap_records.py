@@ -51,15 +51,15 @@ class OpenFile:
         self._lock = threading.Lock()
         self._at, self._window = 0, b""
 
-    def read(self, at: int, size: int) -> bytes:
-        """Return `size` bytes from offset `at`, fewer at the end of the file. Raises OSError."""
-        if at >= self.size:
+    def read(self, offset: int, size: int) -> bytes:
+        """Return `size` bytes from offset `offset`, fewer at the end of the file. Raises OSError."""
+        if offset >= self.size:
             return b""
         with self._lock:
-            start = at - self._at
+            start = offset - self._at
             if not 0 <= start <= start + size <= len(self._window):
-                self._file.seek(at)
-                self._at, self._window, start = at, self._file.read(max(size, _WINDOW)), 0
+                self._file.seek(offset)
+                self._at, self._window, start = offset, self._file.read(max(size, _WINDOW)), 0
             return self._window[start : start + size]
 
 
@@ -92,29 +92,29 @@ def is_mcap(file: OpenFile) -> bool:
     """Return whether a file starts like an MCAP file, or has an undamaged chunk near its start. Raises OSError."""
     if file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC:
         return True
-    found = _next_chunk(file, 0, _NEAR)
-    return found is not None
+    chunk = _next_chunk(file, 0, _NEAR)
+    return chunk is not None
 
 
 def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | McapMessage | Damage]:
     """Yield every readable record and message from offset `start`, and the damage between them. Raises OSError."""
     if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
         yield Damage("its first bytes are not those of an MCAP file")
-    at = read_until = start  # all readable chunks before `read_until` have been yielded
+    offset = read_until = start  # all readable chunks before `read_until` have been yielded
     last = False  # whether there are no more readable chunks
-    while at < file.size:
-        record = _record_at(file, at)
+    while offset < file.size:
+        record = _record_at(file, offset)
         if record is None:
             again = None if last else _next_chunk(file, read_until)
-            large = _too_large(file, at)
+            large = _too_large(file, offset)
             if large is not None:
                 yield Damage(large)
             if again is None:
                 break
-            yield Damage(f"bytes {at if at < again else read_until} to {again} are damaged and left out")
-            at = read_until = again
+            yield Damage(f"bytes {offset if offset < again else read_until} to {again} are damaged and left out")
+            offset = read_until = again
             continue
-        end = at + _RECORD.size + len(record.content)
+        end = offset + _RECORD.size + len(record.content)
         if record.opcode == Opcode.FOOTER:
             if file.read(end, len(MCAP0_MAGIC) + 1) == MCAP0_MAGIC:
                 return
@@ -124,37 +124,37 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
         elif isinstance(inside := _unpacked(record), Damage):
             yield inside
             # its length may be damaged too, so that undamaged chunks would be skipped
-            again = None if last else _next_chunk(file, at + 1)
+            again = None if last else _next_chunk(file, offset + 1)
             last = again is None
             read_until = end = again or end
         else:
             yield from inside
             read_until = end
-        at = end
-    where = f", in the record that begins at byte {at}" if at < file.size else ""
+        offset = end
+    where = f", in the record that begins at byte {offset}" if offset < file.size else ""
     yield Damage(f"the file ends too early at byte {file.size}{where}", at_end=True)
 
 
-def _record_at(file: OpenFile, at: int) -> Record | None:
-    """Return the record at offset `at`; None if there is none, or if it is incomplete."""
-    head = file.read(at, _RECORD.size)
+def _record_at(file: OpenFile, offset: int) -> Record | None:
+    """Return the record at offset `offset`; None if there is none, or if it is incomplete."""
+    head = file.read(offset, _RECORD.size)
     if len(head) < _RECORD.size:
         return None
     opcode, length = _RECORD.unpack(head)
     # after a power failure a file system leaves zeros for pages that did not reach the disk
-    end = at + _RECORD.size + length
+    end = offset + _RECORD.size + length
     if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > file.size or length > _MOST:
         return None
-    return Record(at, opcode, file.read(at + _RECORD.size, length))
+    return Record(offset, opcode, file.read(offset + _RECORD.size, length))
 
 
-def _too_large(file: OpenFile, at: int) -> str | None:
-    """Return a clause about the record at offset `at` if it is larger than the limit; None for other damage."""
-    head = file.read(at, _RECORD.size)
+def _too_large(file: OpenFile, offset: int) -> str | None:
+    """Return a clause about the record at offset `offset` if it is larger than the limit; None for other damage."""
+    head = file.read(offset, _RECORD.size)
     length = _RECORD.unpack(head)[1] if len(head) == _RECORD.size else 0
-    if not _MOST < length <= file.size - at:
+    if not _MOST < length <= file.size - offset:
         return None
-    return f"the record that begins at byte {at} has {length} bytes; at most {_MOST} bytes are read"
+    return f"the record that begins at byte {offset} has {length} bytes; at most {_MOST} bytes are read"
 
 
 def _unpacked(chunk: Record) -> Iterator[Record | McapMessage] | Damage:
@@ -180,43 +180,43 @@ def _unpacked(chunk: Record) -> Iterator[Record | McapMessage] | Damage:
 
 def _is_filled(data: bytes) -> bool:
     """Return whether a chunk ends with the end of a record."""
-    at = 0
-    while at + _RECORD.size <= len(data):
-        at += _RECORD.size + _RECORD.unpack_from(data, at)[1]
-    return at == len(data)
+    offset = 0
+    while offset + _RECORD.size <= len(data):
+        offset += _RECORD.size + _RECORD.unpack_from(data, offset)[1]
+    return offset == len(data)
 
 
 def _contents(chunk_at: int, data: bytes) -> Iterator[Record | McapMessage]:
     """Yield the records of a chunk one by one: a list of millions of short ones would need much memory."""
-    at = 0
-    while at < len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        at += _RECORD.size
-        end = at + length
+    offset = 0
+    while offset < len(data):
+        opcode, length = _RECORD.unpack_from(data, offset)
+        offset += _RECORD.size
+        end = offset + length
         if opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
-            channel, _, time, _ = _MESSAGE.unpack_from(data, at)
-            yield McapMessage(chunk_at, channel, time, data[at + _MESSAGE.size : end])
+            channel, _, time, _ = _MESSAGE.unpack_from(data, offset)
+            yield McapMessage(chunk_at, channel, time, data[offset + _MESSAGE.size : end])
         else:
-            yield Record(chunk_at, opcode, data[at:end])
-        at = end
+            yield Record(chunk_at, opcode, data[offset:end])
+        offset = end
 
 
 def _next_chunk(file: OpenFile, start: int, stop: float = math.inf) -> int | None:
     """Return the offset of the next chunk from `start` with a correct CRC-32; None if none starts before `stop`."""
-    at = start
-    while at < min(file.size, stop):
-        window = file.read(at, _WINDOW)
-        found = _CHUNK_HEAD.search(window)
-        while found:
-            if _is_chunk(file, at + found.start()):
-                return at + found.start()
-            found = _CHUNK_HEAD.search(window, found.start() + 1)
-        at += max(1, len(window) - _HEAD_SIZE + 1)
+    offset = start
+    while offset < min(file.size, stop):
+        window = file.read(offset, _WINDOW)
+        match = _CHUNK_HEAD.search(window)
+        while match:
+            if _is_chunk(file, offset + match.start()):
+                return offset + match.start()
+            match = _CHUNK_HEAD.search(window, match.start() + 1)
+        offset += max(1, len(window) - _HEAD_SIZE + 1)
     return None
 
 
-def _is_chunk(file: OpenFile, at: int) -> bool:
-    record = _record_at(file, at)
+def _is_chunk(file: OpenFile, offset: int) -> bool:
+    record = _record_at(file, offset)
     return record is not None and not isinstance(_unpacked(record), Damage)
 
 
@@ -246,31 +246,31 @@ def checked_attachments(file: OpenFile) -> dict[str, int] | None:
 
 def _crc(file: OpenFile, size: int) -> int:
     crc = 0
-    for at in range(0, size, _WINDOW):
-        crc = zlib.crc32(file.read(at, min(_WINDOW, size - at)), crc)
+    for offset in range(0, size, _WINDOW):
+        crc = zlib.crc32(file.read(offset, min(_WINDOW, size - offset)), crc)
     return crc
 
 
 def _attachments(summary: bytes) -> dict[str, int] | None:
     """Return the offsets of the attachments by name; None if the summary is damaged."""
-    found: dict[str, int] = {}
-    at = 0
+    offsets: dict[str, int] = {}
+    position = 0
     try:
-        while at < len(summary):
-            opcode, length = _RECORD.unpack_from(summary, at)
-            at += _RECORD.size
+        while position < len(summary):
+            opcode, length = _RECORD.unpack_from(summary, position)
+            position += _RECORD.size
             if opcode == Opcode.ATTACHMENT_INDEX:
-                index = AttachmentIndex.read(ReadDataStream(BytesIO(summary[at : at + length])))
-                found[index.name] = index.offset
-            at += length
+                index = AttachmentIndex.read(ReadDataStream(BytesIO(summary[position : position + length])))
+                offsets[index.name] = index.offset
+            position += length
     except UNREADABLE:
         return None
-    return found
+    return offsets
 
 
-def attachment(file: OpenFile, at: int) -> bytes | None:
-    """Return the data of the attachment at offset `at`; None if there is none."""
-    record = _record_at(file, at)
+def attachment(file: OpenFile, offset: int) -> bytes | None:
+    """Return the data of the attachment at offset `offset`; None if there is none."""
+    record = _record_at(file, offset)
     if record is None or record.opcode != Opcode.ATTACHMENT:
         return None
     try:

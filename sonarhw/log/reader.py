@@ -454,8 +454,8 @@ class DecodedScan:
     def began(self) -> float:
         """Start of the scan, s on the clock of its readings."""
         # if the first Started was lost, the repeated one is later than the first readings
-        known = [] if self.first is None else [self.first.time]
-        return min(known if self.started is None else [*known, self.started])
+        times = [] if self.first is None else [self.first.time]
+        return min(times if self.started is None else [*times, self.started])
 
     def is_continued_by(self, order: StartScan) -> bool:
         """Return whether `order` requests a missing part of this scan, or all of it if there are no readings yet."""
@@ -680,11 +680,11 @@ def index_of(decoder: ScanDecoder) -> LogIndex:
     return LogIndex(decoder.info, decoder.settings, decoder.frames, tuple(scans))
 
 
-def pack_index(index: LogIndex, at: int) -> bytes:
-    """Return the bytes of an index that will be at offset `at` of the file."""
+def pack_index(index: LogIndex, offset: int) -> bytes:
+    """Return the bytes of an index that will be at offset `offset` of the file."""
     head = {
         "version": _VERSION,
-        "at": at,
+        "at": offset,
         "info": _packed(index.info),
         "settings": _packed(index.settings),
         "frames": index.frames,
@@ -709,21 +709,21 @@ def pack_index(index: LogIndex, at: int) -> bytes:
     return packed.getvalue()
 
 
-def unpack_index(data: bytes, at: int) -> LogIndex | None:
-    """Return the index in an attachment at offset `at`. None if it has another version or belongs to another file.
+def unpack_index(data: bytes, offset: int) -> LogIndex | None:
+    """Return the index in an attachment at offset `offset`. None if it has another version or belongs to another file.
 
     None also if its contents are invalid, although the checksums of the file are correct.
     """
     try:
         arrays = _arrays(data)
         head = json.loads(arrays.pop(_HEAD).tobytes())
-        if (head["version"], head["at"]) != (_VERSION, at):
+        if (head["version"], head["at"]) != (_VERSION, offset):
             return None
         columns: list[Columns] = [{} for _ in head["scans"]]
         for name, array in arrays.items():
             number, _, column = name.partition("/")
             columns[int(number)][column] = array
-        scans = tuple(_scan(scan, mine, at) for scan, mine in zip(head["scans"], columns, strict=True))
+        scans = tuple(_scan(scan, mine, offset) for scan, mine in zip(head["scans"], columns, strict=True))
         return LogIndex(_unpacked(Info, head["info"]), _unpacked(Settings, head["settings"]), _count(head), scans)
     except _UNREADABLE:
         return None

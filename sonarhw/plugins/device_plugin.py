@@ -147,7 +147,7 @@ class CheckedPlugin:
         """Return new bytes and measurements. Raises LinkLost."""
         with guarded(self.url):
             measurements = tuple(self._plugin.read())
-            if not all(isinstance(one, Measurement) and one.is_possible for one in measurements):
+            if not all(isinstance(item, Measurement) and item.is_possible for item in measurements):
                 limits = f"an angle within {MOST_ANGLE:g} rad and a temperature within {MOST_TEMPERATURE:g} °C"
                 raise ValueError(f"{[*measurements]}: expected finite numbers, {limits}")
         data = bytes(self._bytes)
@@ -188,7 +188,7 @@ def start_of(text: str, most: int) -> str:
     return text.encode()[:most].decode(errors="ignore")
 
 
-# The installed plug-ins for devices, by the scheme of their URLs.
+# the installed plug-ins, by the scheme of their URLs
 
 
 GROUP = "sonarhw.devices"
@@ -205,13 +205,13 @@ def make_plugin(url: str) -> CheckedPlugin:
     """Return the device at a URL, not yet opened. Raises InputError for an invalid URL or a plug-in without a class."""
     point = _installed()[url.partition(":")[0]]
     try:
-        found = point.load()
+        plugin = point.load()
     except (ImportError, AttributeError) as error:
         raise InputError(f"{url}: the plug-in {point.value} cannot be loaded: {error}; install it again") from error
-    if not (isinstance(found, type) and issubclass(found, DevicePlugin)):
+    if not (isinstance(plugin, type) and issubclass(plugin, DevicePlugin)):
         raise InputError(f"{url}: the plug-in {point.value} is not a subclass of sonarhw.DevicePlugin")
     with guarded(url):
-        return CheckedPlugin(found(url))
+        return CheckedPlugin(plugin(url))
 
 
 def takes_orders(url: str) -> bool:

@@ -142,7 +142,7 @@ class PluginDevice(ProtocolDevice):
 
     def take(self, arrival: Arrival, now: float) -> None:
         """Continue the running scan with new measurements."""
-        self._arrived += (replace(one, time=one.time or arrival.time) for one in arrival.measurements)
+        self._arrived += (replace(item, time=item.time or arrival.time) for item in arrival.measurements)
         self.wake(now)
 
     def fall_silent(self, now: float) -> None:
@@ -418,7 +418,7 @@ class PluginLink:
         keep = self._plugin.begin(ordered)
         with self._changed:
             fresh = self._now() - FRESH
-            self._arrived = deque(one for one in self._arrived if keep and one.time > fresh)
+            self._arrived = deque(arrival for arrival in self._arrived if keep and arrival.time > fresh)
             self._begun = ordered
 
     def _read(self, closing: threading.Event) -> None:

@@ -35,12 +35,12 @@ class Scalar:
         except struct.error as error:
             raise MessageError(f"{value!r} does not fit {self.name}: {error}") from error
 
-    def unpack(self, payload: bytes, at: int) -> tuple[Any, int]:
-        """Return the value at offset `at` and the offset after it."""
+    def unpack(self, payload: bytes, offset: int) -> tuple[Any, int]:
+        """Return the value at offset `offset` and the offset after it."""
         try:
-            return struct.unpack_from("<" + self.code, payload, at)[0], at + struct.calcsize("<" + self.code)
+            return struct.unpack_from("<" + self.code, payload, offset)[0], offset + struct.calcsize("<" + self.code)
         except struct.error as error:
-            text = f"payload of {len(payload)} bytes is too short for {self.name} at offset {at}"
+            text = f"payload of {len(payload)} bytes is too short for {self.name} at offset {offset}"
             raise MessageError(text) from error
 
 
@@ -63,9 +63,9 @@ class Counted:
         data = self.encode(value)
         return self.count.pack(len(data) // self.size) + data
 
-    def unpack(self, payload: bytes, at: int) -> tuple[Any, int]:
-        """Return the value at offset `at` and the offset after it."""
-        count, start = self.count.unpack(payload, at)
+    def unpack(self, payload: bytes, offset: int) -> tuple[Any, int]:
+        """Return the value at offset `offset` and the offset after it."""
+        count, start = self.count.unpack(payload, offset)
         end = start + self.size * count
         if end > len(payload):
             raise MessageError(f"payload of {len(payload)} bytes is too short for {self.name} at offset {start}")
@@ -233,11 +233,11 @@ class Message:
         A payload that ends before a field with a default comes from an older version. Raises MessageError if the
         payload ends anywhere else, or if a text is not UTF-8.
         """
-        values, at = [], 0
+        values, offset = [], 0
         for item in fields(cls):
-            if at == len(payload) and item.default is not MISSING:
+            if offset == len(payload) and item.default is not MISSING:
                 break
-            value, at = item.metadata["wire"].unpack(payload, at)
+            value, offset = item.metadata["wire"].unpack(payload, offset)
             values.append(value)
         return cls(*values)
 
@@ -621,7 +621,7 @@ def unpack_message(kind: int, payload: bytes) -> Message | None:
     return None if message is None else message.unpack(payload)
 
 
-# Conversions between the units of message fields and SI units; temperatures are in °C.
+# units of message fields and SI units; temperatures are in °C
 
 
 NO_TEMPERATURE = -32768  # 0.01 °C; means no thermometer

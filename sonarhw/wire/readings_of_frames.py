@@ -34,13 +34,9 @@ from sonarhw.wire.messages import (
     sound_speed_of,
 )
 
-# Records which readings have arrived, which to request again with Resend, and which to measure again.
-#
-# `ReadingArrivals` covers one StartScan. `Progress` covers a whole scan, which may take several StartScans.
-
 
 class ReadingArrivals:
-    """Arrivals of the readings `first` to `total` − 1. Stores only the numbers of missing readings."""
+    """Arrivals of the readings `first` to `total` − 1 of one StartScan. Stores only the numbers of missing readings."""
 
     def __init__(self, total: int, first: int = 0, kept: int = KEPT_READINGS) -> None:
         self.total = total
@@ -131,12 +127,12 @@ class Progress:
         return True
 
     def _fill(self, number: int) -> bool:
-        at = bisect_right(self._holes, number, key=lambda hole: hole.start) - 1
-        if at < 0 or number not in self._holes[at]:
+        index = bisect_right(self._holes, number, key=lambda hole: hole.start) - 1
+        if index < 0 or number not in self._holes[index]:
             return False
-        hole = self._holes[at]
+        hole = self._holes[index]
         rest = range(hole.start, number), range(number + 1, hole.stop)
-        self._holes[at : at + 1] = [part for part in rest if part]
+        self._holes[index : index + 1] = [part for part in rest if part]
         return True
 
     def next_missing(self) -> tuple[int, int] | None:
@@ -144,12 +140,6 @@ class Progress:
         if not self._holes:
             return (self._next, self.total - self._next) if self._next < self.total else None
         return self._holes[0].start, len(self._holes[0])
-
-
-# Conversion of device time to host time, by a straight line that is fitted to the arrival times of frames.
-#
-# Frames arrive with a varying delay, never early. So the fit uses only the frame with the least delay in each second.
-# A least-squares line through these frames gives offset and drift. Device time continues across resets of the device.
 
 
 _BUCKET = 1.0  # s
@@ -162,7 +152,11 @@ _Sample = tuple[float, float]  # device, host
 
 
 class DeviceClock:
-    """The clock of one device relative to the host's clock. Times in s."""
+    """The clock of one device relative to the host's clock. Times in s. It continues across resets of the device.
+
+    Frames arrive with a varying delay, never early. So a straight line is fitted to the frames with the least delay in
+    each second.
+    """
 
     def __init__(self) -> None:
         self.resets = 0
@@ -229,7 +223,7 @@ class DeviceClock:
         self._centre = (float(device.mean()), float(host.mean()))
 
 
-# Conversion of readings, traces and scan orders to messages. `assembly` converts messages to readings and traces.
+# readings, traces and scan orders as messages
 
 
 def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
@@ -290,10 +284,7 @@ def start_scan(order: ScanOrder) -> StartScan:
     )
 
 
-# Rules of firmware_protocol.md that the host can check, because it has sent the order and the settings.
-#
-# Each function returns a clause that names the broken rule, or None. Damaged frames never get here: the CRC rejects
-# them. So a broken rule is an error in the firmware.
+# rules of firmware_protocol.md that the host can check; a function returns the clause of a broken rule, or None
 
 
 _TURN = 360_000_000  # µdeg
@@ -369,11 +360,7 @@ def _broken_window(echoes: tuple[int, ...], settings: Settings) -> str | None:
     return None
 
 
-# The origin of readings: measured by a scanner, or not.
-#
-# The origin follows from the program that wrote a log and from the identity of its device. Both are in every log, so
-# old logs have an origin too. A replayed log reports its recorded identity, so a scan of a replay has the origin of
-# that log.
+# the origin of readings follows from the writer of a log and the identity of its device, so old logs have one too
 
 
 FAKE_FIRMWARE = "sonarhw-fake"  # first word in the firmware of a fake scanner
@@ -392,7 +379,7 @@ def origin_of(made_by: str, firmware: str, serial: str) -> Origin:
     return Origin.MEASURED
 
 
-# Decoder from device messages to readings, used for live links, logs and replay.
+# from messages to readings, for live links, logs and replay
 
 
 _WIDE = 16  # bits of a two-byte sample; its full scale is 257 × 255

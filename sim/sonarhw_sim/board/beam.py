@@ -154,10 +154,10 @@ def loudest_by_separation(ka: float) -> FloatArray:
 
     (721,) float for angles of 0 to π. Paths that are too faint even at their best heading can be dropped.
     """
-    one = beam_gain(np.linspace(-math.pi / 2, math.pi / 2, 2 * _SEPARATIONS - 1), ka)
+    gains = beam_gain(np.linspace(-math.pi / 2, math.pi / 2, 2 * _SEPARATIONS - 1), ka)
     # the other beam is the same, turned by two steps for each separation; it is 0 beyond 90°
-    other = np.concatenate((one, np.zeros(len(one))))
-    return np.array([float((one * other[2 * turn : 2 * turn + len(one)]).max()) for turn in range(_SEPARATIONS)])
+    other = np.concatenate((gains, np.zeros(len(gains))))
+    return np.array([float((gains * other[2 * turn : 2 * turn + len(gains)]).max()) for turn in range(_SEPARATIONS)])
 
 
 @compiled_part
@@ -351,7 +351,7 @@ def detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArr
     nearest, amplitudes = np.full(headings.shape[0], -1, np.intp), np.empty(most.shape[0])
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])
-        known, until, least = 0, -np.inf, np.inf
+        weighed, until, least = 0, -np.inf, np.inf
         for path in range(most.shape[0]):
             # paths within an echo begin no other one
             if most[path] < threshold or not in_time[path] or lengths[path] <= until:
@@ -359,8 +359,8 @@ def detected(headings: FloatArray, paths: PathsAndBeam, sought: Sought) -> NDArr
             begin, end = sets.begins[path], sets.ends[path]
             if ranges[begin] - measured[k] > reach:
                 break
-            _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, known), end, k, x, y, amplitudes)
-            known = max(known, end)
+            _weigh(leaving, arriving, strengths, blocked, ka, table, max(begin, weighed), end, k, x, y, amplitudes)
+            weighed = max(weighed, end)
             if abs(amplitudes[path]) < sets.faintest:
                 continue
             level = _sum_of(amplitudes, sets.phasors, begin, end)

@@ -179,12 +179,12 @@ def is_own_body(parts: OwnBody, angle: float, distance: float | None) -> bool:
 
 def of_own_body(parts: OwnBody, readings: Sequence[Reading]) -> NDArray[np.bool_]:
     """Return which readings are of the carrier's body, (n,) bool."""
-    return np.array([is_own_body(parts, one.angle, one.range) for one in readings], dtype=np.bool_)
+    return np.array([is_own_body(parts, reading.angle, reading.range) for reading in readings], dtype=np.bool_)
 
 
 def without_own_body(parts: OwnBody, readings: Sequence[Reading]) -> Sequence[Reading]:
     """Return the readings that are not of the carrier's body."""
-    return [one for one in readings if not is_own_body(parts, one.angle, one.range)] if parts else readings
+    return [ping for ping in readings if not is_own_body(parts, ping.angle, ping.range)] if parts else readings
 
 
 def own_range(parts: OwnBody, angle: float) -> float | None:
@@ -192,10 +192,7 @@ def own_range(parts: OwnBody, angle: float) -> float | None:
     return min((part.middle for part in parts if part.spans(angle)), default=None)
 
 
-# A ring of sensors around a body, each pointing outwards; every sensor may receive the pings of all.
-#
-# A place is the centre of the body. A sensor reports the first arrival above its threshold after its blanking,
-# measured from its own ping, whichever sensor sent the sound.
+# a ring of sensors: each reports the first arrival after its own ping and blanking, whichever sensor sent the sound
 
 
 _SAME_HEADING = 1e-6  # of the angle between sensors: a heading so near to a sensor's direction is that sensor's

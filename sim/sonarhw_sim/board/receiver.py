@@ -129,8 +129,8 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> Fl
     # blanking ends by the board's own clock
     opens = board.blanking_end / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
-    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, kept_charge(board))
-    return np.asarray(found / RATE)
+    detections = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, kept_charge(board))
+    return np.asarray(detections / RATE)
 
 
 def counted_time(times: FloatArray, board: Board) -> FloatArray:
@@ -173,7 +173,7 @@ def _charged(levels: FloatArray, opens: float, ends: float, kept: float) -> Floa
 @compiled
 def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, kept: float) -> FloatArray:
     """Return the sample numbers, with fractions, at which REC is full, (k,) float."""
-    found = np.empty(0)
+    detections = np.empty(0)
     charge = 0.0
     for k in range(math.ceil(opens), levels.shape[0]):
         # blanked: REC is kept empty
@@ -184,12 +184,12 @@ def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, kept: f
             continue
 
         # full: between the last sample and this one, but not before blanking ended
-        at = max(opens, k - 1 + (1.0 - before) / (charge - before))
-        if at > ends:
+        detection = max(opens, k - 1 + (1.0 - before) / (charge - before))
+        if detection > ends:
             break
-        found = np.append(found, at)
-        opens, charge = at + rearm, 0.0
-    return found
+        detections = np.append(detections, detection)
+        opens, charge = detection + rearm, 0.0
+    return detections
 
 
 # The first echo of the board's own receiver at many headings, without whole signals.
@@ -254,14 +254,14 @@ def first_echoes(
     loudness = np.abs(sound.amplitudes)
 
     def heard(begin: int, end: int) -> tuple[FloatArray, NDArray[np.intp]]:
-        at, winners = np.full(end - begin, np.nan), np.full(end - begin, -1, dtype=np.intp)
+        detections, winners = np.full(end - begin, np.nan), np.full(end - begin, -1, dtype=np.intp)
         work = _work(len(detector.gain), len(sound.times), *table.real.shape)
         here = sound._replace(blocked=sound.blocked[begin:end])
-        _first_echoes(headings[begin:end], here, loudness, before, table, detector, work, at, winners)
-        return at, winners
+        _first_echoes(headings[begin:end], here, loudness, before, table, detector, work, detections, winners)
+        return detections, winners
 
-    at, winners = rows_in_parts(heard, len(headings), _LEAST_PART)
-    return at / RATE, winners
+    detections, winners = rows_in_parts(heard, len(headings), _LEAST_PART)
+    return detections / RATE, winners
 
 
 def _detector(board: Board, speed_of_sound: float) -> _Detector:
@@ -300,13 +300,13 @@ def _first_echoes(
     table: PulseTable,
     detector: _Detector,
     work: _Work,
-    found: FloatArray,
+    detections: FloatArray,
     winners: NDArray[np.intp],
 ) -> None:
     """Fill in sample number, with its fraction, and path of the first echo at each heading, which are NaN and -1."""
     for row in range(headings.shape[0]):
         heading = row, math.cos(headings[row]), math.sin(headings[row])
-        found[row], winners[row] = _first_echo(heading, sound, loudness, before_gain, table, detector, work)
+        detections[row], winners[row] = _first_echo(heading, sound, loudness, before_gain, table, detector, work)
 
 
 @inlined
@@ -324,8 +324,8 @@ def _first_echo(
     for k in range(written):
         work.real[k], work.imaginary[k] = detector.own[k].real, detector.own[k].imag
     # earlier samples have no effect
-    at = math.ceil(detector.opens)
-    unheard, charge, found = at - detector.window, 0.0, math.nan
+    sample = math.ceil(detector.opens)
+    unheard, charge, detection = sample - detector.window, 0.0, math.nan
     # a plain 0 has a type of its own, for which `_loudest` would be compiled once more
     used: int = np.int64(0)  # type: ignore[assignment]
     last = -table.lead - 1  # where the last pulse begins
@@ -343,8 +343,8 @@ def _first_echo(
             if used > 0:
                 _add(last, work.sums, table, detector.gain, work)
                 written = min(count, last + length)
-            found, at, charge = _listened(at, begin, charge, written, detector, work)
-            if not math.isnan(found) or path == sound.times.shape[0]:
+            detection, sample, charge = _listened(sample, begin, charge, written, detector, work)
+            if not math.isnan(detection) or path == sound.times.shape[0]:
                 break
             work.sums[:] = 0.0
             last = begin
@@ -354,11 +354,11 @@ def _first_echo(
         _weigh(work.weights[used], work.phased[path], leaving, arriving, table, work.sums)
         work.rows[used] = path
         used += 1
-    if found > detector.ends:
-        found = math.nan
-    winner = -1 if math.isnan(found) else _loudest(found, used, sound.times, table, detector, work)
+    if detection > detector.ends:
+        detection = math.nan
+    winner = -1 if math.isnan(detection) else _loudest(detection, used, sound.times, table, detector, work)
     work.real[:written], work.imaginary[:written] = 0.0, 0.0
-    return found, winner
+    return detection, winner
 
 
 @inlined
@@ -384,21 +384,21 @@ def _matters(leaving: float, arriving: float, loudness: float, table: PulseTable
 
 @inlined
 def _listened(
-    at: int, end: int, charge: float, written: int, detector: _Detector, work: _Work
+    sample: int, end: int, charge: float, written: int, detector: _Detector, work: _Work
 ) -> tuple[float, int, float]:
-    """Return where REC is full between the samples `at` and `end`, NaN if it is not; the next sample, and its charge.
+    """Return where REC is full from `sample` to `end`, NaN if it is not; the next sample, and its charge.
 
     The signal is 0 from sample `written` on.
     """
     kept, share = detector.kept, (1.0 - detector.kept) / detector.full
-    for k in range(at, min(end, written)):
+    for k in range(sample, min(end, written)):
         before, charge = charge, kept * charge + share * _size(work.real[k], work.imaginary[k])
         if charge >= 1.0:
             return max(detector.opens, k - 1 + (1.0 - before) / (charge - before)), k, charge
-    silent = end - max(at, written)
+    silent = end - max(sample, written)
     if silent > 0:
         charge *= kept**silent
-    return math.nan, max(at, end), charge
+    return math.nan, max(sample, end), charge
 
 
 @compiled_part
@@ -459,9 +459,9 @@ def _add(first: int, weights: ComplexArray, table: PulseTable, gain: FloatArray,
 
 
 @compiled_part
-def _loudest(found: float, used: int, times: FloatArray, table: PulseTable, detector: _Detector, work: _Work) -> int:
-    """Return the path that was loudest while REC last charged, before sample `found`; -1 if none is loud enough."""
-    end = math.ceil(found) + 1
+def _loudest(echo: float, used: int, times: FloatArray, table: PulseTable, detector: _Detector, work: _Work) -> int:
+    """Return the path that was loudest while REC last charged, before sample `echo`; -1 if none is loud enough."""
+    end = math.ceil(echo) + 1
     since = max(0, end - detector.window)
     total, most, loudest = 0.0, 0.0, -1
     for k in range(since, min(end, work.real.shape[0])):

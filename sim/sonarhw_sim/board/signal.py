@@ -199,12 +199,12 @@ class Patches:
         """Return the power of all sound with paths between `begins` and `ends` (m), same shape."""
         audible = np.flatnonzero(self.amplitudes)
         powers, spreads = self.amplitudes[audible] ** 2, self.spreads[audible]
-        at = np.concatenate((self.lengths[audible] - spreads / 2, self.lengths[audible] + spreads / 2, [0.0]))
+        edges = np.concatenate((self.lengths[audible] - spreads / 2, self.lengths[audible] + spreads / 2, [0.0]))
         rates = np.concatenate((powers / spreads, -powers / spreads, [0.0]))
-        order = np.argsort(at, kind="stable")
-        at = at[order]
-        until = np.append(0.0, np.cumsum(np.cumsum(rates[order])[:-1] * np.diff(at)))
-        power = np.interp(ends, at, until) - np.interp(begins, at, until)
+        order = np.argsort(edges, kind="stable")
+        edges = edges[order]
+        until = np.append(0.0, np.cumsum(np.cumsum(rates[order])[:-1] * np.diff(edges)))
+        power = np.interp(ends, edges, until) - np.interp(begins, edges, until)
         return np.asarray(np.where(power > _NOTHING * powers.sum(), power, 0.0))
 
 
@@ -217,7 +217,7 @@ class Response:
 
     def at(self, frequencies: FloatArray) -> FloatArray:
         """Return the amplitudes at `frequencies` (k,) Hz above the carrier, (n, k)."""
-        shares = [np.interp(frequencies, self.frequencies, one) for one in np.eye(len(self.frequencies))]
+        shares = [np.interp(frequencies, self.frequencies, unit) for unit in np.eye(len(self.frequencies))]
         return np.asarray(np.einsum("nm,mk->nk", self.factors, np.array(shares)))
 
 
@@ -267,8 +267,8 @@ class Signal:
 
     def envelope(self, rate: float = ENVELOPE_RATE) -> Trace:
         """Return the envelope, 0..1."""
-        at = np.arange(_count(self.duration, rate)) / rate
-        levels = np.interp(at * RATE, np.arange(len(self.samples)), np.abs(self.samples))
+        times = np.arange(_count(self.duration, rate)) / rate
+        levels = np.interp(times * RATE, np.arange(len(self.samples)), np.abs(self.samples))
         return Trace(np.minimum(levels, 1.0), rate, 0.0)
 
     def rf(self, rate: float) -> FloatArray:
@@ -600,10 +600,10 @@ def _least_squares(matrix: ComplexArray, wanted: ComplexArray) -> ComplexArray:
         q[:, k + 1 :] = q[:, k + 1 :] - along * upper[k, k + 1 :]
         parts[k] = (along.conj() * rest).sum(axis=0)
         rest = np.asarray(rest - along * parts[k])
-    found = np.zeros_like(parts)
+    weights = np.zeros_like(parts)
     for k in reversed(range(count)):
-        found[k] = (parts[k] - (upper[k, k + 1 :, None] * found[k + 1 :]).sum(axis=0)) / upper[k, k]
-    return found
+        weights[k] = (parts[k] - (upper[k, k + 1 :, None] * weights[k + 1 :]).sum(axis=0)) / upper[k, k]
+    return weights
 
 
 def _beams(frequencies: FloatArray, carrier: float, wavenumber: float) -> ComplexArray:

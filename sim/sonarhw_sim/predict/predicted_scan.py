@@ -62,10 +62,7 @@ from sonarhw_sim.rays.paths import SLACK, Paths
 from sonarhw_sim.room.room import Place, Room
 from sonarhw_sim.space.levels import reflectance_factors
 
-# Sound of rough surfaces at one heading: the mean power of all patches that the burst covers, or a speckle.
-#
-# The phases of patches are random, so their powers add up. The mean power does not depend on the size of patches. One
-# particular surface has a grain: its phases give a speckle, whose amplitude has a Rayleigh distribution.
+# sound of rough surfaces: phases of patches are random, so their powers add up; one particular surface has a speckle
 
 
 _PARTS_OF_BURST = 8  # least number of scatterers of a grain along the burst
@@ -145,8 +142,8 @@ class ScatteredSound:
 
     def responsible_at(self, length: float, coherent: float) -> int:
         """Return the row of the loudest patch if this sound is louder than `coherent` at that instant, else -1."""
-        at = np.array([length])
-        return int(self.loudest_at(at)[0]) if abs(self.at(at)[0]) > coherent else -1
+        instant = np.array([length])
+        return int(self.loudest_at(instant)[0]) if abs(self.at(instant)[0]) > coherent else -1
 
 
 def scattered_sound(
@@ -186,9 +183,7 @@ def _sums_between(lengths: FloatArray, amplitudes: ComplexArray, begins: FloatAr
     return np.asarray(until[last] - until[first])
 
 
-# Amplitudes of paths for a board, relative to a perfect wall straight ahead, and which paths to keep.
-#
-# The beam itself is in `sonarhw_sim.board.beam`.
+# amplitudes of paths for a board, relative to a perfect wall straight ahead, and which paths to keep
 
 
 # dB. Paths farther below the threshold are dropped. Several that arrive together change a sum close to the threshold:
@@ -251,10 +246,7 @@ def loud_enough(room: Room, board: Board, paths: Paths, below: float) -> NDArray
     return np.flatnonzero(loud | paths.scattered)
 
 
-# Paths heading by heading, for bodies and faces that move when the head turns.
-#
-# Every path exists at one heading only, so each heading needs its own search. If nothing but the beam turns, one
-# search serves all headings (`sonarhw_sim.predict.prediction`).
+# paths heading by heading, for bodies and faces that move when the head turns
 
 
 _ON_OWN_FACE = 1e-9  # m: longest leg between a transducer and its own face
@@ -348,9 +340,7 @@ def _last_legs(paths: Paths) -> FloatArray:
     return np.asarray(np.hypot(*(paths.points[rows, last] - paths.points[rows, last - 1]).T))
 
 
-# The predicted scan: the paths at one place, the reading at each heading, and what the board receives there.
-#
-# `sonarhw_sim.predict.predicted_scan` makes the readings.
+# the predicted scan and its pings
 
 
 _FREQUENCIES = 25  # at which the reflections of a path are multiplied
@@ -704,11 +694,11 @@ class PredictedPing:
 
     def _as_echoes(self, arrivals: Iterable[tuple[int, float, float]]) -> tuple[Echo, ...]:
         """Return the echoes of these arrivals, each with its path, level (dB) and apparent length (m)."""
-        found = tuple(arrivals)
-        ranges = self.scan.board.reported(np.array([length / 2 for _, _, length in found], dtype=np.float64))
+        rows = tuple(arrivals)
+        ranges = self.scan.board.reported(np.array([length / 2 for _, _, length in rows], dtype=np.float64))
         return tuple(
             Echo(path, reported, level, length)
-            for (path, level, length), reported in zip(found, ranges.tolist(), strict=True)
+            for (path, level, length), reported in zip(rows, ranges.tolist(), strict=True)
         )
 
     def _loud(self, among: BoolArray) -> Iterator[tuple[int, float, float]]:
@@ -757,7 +747,7 @@ def whole_microdegrees(heading: float) -> int:
     return round(math.degrees(heading) * 1e6) % 360_000_000
 
 
-# The readings of a predicted scan: by the paper's receiver, by the board's own, and of the carrier's own body.
+# readings: by the paper's receiver, by the board's own, and of the carrier's own body
 
 
 _LEAST_PART = 120  # headings: fewer take about as long as a thread needs to begin
@@ -881,13 +871,13 @@ def with_own_body(scan: PredictedScan) -> PredictedScan:
     """
     board, zero = scan.board, scan.place.heading
     owned = [own_range(board.own_body, board.angle_at(heading, zero)) for heading in scan.headings.tolist()]
-    own = board.true_ranges(np.array([np.nan if found is None else found for found in owned]))
+    own = board.true_ranges(np.array([np.nan if distance is None else distance for distance in owned]))
     nearest = np.fmin(own, scan.distances)
     is_own = nearest == own
     return replace(scan, winners=np.where(is_own, -1, scan.winners), distances=nearest, of_own_body=is_own)
 
 
-# The predicted echo nearest to a measured range, at many headings at once.
+# the echo nearest to a measured range
 
 
 IntArray = NDArray[np.intp]
@@ -910,10 +900,10 @@ def nearest_paths(scan: PredictedScan, rows: IntArray, measured: FloatArray, rea
 
 def _one_by_one(scan: PredictedScan, rows: IntArray, measured: FloatArray, reach: float) -> IntArray:
     """Return `nearest_paths` where rough surfaces, or paths of one heading only, need the sound of every heading."""
-    found = np.full(len(rows), -1, dtype=np.intp)
+    nearest_rows = np.full(len(rows), -1, dtype=np.intp)
     for k, (row, distance) in enumerate(zip(rows.tolist(), measured.tolist(), strict=True)):
         echoes = scan.ping(row).echoes
         nearest = min(echoes, key=lambda echo: abs(echo.range - distance), default=None)
         if nearest is not None and abs(nearest.range - distance) <= reach:
-            found[k] = nearest.path
-    return found
+            nearest_rows[k] = nearest.path
+    return nearest_rows

@@ -34,11 +34,7 @@ from sonarhw_sim.room.grid import Surfaces
 from sonarhw_sim.room.room import Place, Room, load_room, place_doubts
 from sonarhw_sim.space.sections import cut, paths_from, spanning_at
 
-# The prediction: the reading of the board at each heading, and its path.
-#
-# Paths are found once for a whole scan, then weighted by the transducer at each heading and compared with blanking,
-# threshold and range. If more than the beam turns with the head, every heading has paths of its own
-# (`sonarhw_sim.predict.predicted_scan`).
+# ray following: paths are found once for a scan, unless more than the beam turns with the head
 
 
 # dB. The number of diffracted paths is infinite. A board that detects each path alone needs those down to so far below
@@ -189,9 +185,7 @@ def _scan_by_heading(
     return find_by_heading(room, place, board, headings, find, options.unit)
 
 
-# Prediction by any model: ray following, and the baseline models that the paper compares with.
-#
-# Every model is a function with the arguments of `predict_scan` that returns a `PredictedScan`.
+# models: each is a function with the arguments of `predict_scan` that returns a `PredictedScan`
 
 
 CONE_HALF_ANGLE = math.radians(15)  # the "±15° cone" of robotics
@@ -330,7 +324,7 @@ def _there_and_back(starts: FloatArray, directions: FloatArray, distances: Float
     return points
 
 
-# A prediction in one call, from names, files or objects: `predict` of `sonarhw`.
+# a prediction in one call: `predict` of `sonarhw`
 
 
 _STEP = 5  # degrees, as in `sonarhw simulate`

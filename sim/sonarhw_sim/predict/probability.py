@@ -59,12 +59,12 @@ def _among_arrivals(scan: PredictedScan, index: int) -> list[PossibleEcho]:
     audible = np.flatnonzero(scan.in_time & (levels >= _least_level(scan.board)))
     audible = audible[np.argsort(begins[audible], kind="stable")]
     burst = covered_by_burst(scan.board, scan.room.air.speed_of_sound)
-    found = []
+    possible = []
     while len(audible):
         inside = begins[audible] <= begins[audible[0]] + burst
         group, audible = audible[inside], audible[~inside]
-        found.append(_possible_echo(levels[group], lengths[group] / 2, loudest[group].__getitem__, scan.board))
-    return found
+        possible.append(_possible_echo(levels[group], lengths[group] / 2, loudest[group].__getitem__, scan.board))
+    return possible
 
 
 def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
@@ -76,7 +76,7 @@ def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
     # a level is reached between two samples
     distances = np.append(times[0], (times[1:] + times[:-1]) / 2) * speed / 2
     starts = _rises(levels)
-    found: list[PossibleEcho] = []
+    possible: list[PossibleEcho] = []
     missed = 1.0
     for begin, end in zip(starts, [*starts[1:], len(levels)], strict=True):
         if missed < _SURE:
@@ -87,9 +87,9 @@ def _in_signal(scan: PredictedScan, index: int) -> list[PossibleEcho]:
         def path_at(row: int, begin: int = begin) -> int:
             return ping.path_detected(float(times[begin + row]), signal)
 
-        found.append(_possible_echo(levels[begin:end], distances[begin:end], path_at, board))
-        missed *= 1.0 - found[-1].probability
-    return found
+        possible.append(_possible_echo(levels[begin:end], distances[begin:end], path_at, board))
+        missed *= 1.0 - possible[-1].probability
+    return possible
 
 
 def _least_level(board: Board) -> float:

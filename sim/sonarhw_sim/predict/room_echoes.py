@@ -26,9 +26,7 @@ from sonarhw_sim.rays.fan import first_hit
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.room import Place, Room, with_post
 
-# Echoes for a fake scanner in a room that deliberately differs a little from its file.
-#
-# All random values are functions of seed, angle, sweep and ping, independent of the order of calls.
+# echoes for a fake scanner: random values are functions of seed, angle, sweep and ping, not of the order of calls
 
 
 MAX_ECHOES = 5  # per ping
@@ -209,12 +207,12 @@ def with_furniture(room: Room, position: tuple[float, float], random: np.random.
         dx, dy = math.cos(direction), math.sin(direction)
         distance, surface = first_hit(x, y, dx, dy, -1, room.surfaces)
         if surface >= 0 and distance > 0.1:
-            at = distance * random.uniform(0.6, 0.8)
-            return with_post(room, (x + at * dx, y + at * dy, 0.03 * distance), "furniture", 0.9)
+            post = distance * random.uniform(0.6, 0.8)
+            return with_post(room, (x + post * dx, y + post * dy, 0.03 * distance), "furniture", 0.9)
     return room
 
 
-# The echo of a flat plate straight ahead: the arc over which a board detects it, and the delay of its detection.
+# the echo of a flat plate straight ahead
 
 
 _ANGLES = np.linspace(0.0, math.pi / 2, 1801)  # rad from the axis, 0.05° apart

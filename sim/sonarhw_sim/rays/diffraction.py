@@ -18,10 +18,7 @@ from sonarhw_sim.room.edges import Edges, inside_wedge
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.room import Room
 
-# Diffraction at a hard wedge: the uniform theory of Kouyoumjian and Pathak (1974).
-#
-# The sound field of rays ends abruptly at the boundaries of shadow and reflection. The diffracted field of this
-# theory has the opposite step there, so their sum is smooth. Time dependence e^{+jωt}.
+# diffraction at a hard wedge by the uniform theory of Kouyoumjian and Pathak (1974); time dependence e^{+jωt}
 
 
 _NODES_PER_UNIT = 32
@@ -42,14 +39,14 @@ def fresnel_table() -> ComplexArray:
     values = [_series(float(z[-1]))]
     step = -1.0 / (_NODES_PER_UNIT * _STEPS)
     for node in range(len(z) - 1, 0, -1):
-        at, w = float(z[node]), values[-1]
+        position, w = float(z[node]), values[-1]
         for _ in range(_STEPS):
-            half = math.pi * (at + step / 2)
-            first = 1j * (math.pi * at * w - 1)
+            half = math.pi * (position + step / 2)
+            first = 1j * (math.pi * position * w - 1)
             second = 1j * (half * (w + step / 2 * first) - 1)
             third = 1j * (half * (w + step / 2 * second) - 1)
-            at += step
-            fourth = 1j * (math.pi * at * (w + step * third) - 1)
+            position += step
+            fourth = 1j * (math.pi * position * (w + step * third) - 1)
             w += step / 6 * (first + 2 * second + 2 * third + fourth)
         values.append(w)
     exact = np.array(values[::-1])
@@ -68,19 +65,19 @@ def _series(z: float) -> complex:
 @compiled
 def _auxiliary(z: FloatArray, table: ComplexArray) -> ComplexArray:
     """Return f(z) + j g(z) for z (m,) from 0 on; the error is below 2e-8. `table` is that of `fresnel_table`."""
-    found = np.empty(z.shape[0], np.complex128)
+    results = np.empty(z.shape[0], np.complex128)
     for k in range(z.shape[0]):
         if z[k] >= _SERIES_FROM:
             inverse = 1.0 / (math.pi * z[k] ** 2)
             f, g = 1.0 - 3.0 * inverse**2 + 105.0 * inverse**4, (1.0 - 15.0 * inverse**2) * inverse
-            found[k] = complex(f, g) / (math.pi * z[k])
+            results[k] = complex(f, g) / (math.pi * z[k])
             continue
         node = int(z[k] * _NODES_PER_UNIT)
         t = z[k] * _NODES_PER_UNIT - node
         values = (1.0 + 2.0 * t) * (1.0 - t) ** 2 * table[node, 0] + t**2 * (3.0 - 2.0 * t) * table[node + 1, 0]
         slopes = t * (1.0 - t) ** 2 * table[node, 1] + t**2 * (t - 1.0) * table[node + 1, 1]
-        found[k] = values + slopes / _NODES_PER_UNIT
-    return found
+        results[k] = values + slopes / _NODES_PER_UNIT
+    return results
 
 
 def transition(x: FloatArray) -> ComplexArray:
@@ -115,13 +112,13 @@ def _most(angle: float, n: float, scale: float) -> float:
 
 
 @compiled
-def most_by_wedge(one: float, other: float, n: float, to_edge: float, from_edge: float, wavelength: float) -> float:
+def most_by_wedge(angle: float, other: float, n: float, to_edge: float, from_edge: float, wavelength: float) -> float:
     """Return an upper bound of |`by_wedge`| for one path, many times faster."""
     scale = max(2.0 * math.sqrt(2.0 * to_edge * from_edge / max(to_edge + from_edge, 1e-300) / wavelength), 1e-6)
-    apart, mirrored = one - other, one + other
+    difference, mirrored = angle - other, angle + other
     bound: float = (
-        _most(math.pi + apart, n, scale)
-        + _most(math.pi - apart, n, scale)
+        _most(math.pi + difference, n, scale)
+        + _most(math.pi - difference, n, scale)
         + _most(math.pi + mirrored, n, scale)
         + _most(math.pi - mirrored, n, scale)
     )
@@ -129,7 +126,7 @@ def most_by_wedge(one: float, other: float, n: float, to_edge: float, from_edge:
 
 
 def by_wedge(
-    one: FloatArray,
+    angle: FloatArray,
     other: FloatArray,
     n: FloatArray,
     faces: FloatArray,
@@ -139,7 +136,7 @@ def by_wedge(
 ) -> ComplexArray:
     """Return the amplitude of diffracted paths relative to reflected ones of their length from a perfect wall, (m,).
 
-    `one` and `other` (m,) are the angles (rad) of the two legs from the first face of a wedge of air of nπ, `faces`
+    `angle` and `other` (m,) are the angles (rad) of the two legs from the first face of a wedge of air of nπ, `faces`
     (m, 2) the reflectances of the first and the last face, `to_edge` and `from_edge` (m,) the lengths of the legs, m;
     the wavelength, m, is one or (m,).
     The reflectance of a face multiplies its reflection term. The shadow terms are 1 at the boundary of the shadow, and
@@ -150,14 +147,14 @@ def by_wedge(
     # 2 √(kL/π) with the distance parameter L = s s′/(s + s′) of a cylindrical wave
     legs = to_edge * from_edge / np.maximum(to_edge + from_edge, 1e-300)
     scale = np.maximum(2.0 * np.sqrt(2.0 * legs / wavelength), 1e-6)
-    apart, mirrored = one - other, one + other
+    difference, mirrored = angle - other, angle + other
     first, last = faces.T
     both = np.where(n < 1.0, first * last, 1.0)
     # an edge of impedance walls returns half of what a black one does, but has the same shadow
-    of_shadow = 1.0 - 0.5 * np.cos(0.5 * apart) ** 2 * (1.0 - 0.5 * (first + last))
+    of_shadow = 1.0 - 0.5 * np.cos(0.5 * difference) ** 2 * (1.0 - 0.5 * (first + last))
     total = (
-        of_shadow * both ** np.abs(_turns(math.pi + apart, n)) * _term(math.pi + apart, n, scale)
-        + of_shadow * both ** np.abs(_turns(math.pi - apart, n)) * _term(math.pi - apart, n, scale)
+        of_shadow * both ** np.abs(_turns(math.pi + difference, n)) * _term(math.pi + difference, n, scale)
+        + of_shadow * both ** np.abs(_turns(math.pi - difference, n)) * _term(math.pi - difference, n, scale)
         + last * both ** np.maximum(_turns(math.pi + mirrored, n) - 1, 0) * _term(math.pi + mirrored, n, scale)
         + first * both ** np.abs(_turns(math.pi - mirrored, n)) * _term(math.pi - mirrored, n, scale)
     )
@@ -227,12 +224,15 @@ def along_narrow_walls(
     wedges = _Wedges(edges.openings, faces, wavelength)
     path, end = _at_ends(halves[0].edges[rows[0]], ends)
     if len(path):
-        there, here = rows[0][path], rows[1][path]
+        first, second = rows[0][path], rows[1][path]
         if halves[0] is halves[1]:
-            both = _departing(halves[0], np.append(there, here), np.tile(end, 2), ends, wedges)
+            both = _departing(halves[0], np.append(first, second), np.tile(end, 2), ends, wedges)
             out, back = np.split(both, 2)
         else:
-            out, back = _departing(halves[0], there, end, ends, wedges), _departing(halves[1], here, end, ends, wedges)
+            out, back = (
+                _departing(halves[0], first, end, ends, wedges),
+                _departing(halves[1], second, end, ends, wedges),
+            )
         exchange = _exchange(ends, wedges)[end] * _OWN_HALF
         np.add.at(added, path, np.einsum("mi,mij,mj->m", out, exchange, back))
     return np.asarray(added * np.sqrt(halves[0].lengths[rows[0]] + halves[1].lengths[rows[1]]))
@@ -254,8 +254,8 @@ def _at_ends(edge: IntArray, ends: _Ends) -> tuple[NDArray[np.intp], NDArray[np.
     """Return each path past these edges (m,) once for each row of `ends` at its edge: path and row, (k,)."""
     # `own` is in order
     first, behind = np.searchsorted(ends.own, edge), np.searchsorted(ends.own, edge, side="right")
-    one, two = np.flatnonzero(behind > first), np.flatnonzero(behind > first + 1)
-    return np.append(one, two), np.append(first[one], first[two] + 1)
+    single, double = np.flatnonzero(behind > first), np.flatnonzero(behind > first + 1)
+    return np.append(single, double), np.append(first[single], first[double] + 1)
 
 
 def _other_ends(edges: Edges, widest: float) -> NDArray[np.intp]:
@@ -337,13 +337,13 @@ def _departs(
 def _exchange(ends: _Ends, wedges: _Wedges) -> ComplexArray:
     """Return what remains at the place of departure of either path, for each two ways to depart, (w, 4, 4)."""
     both_sides = ends.sides[:, None, :, None] & ends.sides[:, None, None, :]
-    row, end, one, other = np.nonzero(np.repeat(both_sides, 2, axis=1))
+    row, end, way, other_way = np.nonzero(np.repeat(both_sides, 2, axis=1))
     edge, width = np.where(end == 0, ends.own[row], ends.other[row]), ends.widths[row]
     # at the other end, the side of the own first face is the last face
     opening = wedges.openings[edge]
-    turned = _departs(edge, np.abs(end - one) * opening, np.abs(end - other) * opening, width, width, wedges)
+    turned = _departs(edge, np.abs(end - way) * opening, np.abs(end - other_way) * opening, width, width, wedges)
     again = np.zeros((len(ends.own), 4, 4), np.complex128)
-    again[row, 2 * end + other, 2 * (1 - end) + one] = turned
+    again[row, 2 * end + other_way, 2 * (1 - end) + way] = turned
     # half: at grazing incidence the sound at a face is the incident sound and its reflection
     reflectance = np.where(ends.sides[:, 0], wedges.faces[ends.own, 0], wedges.faces[ends.own, 1])
     radians = math.tau / wedges.wavelength * ends.widths
@@ -358,9 +358,7 @@ def _admittance(reflectances: FloatArray) -> FloatArray:
     return np.asarray((1.0 - reflectances) / (1.0 + reflectances))
 
 
-# Edge diffraction: paths source → walls → edge → walls → receiver, joined from the paths to each edge.
-#
-# Each pair of a path from the source and a reversed path from the receiver gives one diffracted path.
+# diffracted paths: pairs of a path from the source to an edge and a reversed path from the receiver to it
 
 
 _AT_EDGE = 1e-7  # m
@@ -400,12 +398,12 @@ class EdgeDiffraction:
         longest = np.where(per_longest > 0, 1 / np.maximum(per_longest, 1e-300), np.inf)
         return np.where(longest >= distances, longest, 0.0)
 
-    def loudest(self, there: FloatArray, on: FloatArray) -> FloatArray:
+    def loudest(self, before: FloatArray, after: FloatArray) -> FloatArray:
         """Return the largest gain of edges, for legs not shorter than these (n,) m, (n,) float."""
         if self.strength is not EdgeStrength.PAPER:
-            return np.ones(len(there))
-        legs = zip(there, on, strict=True)
-        return np.array([edge_gain(one, other, self.wavelength) for one, other in legs], dtype=np.float64)
+            return np.ones(len(before))
+        legs = zip(before, after, strict=True)
+        return np.array([edge_gain(leg, other_leg, self.wavelength) for leg, other_leg in legs], dtype=np.float64)
 
 
 class EdgePaths(NamedTuple):
@@ -495,8 +493,8 @@ def join_at_edges(
 
     pairs, bounds = rows_in_parts(paired, len(out.edges), _LEAST_PART)
     fan.check_size(len(pairs), _FEWEST_POINTS)
-    found = _loud_enough(out, back, pairs, bounds, edges, faces, edge_diffraction)
-    return _with_reversed(*found) if back is out else found
+    joined = _loud_enough(out, back, pairs, bounds, edges, faces, edge_diffraction)
+    return _with_reversed(*joined) if back is out else joined
 
 
 def _with_reversed(
@@ -538,22 +536,24 @@ def amplitudes_at_edges(
 
     `bends` (n,) and `points` (n, p, 2) are as in `rays.paths.Paths`, `wavelengths` (n,) m.
     """
-    before, at, after = (points[np.arange(len(edges)), bends + step] for step in (0, 1, 2))
+    before, edge, after = (points[np.arange(len(edges)), bends + step] for step in (0, 1, 2))
     legs = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0))
-    there = np.where(np.arange(legs.shape[1]) <= bends[:, None], legs, 0.0).sum(axis=1)
-    on = np.nansum(legs, axis=1) - there
-    one, other = (_angle_at(room.edges, edges, point - at) for point in (before, after))
+    before_edge = np.where(np.arange(legs.shape[1]) <= bends[:, None], legs, 0.0).sum(axis=1)
+    after_edge = np.nansum(legs, axis=1) - before_edge
+    angle, other = (_angle_at(room.edges, edges, point - edge) for point in (before, after))
     faces = room.reflectances[room.edges.faces[edges]]
-    return edge_amplitudes(one, other, room.edges.openings[edges] / math.pi, faces, there, on, wavelengths, strength)
+    return edge_amplitudes(
+        angle, other, room.edges.openings[edges] / math.pi, faces, before_edge, after_edge, wavelengths, strength
+    )
 
 
 def edge_amplitudes(
-    one: FloatArray,
+    angle: FloatArray,
     other: FloatArray,
     wedges: FloatArray,
     faces: FloatArray,
-    there: FloatArray,
-    on: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
     wavelengths: FloatArray,
     strength: EdgeStrength,
 ) -> ComplexArray:
@@ -562,11 +562,11 @@ def edge_amplitudes(
     Arguments as for `by_wedge`, (n,) each.
     """
     if strength is EdgeStrength.UNIFORM:
-        return by_wedge(one, other, wedges, faces, there, on, wavelengths)
-    gains = [edge_gain(*legs_and_wave) for legs_and_wave in zip(there, on, wavelengths, strict=True)]
+        return by_wedge(angle, other, wedges, faces, before, after, wavelengths)
+    gains = [edge_gain(*legs_and_wave) for legs_and_wave in zip(before, after, wavelengths, strict=True)]
     if strength is EdgeStrength.PAPER:
         return np.array(gains, dtype=np.complex128)
-    factors = [keller(*angles) for angles in zip(one, other, wedges, strict=True)]
+    factors = [keller(*angles) for angles in zip(angle, other, wedges, strict=True)]
     return np.minimum(np.array(gains) * factors, 1.0).astype(np.complex128)
 
 
@@ -624,7 +624,7 @@ def _join(
     at its best heading, and the most of its edge.
     """
     wavelength, max_length, faintest = limits
-    found = 0
+    count = 0
     for i in range(begin, end):
         edge, to_edge = out.edges[i], out.lengths[i]
         for j in range(starts[i], back.edges.shape[0]):
@@ -639,32 +639,32 @@ def _join(
             )
             if legs * factor < faintest:
                 continue
-            if found < pairs.shape[0]:
-                pairs[found, 0], pairs[found, 1], bounds[found, 0], bounds[found, 1] = i, j, legs, factor
-            found += 1
-        if found > most:
+            if count < pairs.shape[0]:
+                pairs[count, 0], pairs[count, 1], bounds[count, 0], bounds[count, 1] = i, j, legs, factor
+            count += 1
+        if count > most:
             break
-    return found
+    return count
 
 
 @compiled_part
 def _by_separation(departure: float, arrival: float, beams: FloatArray) -> float:
     """Return both beam factors at the best heading for directions of departure and arrival (rad)."""
-    apart = abs(departure - arrival)
-    apart = min(apart, math.tau - apart)
-    most: float = beams[int(max(apart, 0.0) / math.pi * (beams.shape[0] - 1))]
+    separation = abs(departure - arrival)
+    separation = min(separation, math.tau - separation)
+    most: float = beams[int(max(separation, 0.0) / math.pi * (beams.shape[0] - 1))]
     return most
 
 
 @compiled_part
 def most_of_edge(
-    one: float, other: float, n: float, to_edge: float, from_edge: float, wavelength: float, strength: int
+    angle: float, other: float, n: float, to_edge: float, from_edge: float, wavelength: float, strength: int
 ) -> float:
     """Return an upper bound of the amplitude of an edge relative to a reflection; exact but for the uniform theory."""
     if strength == _UNIFORM:
-        return most_by_wedge(one, other, n, to_edge, from_edge, wavelength)
+        return most_by_wedge(angle, other, n, to_edge, from_edge, wavelength)
     gain = edge_gain(to_edge, from_edge, wavelength)
-    return min(1.0, gain * keller(one, other, n)) if strength == _KELLER else gain
+    return min(1.0, gain * keller(angle, other, n)) if strength == _KELLER else gain
 
 
 @compiled
@@ -679,7 +679,7 @@ def edge_gain(to_edge: float, from_edge: float, wavelength: float) -> float:
 
 
 @compiled
-def keller(one: float, other: float, n: float) -> float:
+def keller(angle: float, other: float, n: float) -> float:
     """Return the strength of an edge relative to the paper's factor, for two angles (rad) from its first face.
 
     Keller's coefficient for a hard wedge of outer angle nπ, over √2: straight back from a thin plate (n = 2) at angle
@@ -687,9 +687,9 @@ def keller(one: float, other: float, n: float) -> float:
     (Keller 1962, eq. 28; `by_wedge` is the uniform theory, which is finite there).
     """
     turn = math.cos(math.pi / n)
-    apart, mirrored = turn - math.cos((one - other) / n), turn - math.cos((one + other) / n)
+    difference, mirrored = turn - math.cos((angle - other) / n), turn - math.cos((angle + other) / n)
     bound = 1e-9  # without effect, because of the caller's limit
-    apart = apart if abs(apart) > bound else bound
+    difference = difference if abs(difference) > bound else bound
     mirrored = mirrored if abs(mirrored) > bound else bound
-    strength: float = 2 * abs(math.sin(math.pi / n) * (1 / apart + 1 / mirrored)) / n / math.sqrt(2.0)
+    strength: float = 2 * abs(math.sin(math.pi / n) * (1 / difference + 1 / mirrored)) / n / math.sqrt(2.0)
     return strength

@@ -93,7 +93,7 @@ def _for_kernels(receiving: FloatArray) -> FloatArray:
     return receiving
 
 
-# The first surface that a ray meets, and the ray's direction after its reflection there. Compiled by numba.
+# the first surface that a ray meets, and its reflection there
 
 
 _AT_START = 1e-11  # m
@@ -201,7 +201,7 @@ def distances_ahead(points: FloatArray, headings: FloatArray, surfaces: Surfaces
     return distances
 
 
-# Tables of paths, one row each: the base of `Paths` and `PartialPaths`; and the limit of their size.
+# tables of paths, and the limit of their size
 
 
 # Points of all paths of one table. A search needs about 80 bytes for each, 2.4 GB. The shipped
@@ -260,29 +260,29 @@ def _joined(arrays: list[NDArray[Any]]) -> NDArray[Any]:
 
 def fill_rows(
     table: NDArray[Any],
-    one: NDArray[Any],
+    front: NDArray[Any],
     first: NDArray[np.intp],
     count: NDArray[np.integer],
     other: NDArray[Any],
     second: NDArray[np.intp],
     other_count: NDArray[np.integer],
 ) -> None:
-    """Fill each row of `table` from the left: `count` columns of a row of `one`, then a row of `other`, reversed.
+    """Fill each row of `table` from the left: `count` columns of a row of `front`, then a row of `other`, reversed.
 
     `first` and `second` (m,) are these rows, and `other_count` columns of `other` are used. The rest of a row is filled
     with -1, or NaN for points.
     """
     nothing = table.dtype.type(-1 if np.issubdtype(table.dtype, np.integer) else np.nan)
     if table.ndim == 2:
-        table, one, other = table[:, :, None], one[:, :, None], other[:, :, None]
+        table, front, other = table[:, :, None], front[:, :, None], other[:, :, None]
     counts = (np.asarray(each, np.int64) for each in (first, count, second, other_count))
-    _fill(table, one, other, nothing, *counts)
+    _fill(table, front, other, nothing, *counts)
 
 
 @compiled
 def _fill(
     table: NDArray[Any],
-    one: NDArray[Any],
+    front: NDArray[Any],
     other: NDArray[Any],
     nothing: Any,
     first: NDArray[np.int64],
@@ -295,7 +295,7 @@ def _fill(
         total = count[row] + other_count[row]
         for axis in range(table.shape[2]):
             for k in range(count[row]):
-                table[row, k, axis] = one[first[row], k, axis]
+                table[row, k, axis] = front[first[row], k, axis]
             for k in range(count[row], total):
                 table[row, k, axis] = other[second[row], total - 1 - k, axis]
             for k in range(total, table.shape[1]):
@@ -338,20 +338,20 @@ def no_candidates() -> CandidateTable:
 
 
 @inlined
-def is_full(table: CandidateTable, found: int, known: int) -> bool:
-    """Return whether there is no room for more than `found` candidates or `known` sequences."""
-    full: bool = (found == table.candidates.shape[0]) | (known == table.sequences.shape[0])
+def is_full(table: CandidateTable, candidate_count: int, sequence_count: int) -> bool:
+    """Return whether there is no room for more than `candidate_count` candidates or `sequence_count` sequences."""
+    full: bool = (candidate_count == table.candidates.shape[0]) | (sequence_count == table.sequences.shape[0])
     return full
 
 
 @array_part
-def with_room(table: CandidateTable, found: int, known: int) -> CandidateTable:
+def with_room(table: CandidateTable, candidate_count: int, sequence_count: int) -> CandidateTable:
     """Return the same table with room for twice as many of what is full."""
     candidates, keys, slots, sequences, sequence_slots = table
-    if found == candidates.shape[0]:
+    if candidate_count == candidates.shape[0]:
         candidates = _longer(candidates)
         keys, slots = _grown(keys, slots)
-    if known == sequences.shape[0]:
+    if sequence_count == sequences.shape[0]:
         sequences, sequence_slots = _grown(sequences, sequence_slots)
     return CandidateTable(candidates, keys, slots, sequences, sequence_slots)
 
@@ -433,9 +433,9 @@ def number_of(first: int, second: int, pairs: IntArray, count: int, slots: IntAr
     """Return the number of a pair among the first `count` of `pairs` (p, 2); if it is new, `count`, and enter it."""
     slot = _hash(first, second) & (slots.shape[0] - 1)
     while slots[slot] >= 0:
-        known = int(slots[slot])
-        if pairs[known, 0] == first and pairs[known, 1] == second:
-            return known
+        number = int(slots[slot])
+        if pairs[number, 0] == first and pairs[number, 1] == second:
+            return number
         slot = (slot + 1) & (slots.shape[0] - 1)
     slots[slot] = count
     pairs[count, 0], pairs[count, 1] = first, second
@@ -773,12 +773,12 @@ def _passes(leg: _Leg, reach: float, target: int, search: _Search) -> bool:
     """Return whether a leg passes near a target, and its path there is neither too long nor too faint."""
     tx, ty = search.targets[target, 0] - leg.x, search.targets[target, 1] - leg.y
     ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
-    on = max(ahead, 0.0)
-    width = leg.width + leg.opening * on
+    distance_ahead = max(ahead, 0.0)
+    width = leg.width + leg.opening * distance_ahead
     near = _ALLOWANCE * search.spacing * width + search.radii[target]
     if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > search.longest[target] + near:
         return False
-    loudest = leg.amplitude * math.sqrt((leg.length + on) / width)
+    loudest = leg.amplitude * math.sqrt((leg.length + distance_ahead) / width)
     if target == 0:
         loudest *= _most_received(leg, search.spacing, search.detectable)
     # at the start of the first leg, the tube has no width, and `loudest` is not a number

@@ -94,8 +94,8 @@ class Passing:
         """The same for kernels, with the walls flush with a low one among the low ones."""
         flush = self._flush()
         low = self.low.copy()
-        low[[one for one, _ in flush]] = True
-        starts = np.searchsorted([one for one, _ in flush], np.arange(len(low) + 1)).astype(np.int32)
+        low[[wall for wall, _ in flush]] = True
+        starts = np.searchsorted([wall for wall, _ in flush], np.arange(len(low) + 1)).astype(np.int32)
         others = Listing(starts, np.array([other for _, other in flush], dtype=np.int32))
         return KernelHeights(low, self.spans, others, self.height, self.floor, self.ceiling)
 
@@ -105,13 +105,13 @@ class Passing:
         along = walls[:, 2:] - walls[:, :2]
         lengths = np.hypot(*along.T)
         pairs = set()
-        for one in np.flatnonzero(self.low[: len(walls)]).tolist():
-            away = walls.reshape(-1, 2, 2) - walls[one, :2]
-            aside = np.abs(away[..., 0] * along[one, 1] - away[..., 1] * along[one, 0]).max(axis=1) / lengths[one]
-            on = (away @ along[one]) / lengths[one]
-            overlap = np.minimum(on.max(axis=1), lengths[one]) - np.maximum(on.min(axis=1), 0.0)
+        for wall in np.flatnonzero(self.low[: len(walls)]).tolist():
+            away = walls.reshape(-1, 2, 2) - walls[wall, :2]
+            aside = np.abs(away[..., 0] * along[wall, 1] - away[..., 1] * along[wall, 0]).max(axis=1) / lengths[wall]
+            shares = (away @ along[wall]) / lengths[wall]
+            overlap = np.minimum(shares.max(axis=1), lengths[wall]) - np.maximum(shares.min(axis=1), 0.0)
             for other in np.flatnonzero((aside <= _FLUSH) & (overlap > _FLUSH)).tolist():
-                pairs |= {(one, other), (other, one)} if other != one else set()
+                pairs |= {(wall, other), (other, wall)} if other != wall else set()
         return sorted(pairs)
 
     def slopes(self, directions: FloatArray) -> FloatArray:
@@ -196,11 +196,11 @@ def pass_low(points: FloatArray, at: FloatArray, last: int, surfaces: Surfaces, 
         while walk.inside:
             for k in listed(surfaces.cells, surfaces.listing, walk):
                 begin, end = _crossing(x, y, dx, dy, length, k, surfaces)
-                known = begin < 0.0
+                skipped = begin < 0.0
                 # a surface is listed in several cells
                 for earlier in range(before, count):
-                    known = known or passages.surfaces[earlier] == k
-                if not known:
+                    skipped = skipped or passages.surfaces[earlier] == k
+                if not skipped:
                     passages.surfaces[count] = k
                     passages.begins[count], passages.ends[count] = at[leg] + begin, at[leg] + end
                     count += 1
@@ -314,8 +314,8 @@ def _passes_all(slope: float, passed: int, climbs: Climbs, passages: Passages) -
     """Return whether sound with a slope is not within the span of a low surface where it enters or leaves that."""
     for k in range(passed):
         lower, upper = climbs.spans[passages.surfaces[k]]
-        for at in (passages.begins[k], passages.ends[k]):
-            height = _folded(climbs.start + slope * at, climbs.floor, climbs.ceiling)
+        for distance in (passages.begins[k], passages.ends[k]):
+            height = _folded(climbs.start + slope * distance, climbs.floor, climbs.ceiling)
             if lower + _NEARLY <= height <= upper - _NEARLY:
                 return False
     return True

@@ -229,16 +229,16 @@ def _partial_paths_from(
     if axes is None:
         detectable = all_rays(len(directions), len(points), search.faintest_diffraction)
     else:
-        there, on = (np.hypot(*(points[1:] - end).T) for end in (place, other))
-        detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
+        distances, onward = (np.hypot(*(points[1:] - end).T) for end in (place, other))
+        detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(distances, onward)))
     bounces, passing = search.max_bounces, posts.passing
     fan_ = follow_fan(room, place, directions, targets, bounces, detectable, passing, search.steepest_bent)
-    found = solved_paths(room, place, fan_, targets, np.append(-1, edges).astype(np.int32), passing)
+    partial = solved_paths(room, place, fan_, targets, np.append(-1, edges).astype(np.int32), passing)
     touching = post_paths_to_edges(posts, place, *by_posts, edges, longest)
     if len(touching):
-        found = PartialPaths.join([found, _new(touching, found)])
-    found = with_thin_posts(room, found, search.wavelength)
-    return found if axes is None else found.select(_departing(found, axes, edges, detectable.least))
+        partial = PartialPaths.join([partial, _new(touching, partial)])
+    partial = with_thin_posts(room, partial, search.wavelength)
+    return partial if axes is None else partial.select(_departing(partial, axes, edges, detectable.least))
 
 
 def _departing(
@@ -251,10 +251,10 @@ def _departing(
     return np.flatnonzero(amplitudes >= least[target])
 
 
-def _new(paths: PartialPaths, known: PartialPaths) -> PartialPaths:
+def _new(paths: PartialPaths, earlier: PartialPaths) -> PartialPaths:
     """Return the paths to edges whose surfaces are not those of a known path to the same edge."""
     most = paths.surfaces.shape[1]
-    short = known.select(np.flatnonzero((known.bends <= most) & (known.edges >= 0)))
+    short = earlier.select(np.flatnonzero((earlier.bends <= most) & (earlier.edges >= 0)))
     both = PartialPaths.join([short, paths])
     kept = first_of_equal(np.column_stack((both.edges, both.surfaces)))
     return paths.select(kept[kept >= len(short)] - len(short))
@@ -331,11 +331,11 @@ def scattered_paths(
     begins, widths, surfaces = _patches(room, source, patch)
     across = begins[:, None] + widths[:, None] * np.array([0.0, 0.5, 1.0])
     touches = source + _distances(room, source, across, surfaces)[:, :, None] * _unit(across)
-    there, back = (np.hypot(*np.moveaxis(touches - end, 2, 0)) for end in (source, target))
-    lengths = (there + back)[:, 1]
+    out, back = (np.hypot(*np.moveaxis(touches - end, 2, 0)) for end in (source, target))
+    lengths = (out + back)[:, 1]
     middles = touches[:, 1]
     cosines = _cosines(room, surfaces, middles, source, target)
-    gains = room.scattered[surfaces] * patch_gain(cosines, there[:, 1], back[:, 1], widths)
+    gains = room.scattered[surfaces] * patch_gain(cosines, out[:, 1], back[:, 1], widths)
     kept = (gains > 0) & (lengths <= search.max_length + SLACK) & (search.max_bounces > 0)
     kept[kept] = [leg_is_free(touch, target, room.surfaces) for touch in middles[kept]]
     rows = np.flatnonzero(kept)[np.argsort(lengths[kept], kind="stable")]
@@ -346,7 +346,7 @@ def scattered_paths(
         arrivals=np.arctan2(*(middles - target)[rows].T[::-1]),
         gains=gains[rows],
         phases=np.full(count, np.nan),
-        spreads=np.maximum(np.ptp(there + back, axis=1), _SHORTEST)[rows],
+        spreads=np.maximum(np.ptp(out + back, axis=1), _SHORTEST)[rows],
         surfaces=surfaces[rows, None].astype(np.int32),
         edges=np.full(count, -1, dtype=np.int32),
         bends=np.ones(count, dtype=np.int32),
@@ -355,7 +355,7 @@ def scattered_paths(
     )
 
 
-def patch_gain(cosines: FloatArray, there: FloatArray, back: FloatArray, widths: FloatArray) -> FloatArray:
+def patch_gain(cosines: FloatArray, out: FloatArray, back: FloatArray, widths: FloatArray) -> FloatArray:
     """Return the amplitude of fully diffuse, perfect patches relative to a perfect mirror at that length, 0..1.
 
     In two dimensions a source of power P lights a patch, dφ wide as the source sees it (`widths`), with P dφ/(2π),
@@ -366,7 +366,7 @@ def patch_gain(cosines: FloatArray, there: FloatArray, back: FloatArray, widths:
     to that of a mirror.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        power = widths * np.maximum(cosines, 0.0) * (there + back) / (2 * back)
+        power = widths * np.maximum(cosines, 0.0) * (out + back) / (2 * back)
     return np.asarray(np.sqrt(np.clip(np.nan_to_num(power), 0.0, 1.0)))
 
 

@@ -54,9 +54,9 @@ def with_thin_posts(room: Room, paths: PartialPaths, wavelength: float) -> Parti
     if len(row):
         # the edge of a diffracted path is a point between two reflections
         point = touch + 1 + ((paths.edges[row] >= 0) & (touch >= paths.bends[row]))
-        before, at, after = (paths.points[row, point + step] for step in (-1, 0, 1))
-        back, on = _unit(before - at), _unit(after - at)
-        incidence = np.arccos(np.clip((back * on).sum(axis=1), -1.0, 1.0)) / 2
+        before, contact, after = (paths.points[row, point + step] for step in (-1, 0, 1))
+        back, onward = _unit(before - contact), _unit(after - contact)
+        incidence = np.arccos(np.clip((back * onward).sum(axis=1), -1.0, 1.0)) / 2
         ka = math.tau / wavelength * radii[row, touch]
         np.multiply.at(factors, row, cylinder_factor(ka, incidence, room.reflectances[paths.surfaces[row, touch]]))
     return replace(paths, gains=paths.gains * np.abs(factors), phases=paths.phases + np.angle(factors))
@@ -246,9 +246,9 @@ def equal_pairs(posts: IntArray, others: IntArray) -> tuple[NDArray[np.intp], ND
     return whole_numbers(first, np.searchsorted(others, posts, side="right") - 1)
 
 
-def joined(one: IntArray, other: IntArray) -> IntArray:
+def joined(first: IntArray, other: IntArray) -> IntArray:
     """Return the surfaces of both tables of rows padded with -1, those of `other` behind, (n, b + c)."""
-    both = np.hstack((one, other))
+    both = np.hstack((first, other))
     # moves the padding to the end and keeps the order of the surfaces
     return np.take_along_axis(both, np.argsort(both < 0, axis=1, kind="stable"), axis=1).astype(np.int32)
 
@@ -258,8 +258,10 @@ def _first(room: Room, ways: PostWays) -> Chains:
     widths = np.maximum(ways.lengths - radii, _TOUCHING)
     surfaces = joined(ways.surfaces, surface[:, None])
     amplitudes = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1)
-    openings, one = 1.0 + 2.0 * widths / radii, np.zeros(len(ways), np.bool_)
-    return Chains(ways.lengths, ways.targets, ways.bounces + 1, surfaces, 2 * radii, widths, openings, amplitudes, one)
+    openings, first = 1.0 + 2.0 * widths / radii, np.zeros(len(ways), np.bool_)
+    return Chains(
+        ways.lengths, ways.targets, ways.bounces + 1, surfaces, 2 * radii, widths, openings, amplitudes, first
+    )
 
 
 def _longer(search: PostSearch, chains: Chains, between: PostWays) -> Chains:
@@ -269,8 +271,8 @@ def _longer(search: PostSearch, chains: Chains, between: PostWays) -> Chains:
     first, way = first[kept], way[kept]
     before, posts = chains.select(first), between.targets[way]
     radii = room.posts[posts, 2]
-    apart = np.maximum(between.lengths[way] - room.posts[before.posts, 2] - radii, _TOUCHING)
-    widths = before.widths + before.openings * apart
+    gaps = np.maximum(between.lengths[way] - room.posts[before.posts, 2] - radii, _TOUCHING)
+    widths = before.widths + before.openings * gaps
     touched = joined(between.surfaces[way], (len(room.walls) + posts)[:, None])
     chains = Chains(
         before.lengths + between.lengths[way],

@@ -305,7 +305,7 @@ def solve_candidates(
         count = end - begin
         real, points = np.zeros(count, dtype=np.bool_), np.empty((count, most + 3, 2))
         lengths, divergences = np.empty(count), np.empty(count)
-        found = _solve(
+        total = _solve(
             source,
             fan.touched,
             fan.candidates[begin:end],
@@ -319,7 +319,7 @@ def solve_candidates(
             lengths,
             divergences,
         )
-        return real, points[:found], lengths[:found], divergences[:found]
+        return real, points[:total], lengths[:total], divergences[:total]
 
     real, points, lengths, divergences = rows_in_parts(solved, len(fan.candidates), _LEAST_PART)
     return real, points, lengths, divergences
@@ -342,13 +342,13 @@ def _solve(
 ) -> int:
     """Fill in the results of `solve_candidates`, and return the number of paths."""
     walls, posts = surfaces.walls, surfaces.posts
-    found, width = 0, points.shape[1]
+    count, width = 0, points.shape[1]
     mirrors, unfolded = mirrors_of(walls), room_for_posts(width)
     images, room = np.empty((width, 2)), room_for_fitting(width, to_receiver)
     for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
-        path = points[found, : bounces + 2]
+        path = points[count, : bounces + 2]
         path[0, 0], path[0, 1] = source[0], source[1]
         path[bounces + 1, 0], path[bounces + 1, 1] = targets[target, 0], targets[target, 1]
         divergence = 1.0
@@ -367,10 +367,10 @@ def _solve(
         if not path_is_free(path, surfaces):
             continue
         for k in range(bounces + 2, width):
-            points[found, k, 0], points[found, k, 1] = np.nan, np.nan
-        real[c], lengths[found], divergences[found] = True, length, divergence
-        found += 1
-    return found
+            points[count, k, 0], points[count, k, 1] = np.nan, np.nan
+        real[c], lengths[count], divergences[count] = True, length, divergence
+        count += 1
+    return count
 
 
 @inlined
@@ -673,21 +673,21 @@ def _sort_equals(order: NDArray[np.intp], lengths: FloatArray, edges: IntArray, 
     for k in range(1, order.shape[0]):
         if lengths[k] - lengths[k - 1] > NEARLY:
             begin = k
-        row, at = order[k], k
-        while at > begin and _comes_before(row, order[at - 1], edges, surfaces):
-            order[at] = order[at - 1]
-            at -= 1
-        order[at] = row
+        row, position = order[k], k
+        while position > begin and _comes_before(row, order[position - 1], edges, surfaces):
+            order[position] = order[position - 1]
+            position -= 1
+        order[position] = row
 
 
 @inlined
-def _comes_before(one: int, other: int, edges: IntArray, surfaces: IntArray) -> bool:
-    """Return whether the edge and the surfaces of row `one` come before those of the other."""
-    if edges[one] != edges[other]:
-        return bool(edges[one] < edges[other])
+def _comes_before(row: int, other: int, edges: IntArray, surfaces: IntArray) -> bool:
+    """Return whether the edge and the surfaces of row `row` come before those of the other."""
+    if edges[row] != edges[other]:
+        return bool(edges[row] < edges[other])
     for k in range(surfaces.shape[1]):
-        if surfaces[one, k] != surfaces[other, k]:
-            return bool(surfaces[one, k] < surfaces[other, k])
+        if surfaces[row, k] != surfaces[other, k]:
+            return bool(surfaces[row, k] < surfaces[other, k])
     return False
 
 
@@ -745,10 +745,10 @@ def _drop_repeated(
 
 
 @compiled_part
-def _ends_alike(one: FloatArray, other: FloatArray) -> bool:
+def _ends_alike(path: FloatArray, other: FloatArray) -> bool:
     """Return whether the first and the last legs of two paths (p, 2) have the same directions."""
-    last = _last(one) - 1, _last(other) - 1
-    return _are_parallel(one, 0, other, 0) and _are_parallel(one, last[0], other, last[1])
+    last = _last(path) - 1, _last(other) - 1
+    return _are_parallel(path, 0, other, 0) and _are_parallel(path, last[0], other, last[1])
 
 
 @compiled_part
@@ -761,9 +761,9 @@ def _last(path: FloatArray) -> int:
 
 
 @compiled_part
-def _are_parallel(one: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
+def _are_parallel(path: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
     """Return whether a leg of one path and a leg of another one have the same direction."""
-    x, y = one[leg + 1, 0] - one[leg, 0], one[leg + 1, 1] - one[leg, 1]
+    x, y = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
     other_x = other[other_leg + 1, 0] - other[other_leg, 0]
     other_y = other[other_leg + 1, 1] - other[other_leg, 1]
     both = math.hypot(x, y) * math.hypot(other_x, other_y)

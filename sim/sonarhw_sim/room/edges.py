@@ -96,8 +96,8 @@ def _bare_lengths(faces: _Faces, following: NDArray[np.intp], openings: FloatArr
     # a wall that another one joins on its other side continues here
     wedge = np.flatnonzero(np.abs(openings - math.pi) > _FLUSH)
     wedge, face = np.repeat(wedge, 2), np.tile((0, 1), len(wedge))
-    at = np.where(face == 0, wedge, following[wedge])
-    direction, wall = faces.directions[at], faces.walls[at]
+    edge = np.where(face == 0, wedge, following[wedge])
+    direction, wall = faces.directions[edge], faces.walls[edge]
     # seen along the wall in a direction of 0 to 180°: whether it begins here, and whether its air is on the left
     begins = (direction > MEETING) & (direction < math.pi + MEETING)
     along = direction - np.where(begins, 0.0, math.pi)
@@ -105,12 +105,12 @@ def _bare_lengths(faces: _Faces, following: NDArray[np.intp], openings: FloatArr
     points = vertices[faces.vertices[wedge]]
     place = points[:, 0] * np.cos(along) + points[:, 1] * np.sin(along)
     order = np.lexsort((begins, np.round(place / MEETING), left, wall))
-    one, other = order[:-1], order[1:]
+    first, second = order[:-1], order[1:]
     bare = np.zeros((len(openings), 2))
-    joined = (wall[one] == wall[other]) & (left[one] == left[other]) & begins[one] & ~begins[other]
-    one, other = one[joined], other[joined]
-    lengths = place[other] - place[one]
-    bare[wedge[one], face[one]], bare[wedge[other], face[other]] = lengths, lengths
+    joined = (wall[first] == wall[second]) & (left[first] == left[second]) & begins[first] & ~begins[second]
+    first, second = first[joined], second[joined]
+    lengths = place[second] - place[first]
+    bare[wedge[first], face[first]], bare[wedge[second], face[second]] = lengths, lengths
     return bare
 
 
@@ -131,8 +131,8 @@ def _crossings_in_cells(walls: FloatArray, starts: IntArray, numbers: IntArray) 
     ends = np.repeat(starts[1:], np.diff(starts)).astype(np.intp)
     after = np.arange(1, len(numbers) + 1)
     for some in _at_once(ends - after):
-        one, other = whole_numbers(after[some], ends[some] - 1)
-        crossed, crossing = walls[numbers[some[one]]], walls[numbers[other]]
+        first, second = whole_numbers(after[some], ends[some] - 1)
+        crossed, crossing = walls[numbers[some[first]]], walls[numbers[second]]
         along = _crossing(crossed, crossing)[:, None]
         yield np.asarray((crossed[:, :2] + along * (crossed[:, 2:] - crossed[:, :2]))[along[:, 0] > 0.0])
 
@@ -142,22 +142,22 @@ def _at_once(counts: NDArray[np.intp]) -> list[NDArray[np.intp]]:
     return np.split(np.arange(len(counts)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_ONCE)) + 1)
 
 
-def _crossing(one: FloatArray, other: FloatArray) -> FloatArray:
+def _crossing(wall: FloatArray, other: FloatArray) -> FloatArray:
     """Return where walls (p, 4) cross others, as a share of their length; 0 if they do not, or only at an end."""
-    e, f, r = one[:, 2:] - one[:, :2], other[:, 2:] - other[:, :2], other[:, :2] - one[:, :2]
-    area, at, on = _cross(e, f), _cross(r, f), _cross(r, e)
+    e, f, r = wall[:, 2:] - wall[:, :2], other[:, 2:] - other[:, :2], other[:, :2] - wall[:, :2]
+    area, share, other_share = _cross(e, f), _cross(r, f), _cross(r, e)
     side = np.where(area < 0.0, -1.0, 1.0)
-    area, at, on = side * area, side * at, side * on
+    area, share, other_share = side * area, side * share, side * other_share
     length, other_length = np.hypot(*e.T), np.hypot(*f.T)
     # nearer to an end, that end is the vertex
     margin, other_margin = 2.0 * MEETING / length * area, 2.0 * MEETING / other_length * area
-    crosses = (area > _FLUSH * length * other_length) & (margin < at) & (at < area - margin)
-    crosses &= (other_margin < on) & (on < area - other_margin)
-    return np.divide(at, area, out=np.zeros(len(area)), where=crosses)
+    crosses = (area > _FLUSH * length * other_length) & (margin < share) & (share < area - margin)
+    crosses &= (other_margin < other_share) & (other_share < area - other_margin)
+    return np.divide(share, area, out=np.zeros(len(area)), where=crosses)
 
 
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+def _cross(vectors: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(vectors[:, 0] * other[:, 1] - vectors[:, 1] * other[:, 0])
 
 
 def edges_on_walls(edges: Edges, walls: FloatArray) -> Listing:
@@ -211,17 +211,17 @@ def _pairs_near(
         yield np.repeat(rows, len(numbers)), np.tile(numbers, len(rows))
         return
     cells, listing = lay_wall_grid(vertices[rows], walls[numbers])
-    at = cells_at(cells, vertices[rows])
-    near, beside = np.diff(listing.starts)[at].astype(np.intp), np.bincount(at)[at]
+    cell_of_vertex = cells_at(cells, vertices[rows])
+    near, beside = np.diff(listing.starts)[cell_of_vertex].astype(np.intp), np.bincount(cell_of_vertex)[cell_of_vertex]
     # a cell with many vertices and many walls is divided again, if that makes a difference
     crowded = (near * beside > _FEW) & ((near < len(numbers)) | (beside < len(rows)))
-    for cell in np.unique(at[crowded]):
+    for cell in np.unique(cell_of_vertex[crowded]):
         inside = listing.numbers[listing.starts[cell] : listing.starts[cell + 1]]
-        yield from _pairs_near(rows[at == cell], numbers[inside], vertices, walls)
+        yield from _pairs_near(rows[cell_of_vertex == cell], numbers[inside], vertices, walls)
     alone = np.flatnonzero(~crowded)
     for part in _at_once(near[alone]):
         some = alone[part]
-        first = listing.starts[at[some]].astype(np.intp)
+        first = listing.starts[cell_of_vertex[some]].astype(np.intp)
         row, place = whole_numbers(first, first + near[some] - 1)
         yield rows[some[row]], numbers[listing.numbers[place]]
 
@@ -231,12 +231,12 @@ def _list_faces(
 ) -> tuple[NDArray[np.intp], FloatArray, IntArray]:
     """Return the faces among pairs of vertex and wall, in any order: vertex, direction (rad) and wall."""
     start, end = walls[wall, :2], walls[wall, 2:]
-    along, there = end - start, vertices[vertex] - start
+    along, away = end - start, vertices[vertex] - start
     length = np.hypot(along[:, 0], along[:, 1])
-    at = (there[:, 0] * along[:, 0] + there[:, 1] * along[:, 1]) / length
-    aside = (along[:, 0] * there[:, 1] - along[:, 1] * there[:, 0]) / length
-    on = (np.abs(aside) <= MEETING) & (at >= -MEETING) & (at <= length + MEETING)
-    ahead, back = np.flatnonzero(on & (at < length - MEETING)), np.flatnonzero(on & (at > MEETING))
+    distance = (away[:, 0] * along[:, 0] + away[:, 1] * along[:, 1]) / length
+    aside = (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / length
+    is_on = (np.abs(aside) <= MEETING) & (distance >= -MEETING) & (distance <= length + MEETING)
+    ahead, back = np.flatnonzero(is_on & (distance < length - MEETING)), np.flatnonzero(is_on & (distance > MEETING))
     rows = np.concatenate((ahead, back))
     forward = np.arctan2(along[rows, 1], along[rows, 0])
     forward[len(ahead) :] += math.pi
@@ -270,21 +270,21 @@ def find_edges_by_height(walls: FloatArray, names: tuple[str, ...], spans: Float
     `spans` (s, 2) m are the lower and upper ends of the walls, then those of posts.
     """
     bounds = np.unique(spans[np.isfinite(spans)])
-    found: dict[tuple[object, ...], tuple[Edges, int]] = {}
+    kinds: dict[tuple[object, ...], tuple[Edges, int]] = {}
     bands: dict[tuple[object, ...], list[int]] = {}
     middles = np.concatenate((bounds[:1] - 1, (bounds[:-1] + bounds[1:]) / 2, bounds[-1:] + 1))
     for band, height in enumerate(middles.tolist()):
-        there = np.flatnonzero((spans[: len(walls), 0] < height) & (height < spans[: len(walls), 1]))
-        here = find_edges(walls[there], tuple(names[wall] for wall in there.tolist()))
-        here = replace(here, faces=there[here.faces].astype(np.int32))
+        present = np.flatnonzero((spans[: len(walls), 0] < height) & (height < spans[: len(walls), 1]))
+        here = find_edges(walls[present], tuple(names[wall] for wall in present.tolist()))
+        here = replace(here, faces=present[here.faces].astype(np.int32))
         for row, bare in enumerate(_bare(here).tolist()):
             key = (*here.points[row].tolist(), here.starts[row], here.openings[row], *here.faces[row].tolist(), *bare)
-            found.setdefault(key, (here, row))
+            kinds.setdefault(key, (here, row))
             bands.setdefault(key, []).append(band)
-    exist = np.zeros((len(found), len(middles)), np.bool_)
+    exist = np.zeros((len(kinds), len(middles)), np.bool_)
     for row, of_edge in enumerate(bands.values()):
         exist[row, of_edge] = True
-    return EdgesByHeight(bounds, _joined(list(found.values())), exist)
+    return EdgesByHeight(bounds, _joined(list(kinds.values())), exist)
 
 
 def _joined(rows: list[tuple[Edges, int]]) -> Edges:

@@ -173,8 +173,8 @@ def _within_columns(
     steep = np.abs(across) <= _MARGIN
     across = np.where(steep, 1.0, across)
     left = cells.left + columns * cells.side - _MARGIN
-    one, other = y + up * (left - x) / across, y + up * (left + cells.side + 2 * _MARGIN - x) / across
-    lowest, highest = np.maximum(low, np.minimum(one, other)), np.minimum(high, np.maximum(one, other))
+    enters, leaves = y + up * (left - x) / across, y + up * (left + cells.side + 2 * _MARGIN - x) / across
+    lowest, highest = np.maximum(low, np.minimum(enters, leaves)), np.minimum(high, np.maximum(enters, leaves))
     return np.where(steep, low, lowest), np.where(steep, high, highest)
 
 
@@ -217,21 +217,21 @@ def listed(cells: Cells, listing: Listing, walk: Walk) -> IntArray:
 
 
 @compiled_part
-def _ahead(at: float, along: float, low: float, high: float) -> float:
+def _ahead(start: float, along: float, low: float, high: float) -> float:
     """Return the distance along a ray until its coordinate is between two bounds; 0 if it is there, inf if never."""
-    if low <= at <= high:
+    if low <= start <= high:
         return 0.0
-    bound = low if at < low else high
-    if along == 0.0 or (bound - at) / along < 0.0:
+    bound = low if start < low else high
+    if along == 0.0 or (bound - start) / along < 0.0:
         return np.inf
-    return (bound - at) / along
+    return (bound - start) / along
 
 
 @compiled_part
-def _crossings(at: float, along: float, start: float, side: float, cell: int) -> tuple[float, float, int]:
+def _crossings(position: float, along: float, start: float, side: float, cell: int) -> tuple[float, float, int]:
     """Return the distance along a ray to the next grid line and between grid lines, and the step of the cell number."""
     if along > 0.0:
-        return (start + (cell + 1) * side - at) / along, side / along, 1
+        return (start + (cell + 1) * side - position) / along, side / along, 1
     if along < 0.0:
-        return (start + cell * side - at) / along, -side / along, -1
+        return (start + cell * side - position) / along, -side / along, -1
     return np.inf, np.inf, 0

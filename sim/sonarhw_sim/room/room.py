@@ -49,7 +49,7 @@ def walls_enclose(walls: FloatArray, point: tuple[float, float]) -> bool:
         return False
     if wall_distances(np.array([point]), walls).min() <= MEETING:
         return True
-    one, other, contacts = _contacts(walls)
+    first, second, contacts = _contacts(walls)
     before = walls[:, :2] - point
 
     def direction(rows: NDArray[np.intp]) -> FloatArray:
@@ -57,24 +57,24 @@ def walls_enclose(walls: FloatArray, point: tuple[float, float]) -> bool:
         turned = np.arctan2(_cross(start, there), (start * there).sum(axis=1))
         return np.asarray(np.arctan2(start[:, 1], start[:, 0]) + turned)
 
-    turns = np.rint((direction(one) - direction(other)) / math.tau).astype(np.intp)
-    return not _agree(len(walls), list(zip(one.tolist(), other.tolist(), turns.tolist(), strict=True)))
+    turns = np.rint((direction(first) - direction(second)) / math.tau).astype(np.intp)
+    return not _agree(len(walls), list(zip(first.tolist(), second.tolist(), turns.tolist(), strict=True)))
 
 
 def _contacts(walls: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
     """Return all pairs of walls that touch or cross, (m,) rows each, and their contacts, (m, 2) m."""
     ends = walls.reshape(-1, 2, 2)
     start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
-    found = []
+    parts = []
     for end in (0, 1):
-        one, other = np.nonzero(wall_distances(ends[:, end], walls) <= MEETING)
-        found.append((one, other, ends[one, end]))
+        first, second = np.nonzero(wall_distances(ends[:, end], walls) <= MEETING)
+        parts.append((first, second, ends[first, end]))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = _cross(start - start[:, None], along) / _cross(along[:, None], along)
-        one, other = np.nonzero((share > 0) & (share < 1) & (share.T > 0) & (share.T < 1))
-    found.append((one, other, start[one] + share[one, other, None] * along[one]))
-    one, other, points = (np.concatenate(column) for column in zip(*found, strict=True))
-    return one[one != other], other[one != other], points[one != other]
+        first, second = np.nonzero((share > 0) & (share < 1) & (share.T > 0) & (share.T < 1))
+    parts.append((first, second, start[first] + share[first, second, None] * along[first]))
+    first, second, points = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return first[first != second], second[first != second], points[first != second]
 
 
 def wall_distances(points: FloatArray, walls: FloatArray) -> FloatArray:
@@ -85,8 +85,8 @@ def wall_distances(points: FloatArray, walls: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(*(points[:, None] - foot).transpose(2, 0, 1)))
 
 
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+def _cross(vectors: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(vectors[..., 0] * other[..., 1] - vectors[..., 1] * other[..., 0])
 
 
 def _agree(count: int, contacts: Sequence[tuple[int, int, int]]) -> bool:
@@ -165,8 +165,8 @@ class Enclosures:
         if len(self.starts):
             within = np.add.reduceat(_passed(point[None], self.walls)[0].astype(np.intp), self.starts) % 2 == 1
             # a point on a wall is on both sides
-            apart = np.minimum.reduceat(wall_distances(point[None], self.walls)[0], self.starts) > MEETING
-            shut[self.edges] = apart[self.chains] & (self.inside != within[self.chains])
+            is_far = np.minimum.reduceat(wall_distances(point[None], self.walls)[0], self.starts) > MEETING
+            shut[self.edges] = is_far[self.chains] & (self.inside != within[self.chains])
         return shut
 
     def is_outside_of_all(self, point: FloatArray, walls: FloatArray) -> bool:
@@ -191,8 +191,8 @@ class Enclosures:
 
 def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:
     """Return the closed chains of walls (n, 4) whose meeting ends have equal coordinates, two walls at each corner."""
-    corners, at = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
-    chains = [chain for chain in _closed_chains(at.reshape(-1, 2), len(corners)) if len(chain) <= _MOST_CORNERS]
+    corners, vertex = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
+    chains = [chain for chain in _closed_chains(vertex.reshape(-1, 2), len(corners)) if len(chain) <= _MOST_CORNERS]
     lengths = np.array([len(chain) for chain in chains], dtype=np.intp)
     of_corner = {
         corner: number for number, chain in enumerate(chains) for corner in map(tuple, walls[chain, :2].tolist())
@@ -431,7 +431,7 @@ class Room:
                 raise InputError(f"place {name!r}: expected two numbers, x and y in metres")
             x, y = map(float, name)
             # the name appears in titles; millimetres are enough
-            return self._place_at(",".join(f"{round(at, 3) + 0.0:.9g}" for at in (x, y)), (x, y))
+            return self._place_at(",".join(f"{round(coordinate, 3) + 0.0:.9g}" for coordinate in (x, y)), (x, y))
         if name is None:
             if len(self.places) == 1:
                 return next(iter(self.places.values()))
@@ -621,8 +621,8 @@ def join_ends(walls: FloatArray) -> FloatArray:
     order = np.argsort(first)
     points = ends[first[order]]
     # in order, so that an end that moves to a moved end moves to its new position
-    for one, other in sorted(_meeting(points)):
-        points[other] = points[one]
+    for end, other in sorted(_meeting(points)):
+        points[other] = points[end]
     return np.asarray(points[np.argsort(order)[square.ravel()]].reshape(-1, 4))
 
 
@@ -636,11 +636,11 @@ def _meeting(points: FloatArray) -> list[tuple[int, int]]:
     while len(lower):
         behind += 1
         lower = lower[: np.searchsorted(lower, len(points) - behind)]
-        one, other = order[lower], order[lower + behind]
-        level = along[other] - along[one] <= 2 * MEETING
-        lower, one, other = lower[level], one[level], other[level]
-        near = ((points[other] - points[one]) ** 2).sum(axis=1) <= MEETING**2
-        pairs += zip(np.minimum(one, other)[near].tolist(), np.maximum(one, other)[near].tolist(), strict=True)
+        first, second = order[lower], order[lower + behind]
+        level = along[second] - along[first] <= 2 * MEETING
+        lower, first, second = lower[level], first[level], second[level]
+        near = ((points[second] - points[first]) ** 2).sum(axis=1) <= MEETING**2
+        pairs += zip(np.minimum(first, second)[near].tolist(), np.maximum(first, second)[near].tolist(), strict=True)
     return pairs
 
 
@@ -729,15 +729,15 @@ def _winds_once(chain: FloatArray, middle: FloatArray) -> bool:
 
 def room_doubts(room: Room) -> tuple[str, ...]:
     """Return a warning for each round object that consists of flat walls."""
-    found = []
+    doubts = []
     for circle in facets_of(room):
         first, last = room.names[circle.walls[0]], room.names[circle.walls[-1]]
-        x, y = (round(at, 4) + 0.0 for at in circle.middle)
-        found.append(
+        x, y = (round(coordinate, 4) + 0.0 for coordinate in circle.middle)
+        doubts.append(
             f"walls {first!r} to {last!r} approximate a circle, but flat walls return almost no sound; "
             f"use [[posts]] with center = [{x:g}, {y:g}] and radius = {circle.radius:.4g}"
         )
-    return tuple(found)
+    return tuple(doubts)
 
 
 def place_doubts(room: Room, place: Place) -> tuple[str, ...]:

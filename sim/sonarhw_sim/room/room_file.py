@@ -225,9 +225,9 @@ class RoomFile(TomlModel):
         for key, name, material in used:
             if material not in self.materials:
                 hint = did_you_mean(material, self.materials) or ";"
-                known = ", ".join(self.materials) or "none"
+                names = ", ".join(self.materials) or "none"
                 raise ValueError(
-                    f"{key}.material: unknown material {quoted(material)} of {name!r}{hint} defined: {known}"
+                    f"{key}.material: unknown material {quoted(material)} of {name!r}{hint} defined: {names}"
                 )
 
     def _names_are_unique(self) -> None:

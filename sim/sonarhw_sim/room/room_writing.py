@@ -57,12 +57,12 @@ def remove_table(document: MutableMapping[str, Any], kind: str, index: int) -> N
     elements = document[kind]
     if isinstance(elements, AoT) and isinstance(document, Container):
         tables = list(_tables(document))
-        at = next(k for k, table in enumerate(tables) if table is elements.body[index])
-        title = tables[at].trivia.indent.rpartition("\n\n")[0]
-        if "#" in title and at + 1 < len(tables):
-            tables[at + 1].trivia.indent = f"{title}\n{tables[at + 1].trivia.indent}"
+        position = next(k for k, table in enumerate(tables) if table is elements.body[index])
+        title = tables[position].trivia.indent.rpartition("\n\n")[0]
+        if "#" in title and position + 1 < len(tables):
+            tables[position + 1].trivia.indent = f"{title}\n{tables[position + 1].trivia.indent}"
         elif "#" in title:
-            tables[at - 1].value.body.append((None, Comment(Trivia(comment=title, trail="\n"))))
+            tables[position - 1].value.body.append((None, Comment(Trivia(comment=title, trail="\n"))))
     del elements[index]
     if not elements:
         del document[kind]

@@ -68,11 +68,11 @@ class Ways(NamedTuple):
 
 def ways_of(paths: Paths) -> Ways:
     """Return the ways of paths in the plan."""
-    at = np.empty(paths.points.shape[:2])
-    met, lasts = np.empty(at.shape, np.int32), np.empty(len(paths), np.int32)
+    distances = np.empty(paths.points.shape[:2])
+    met, lasts = np.empty(distances.shape, np.int32), np.empty(len(paths), np.int32)
     points = np.ascontiguousarray(paths.points)
-    _fill_ways(points, paths.surfaces, paths.edges, paths.bends, at, met, lasts)
-    return Ways(points, at, met, lasts, paths.edges, paths.bends)
+    _fill_ways(points, paths.surfaces, paths.edges, paths.bends, distances, met, lasts)
+    return Ways(points, distances, met, lasts, paths.edges, paths.bends)
 
 
 @compiled
@@ -81,18 +81,18 @@ def _fill_ways(
     surfaces: IntArray,
     edges: IntArray,
     bends: IntArray,
-    at: FloatArray,
+    distances: FloatArray,
     met: IntArray,
     lasts: IntArray,
 ) -> None:
-    """Fill in the columns `at`, `met` and `lasts` of ways; the others are those of paths."""
+    """Fill in the columns `distances`, `met` and `lasts` of ways; the others are those of paths."""
     for row in range(points.shape[0]):
-        last, at[row, 0], met[row] = 0, 0.0, -1
+        last, distances[row, 0], met[row] = 0, 0.0, -1
         for k in range(1, points.shape[1]):
             leg = math.hypot(points[row, k, 0] - points[row, k - 1, 0], points[row, k, 1] - points[row, k - 1, 1])
-            at[row, k] = at[row, k - 1] + leg
+            distances[row, k] = distances[row, k - 1] + leg
             # what follows the last point is NaN
-            last += int(at[row, k] == at[row, k])
+            last += int(distances[row, k] == distances[row, k])
         lasts[row] = last
         for touch in range(surfaces.shape[1]):
             if surfaces[row, touch] >= 0:
@@ -188,8 +188,8 @@ def _height_at(climb: float, rise: Rise) -> float:
     k = 0
     while k < rise.number and rise.climbs[k + 1] < climb:
         k += 1
-    on = climb - rise.climbs[k]
-    height: float = rise.heights[k] + (on if rise.heights[k + 1] >= rise.heights[k] else -on)
+    rest = climb - rise.climbs[k]
+    height: float = rise.heights[k] + (rest if rise.heights[k + 1] >= rise.heights[k] else -rest)
     return height
 
 
@@ -221,7 +221,7 @@ def fold(
         rows, totals = np.empty(capacity, np.intp), np.empty(capacity)
         # the system gives memory only to rows that are filled
         levels, climbs = np.empty((capacity, deepest), np.int32), np.empty((capacity, deepest))
-        found = _fold(
+        count = _fold(
             ways,
             bounces,
             steepest,
@@ -231,11 +231,11 @@ def fold(
             obstacles,
             Folded(rows, levels, climbs, totals),
         )
-        fan.check_size(found, ways.at.shape[1] + deepest)
-        if found <= capacity:
-            used = max(1, int((levels[:found] >= 0).sum(axis=1).max(initial=0)))
-            return Folded(rows[:found], levels[:found, :used], climbs[:found, :used], totals[:found])
-        capacity = found
+        fan.check_size(count, ways.at.shape[1] + deepest)
+        if count <= capacity:
+            used = max(1, int((levels[:count] >= 0).sum(axis=1).max(initial=0)))
+            return Folded(rows[:count], levels[:count, :used], climbs[:count, :used], totals[:count])
+        capacity = count
 
 
 def _most_levels(levels: KernelLevels, search: PathSearch) -> int:
@@ -314,7 +314,7 @@ def _fold(
         choices[0],
         choices[1],
     )
-    found, least = 0, _least_climb(height, obstacles.levels)
+    count, least = 0, _least_climb(height, obstacles.levels)
     for row in range(ways.at.shape[0]):
         length = ways.at[row, ways.lasts[row]]
         if not CLOSE < length <= max_length:
@@ -325,8 +325,8 @@ def _fold(
         visits = _visit_levels(ways, row, obstacles.levels, work.visits)
         touches = _touch_low(ways, row, obstacles, work.touches)
         limits = _Limits(largest, min(deepest, max_bounces - bounces[row]), visits, touches)
-        found = _fold_along(ways, row, height, limits, obstacles, work, folded, found)
-    return found
+        count = _fold_along(ways, row, height, limits, obstacles, work, folded, count)
+    return count
 
 
 @compiled_part
@@ -338,7 +338,7 @@ def _fold_along(
     obstacles: Obstacles,
     work: _Work,
     folded: Folded,
-    found: int,
+    count: int,
 ) -> int:
     """Add the sequences along one way, first those that go down first; return how many rows there are now."""
     heights, climbs, passed = work.heights, work.climbs, -1
@@ -366,10 +366,10 @@ def _fold_along(
                 # on most ways, no sequence comes so far
                 passed = pass_low(ways.points[row], ways.at[row], ways.lasts[row], obstacles.surfaces, work.passages)
             if can_take(ways, row, work.passages, passed, Rise(heights, climbs, work.levels, depth), obstacles):
-                if found < folded.rows.shape[0]:
-                    _enter(row, total, depth, work, folded, found)
-                found += 1
-    return found
+                if count < folded.rows.shape[0]:
+                    _enter(row, total, depth, work, folded, count)
+                count += 1
+    return count
 
 
 @inlined
@@ -407,12 +407,12 @@ def _touch_next(
 
 
 @inlined
-def _enter(row: int, total: float, depth: int, work: _Work, folded: Folded, found: int) -> None:
-    """Enter the first `depth` levels of a sequence as row `found`."""
-    folded.rows[found], folded.totals[found] = row, total
+def _enter(row: int, total: float, depth: int, work: _Work, folded: Folded, row_of_sequence: int) -> None:
+    """Enter the first `depth` levels of a sequence as row `row_of_sequence`."""
+    folded.rows[row_of_sequence], folded.totals[row_of_sequence] = row, total
     for j in range(folded.levels.shape[1]):
-        folded.levels[found, j] = work.levels[j] if j < depth else -1
-        folded.climbs[found, j] = work.climbs[j + 1] if j < depth else np.nan
+        folded.levels[row_of_sequence, j] = work.levels[j] if j < depth else -1
+        folded.climbs[row_of_sequence, j] = work.climbs[j + 1] if j < depth else np.nan
 
 
 @compiled_part
@@ -488,30 +488,30 @@ def _no_touches(most: int) -> _Touches:
 @compiled_part
 def _touch_low(ways: Ways, row: int, obstacles: Obstacles, touches: _Touches) -> int:
     """Fill in the low surfaces that a way touches, and return their number."""
-    last, found = ways.lasts[row], 0
+    last, count = ways.lasts[row], 0
     for k in range(1, last):
         surface = ways.met[row, k]
         if surface >= 0 and obstacles.low[surface]:
-            touches.shares[found] = max(ways.at[row, k], CLOSE) / ways.at[row, last]
+            touches.shares[count] = max(ways.at[row, k], CLOSE) / ways.at[row, last]
             lower, upper = obstacles.spans[surface]
-            touches.lowers[found], touches.uppers[found] = lower - _NEARLY, upper + _NEARLY
-            found += 1
-    return found
+            touches.lowers[count], touches.uppers[count] = lower - _NEARLY, upper + _NEARLY
+            count += 1
+    return count
 
 
 @compiled_part
 def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -> int:
     """Fill in the levels that a way passes over or under, and return their number."""
-    last, found = ways.lasts[row], 0
+    last, count = ways.lasts[row], 0
     for level in range(levels.heights.shape[0]):
         if not levels.limited[level]:
-            visits.levels[found], visits.enters[found], visits.leaves[found] = level, 0.0, ways.at[row, last]
-            visits.behind[found] = found + 1
-            found += 1
+            visits.levels[count], visits.enters[count], visits.leaves[count] = level, 0.0, ways.at[row, last]
+            visits.behind[count] = count + 1
+            count += 1
             continue
-        first = found
+        first = count
         for leg in range(last):
-            at, length = ways.at[row, leg], ways.at[row, leg + 1] - ways.at[row, leg]
+            passed, length = ways.at[row, leg], ways.at[row, leg + 1] - ways.at[row, leg]
             begin, end = 0.0, length
             for axis in range(2):
                 start = ways.points[row, leg, axis]
@@ -521,14 +521,14 @@ def _visit_levels(ways: Ways, row: int, levels: KernelLevels, visits: _Visits) -
                     if low > 0.0 or high < 0.0:
                         end = -1.0
                     continue
-                one, other = low / step * length, high / step * length
-                begin, end = max(begin, min(one, other)), min(end, max(one, other))
+                enter, leave = low / step * length, high / step * length
+                begin, end = max(begin, min(enter, leave)), min(end, max(enter, leave))
             if begin <= end:
-                visits.levels[found], visits.enters[found], visits.leaves[found] = level, at + begin, at + end
-                found += 1
-        for k in range(first, found):
-            visits.behind[k] = found
-    return found
+                visits.levels[count], visits.enters[count], visits.leaves[count] = level, passed + begin, passed + end
+                count += 1
+        for k in range(first, count):
+            visits.behind[k] = count
+    return count
 
 
 # The plan of a room with heights: walls, posts and edges of all heights, with the heights at which each exists.
@@ -701,7 +701,7 @@ def _merge(
     for k in range(folded.rows.shape[0]):
         row = folded.rows[k]
         last, length, total = ways.lasts[row], ways.at[row, ways.lasts[row]], max(folded.totals[k], 1e-300)
-        leg, level, touches, found = 0, 0, 0, 1
+        leg, level, touches, point_count = 0, 0, 0, 1
         points[k, 0] = ways.points[row, 0]
         bends[k] = -1
         while True:
@@ -710,7 +710,7 @@ def _merge(
             # levels first: they are so in a right-angled corner of level and wall, touched at one point
             if leg + 1 < last and (reached or round(ways.at[row, leg + 1] / _TOGETHER) < round(along / _TOGETHER)):
                 leg += 1
-                points[k, found] = ways.points[row, leg]
+                points[k, point_count] = ways.points[row, leg]
                 surface = ways.met[row, leg]
             elif reached:
                 break
@@ -719,17 +719,17 @@ def _merge(
                 share = (along - ways.at[row, leg]) / (size if size > 0.0 else 1.0)
                 for axis in range(2):
                     begin = ways.points[row, leg, axis]
-                    points[k, found, axis] = begin + share * (ways.points[row, leg + 1, axis] - begin)
+                    points[k, point_count, axis] = begin + share * (ways.points[row, leg + 1, axis] - begin)
                 surface = numbers[folded.levels[k, level]]
                 level += 1
-            found += 1
+            point_count += 1
             if surface >= 0:
                 surfaces[k, touches] = surface
                 touches += 1
             else:
                 # the edge is the one point between source and receiver without a surface
                 bends[k] = touches
-        points[k, found] = ways.points[row, last]
+        points[k, point_count] = ways.points[row, last]
         if bends[k] < 0:
             bends[k] = ways.bends[row] + level
 

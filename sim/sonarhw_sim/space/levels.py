@@ -268,16 +268,16 @@ def _crossings(room: Room, place: Place, angle: float) -> tuple[FloatArray, Floa
     starts, along = room.walls[:, :2] - place.position, room.walls[:, 2:] - room.walls[:, :2]
     with np.errstate(divide="ignore", invalid="ignore"):
         across = dx * along[:, 1] - dy * along[:, 0]
-        at = (starts[:, 0] * along[:, 1] - starts[:, 1] * along[:, 0]) / across
+        distances = (starts[:, 0] * along[:, 1] - starts[:, 1] * along[:, 0]) / across
         share = (starts[:, 0] * dy - starts[:, 1] * dx) / across
-    walls = np.flatnonzero((at > 0) & (share >= 0) & (share <= 1))
+    walls = np.flatnonzero((distances > 0) & (share >= 0) & (share <= 1))
     centres = room.posts[:, :2] - place.position
     ahead, aside = centres @ np.array([dx, dy]), centres @ np.array([-dy, dx])
     half = np.sqrt(np.maximum(room.posts[:, 2] ** 2 - aside**2, 0.0))
     posts = np.flatnonzero((half > 0) & (ahead + half > 0))
     return (
-        np.concatenate((at[walls], np.maximum(ahead - half, 0.0)[posts])),
-        np.concatenate((at[walls], (ahead + half)[posts])),
+        np.concatenate((distances[walls], np.maximum(ahead - half, 0.0)[posts])),
+        np.concatenate((distances[walls], (ahead + half)[posts])),
         room.heights[np.concatenate((walls, len(room.walls) + posts))],
     )
 
@@ -313,11 +313,11 @@ def _incidence(room: Room, paths: Paths) -> FloatArray:
     rows, touches = np.nonzero(paths.surfaces >= 0)
     surfaces = paths.surfaces[rows, touches]
     behind_edge = (paths.edges[rows] >= 0) & (touches >= paths.bends[rows])
-    at = touches + 1 + behind_edge
-    points = paths.points[rows, at]
-    leg = points - paths.points[rows, at - 1]
+    point = touches + 1 + behind_edge
+    points = paths.points[rows, point]
+    leg = points - paths.points[rows, point - 1]
     still = np.hypot(*leg.T) <= _SAME_POINT
-    leg[still] = (paths.points[rows, at + 1] - points)[still]
+    leg[still] = (paths.points[rows, point + 1] - points)[still]
     elevations = np.abs(paths.elevations[rows, behind_edge.astype(np.intp)])
     cosines = np.cos(elevations) * _cosines_in_plan(room, surfaces, points, leg)
     cosines[surfaces >= room.levels.start] = np.sin(elevations)[surfaces >= room.levels.start]
@@ -341,9 +341,9 @@ def _cosines_in_plan(room: Room, surfaces: NDArray[np.int32], points: FloatArray
 def _incidence_at_edges(paths: Paths) -> FloatArray:
     """Return half the angle by which the edge of each path turns the sound back, (n,) rad; 0 without an edge."""
     rows = np.flatnonzero(paths.edges >= 0)
-    at = paths.bends[rows] + 1
-    points = paths.points[rows, at]
-    come, go = points - paths.points[rows, at - 1], paths.points[rows, at + 1] - points
+    point = paths.bends[rows] + 1
+    points = paths.points[rows, point]
+    come, go = points - paths.points[rows, point - 1], paths.points[rows, point + 1] - points
     sizes = np.maximum(np.hypot(*come.T) * np.hypot(*go.T), 1e-300)
     half = np.arccos(np.clip(-(come * go).sum(axis=1) / sizes, -1.0, 1.0)) / 2
     angles = np.zeros(len(paths))

@@ -77,8 +77,8 @@ def pairs_of(
     most = fan.MOST_POINTS // _FEWEST_POINTS
     count = fan.ROOM_FOR_PAIRS
     while True:
-        rows, at = np.empty((count, 2), np.intp), np.empty(count)
-        count = _pair(out, back, back is out, starts, widest, wedges, limits, strength, most, rows, at)
+        rows, bends = np.empty((count, 2), np.intp), np.empty(count)
+        count = _pair(out, back, back is out, starts, widest, wedges, limits, strength, most, rows, bends)
         fan.check_size(count, _FEWEST_POINTS)
         if count <= len(rows):
             first, second = rows[:count].T
@@ -86,7 +86,7 @@ def pairs_of(
             ends = (back, second), (out, first)
             keys = [key[rows] for half, rows in ends for key in (half.sequences, half.approaches, half.radial)]
             order = np.lexsort((*keys, out.rims[first]))
-            return first[order], second[order], at[order]
+            return first[order], second[order], bends[order]
 
 
 @compiled
@@ -101,14 +101,14 @@ def _pair(
     strength: int,
     most: int,
     rows: NDArray[np.intp],
-    at: FloatArray,
+    bends: FloatArray,
 ) -> int:
-    """Return how many pairs there are, more than `most` not all counted; fill in the first `rows` (m, 2) and `at`.
+    """Return how many pairs there are, more than `most` not all counted; fill in the first `rows` (m, 2) and `bends`.
 
     `starts` are the first rows of `back` for each rim and number of reflections, `widest` (m) is its longest part. With
     `same`, `back` is `out`, and each pair is tested once for both of its orders.
     """
-    max_bounces, found, heard = limits[3], 0, back.gains * back.beams
+    max_bounces, count, heard = limits[3], 0, back.gains * back.beams
     for i in range(out.rims.shape[0]):
         kind = out.rims[i] * (max_bounces + 1)
         for bounces in range(out.bounces[i] if same else 0, max_bounces - out.bounces[i] + 1):
@@ -124,16 +124,16 @@ def _pair(
                 point = _joined_at(out, back, i, j, wedges, limits, strength)
                 if math.isnan(point):
                     continue
-                if found < rows.shape[0]:
-                    rows[found, 0], rows[found, 1], at[found] = i, j, point
-                found += 1
+                if count < rows.shape[0]:
+                    rows[count, 0], rows[count, 1], bends[count] = i, j, point
+                count += 1
                 if same and j > i:
-                    if found < rows.shape[0]:
-                        rows[found, 0], rows[found, 1], at[found] = j, i, _bend(back, out, j, i)
-                    found += 1
-        if found > most:
+                    if count < rows.shape[0]:
+                        rows[count, 0], rows[count, 1], bends[count] = j, i, _bend(back, out, j, i)
+                    count += 1
+        if count > most:
             break
-    return found
+    return count
 
 
 @compiled_part
@@ -234,9 +234,9 @@ def halves_of(
     # the system gives memory only to what is filled
     limits = search.max_length, max(search.faintest_diffraction, 1e-300), search.max_bounces
     table = np.sqrt(search.loudest_by_elevation)
-    found = _list(kernel, approaches, table, limits, columns, numbers)
-    axial, lows, highs, radial, directions, gains, beams = columns[:, :found]
-    rim, way, sequence, bounces = numbers[:, :found]
+    count = _list(kernel, approaches, table, limits, columns, numbers)
+    axial, lows, highs, radial, directions, gains, beams = columns[:, :count]
+    rim, way, sequence, bounces = numbers[:, :count]
     rows = np.flatnonzero(inside_wedge(directions, rims.wedges.starts[rim], rims.wedges.openings[rim]))
     # few halves fit to those with many reflections, which are most: they are tested after they are joined
     few = rows[2 * bounces[rows] <= search.max_bounces]
@@ -263,7 +263,7 @@ def _list(
     reflections. The `columns` (7, n) are as in `Halves`, with directions about the rim (rad); the `numbers` (4, n) are
     rim, approach, sequence and reflections.
     """
-    (max_length, faintest, max_bounces), found = limits, 0
+    (max_length, faintest, max_bounces), count = limits, 0
     # the rims of one wall in turn, because an approach is solved once for all of them
     for way in range(approaches.walls.shape[0]):
         for rim in range(rims.owners.shape[0]):
@@ -289,13 +289,13 @@ def _list(
                     continue
                 # what comes from above has its image above
                 direction = math.atan2(climb * rims.signs[sequence], aside)
-                columns[0, found], columns[1, found], columns[2, found] = axial, low, high
-                columns[3, found], columns[4, found] = radial, direction
-                columns[5, found], columns[6, found] = gain, beam
-                numbers[0, found], numbers[1, found], numbers[2, found] = rim, way, sequence
-                numbers[3, found] = bounces
-                found += 1
-    return found
+                columns[0, count], columns[1, count], columns[2, count] = axial, low, high
+                columns[3, count], columns[4, count] = radial, direction
+                columns[5, count], columns[6, count] = gain, beam
+                numbers[0, count], numbers[1, count], numbers[2, count] = rim, way, sequence
+                numbers[3, count] = bounces
+                count += 1
+    return count
 
 
 @inlined
@@ -328,8 +328,8 @@ def are_possible(
     for share in _TRIED:
         left = by_way[~possible[by_way]]
         way = rows[left]
-        on = (approaches.lows[way] + share * (approaches.highs[way] - approaches.lows[way])) / sizes[way]
-        to = walls[way, :2] + on[:, None] * along[way]
+        along_wall = (approaches.lows[way] + share * (approaches.highs[way] - approaches.lows[way])) / sizes[way]
+        to = walls[way, :2] + along_wall[:, None] * along[way]
         possible[left] = ways_to(plan, position, approaches, way, sequences, chosen[left], to)[0]
     return possible
 
@@ -363,9 +363,9 @@ def rim_paths(
     back = out if receiver is sender else _end(plan, levels, rims, sequences, receiver, sender, search)
     joined = _joined(plan, rims, sequences, out, back, search)
     bends, first, second = _bends(plan, rims, (out.halves, back.halves), joined, search)
-    one = End(sender, out.approaches, *_ways_of(out.halves, first))
-    other = End(receiver, back.approaches, *_ways_of(back.halves, second))
-    return paths_by(plan, levels, sequences, (one, other), bends, search)
+    sending = End(sender, out.approaches, *_ways_of(out.halves, first))
+    receiving = End(receiver, back.approaches, *_ways_of(back.halves, second))
+    return paths_by(plan, levels, sequences, (sending, receiving), bends, search)
 
 
 def _ways_of(halves: Halves, rows: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -378,11 +378,11 @@ def _joined(
     """Return the rows (m,) of both halves of paths that sound may take, and where on their rim they join, (m,) m."""
     limits = search.wavelength, search.max_length + SLACK, search.faintest_diffraction, search.max_bounces
     strength = [*EdgeStrength].index(search.edge_strength)
-    first, second, at = pairs_of(out.halves, back.halves, rims.wedges.openings / math.pi, limits, strength)
+    first, second, bends = pairs_of(out.halves, back.halves, rims.wedges.openings / math.pi, limits, strength)
     possible = _possible(plan, sequences, out, first)
     # between one place and itself, each pair is listed in both orders
     kept = possible[first] & (possible if back is out else _possible(plan, sequences, back, second))[second]
-    return first[kept], second[kept], at[kept]
+    return first[kept], second[kept], bends[kept]
 
 
 def _possible(plan: Plan, sequences: RimSequences, end: _End, rows: NDArray[np.intp]) -> BoolArray:
@@ -402,12 +402,12 @@ def _bends(
     search: PathSearch,
 ) -> tuple[Bends, NDArray[np.intp], NDArray[np.intp]]:
     """Return where sound may bend, loud enough, and the rows (m,) of both halves."""
-    (out, back), (first, second, at) = halves, joined
+    (out, back), (first, second, distances) = halves, joined
     amplitudes = _amplitudes(plan, rims, halves, (first, second), search)
     gains = out.gains[first] * back.gains[second] * np.abs(amplitudes)
     rim = out.rims[first]
     along = rims.walls[rim, 2:] - rims.walls[rim, :2]
-    points = rims.walls[rim, :2] + (at / np.hypot(*along.T))[:, None] * along
+    points = rims.walls[rim, :2] + (distances / np.hypot(*along.T))[:, None] * along
     lengths = np.hypot(out.axial[first] - back.axial[second], out.radial[first] + back.radial[second])
     bends = Bends(rims.edges[rim], points, lengths, gains, np.angle(amplitudes))
     loud = np.flatnonzero(gains >= search.faintest_diffraction)
@@ -442,10 +442,12 @@ def _amplitudes(
     """
     (out, back), (first, second) = halves, rows
     rim, faces = out.rims[first], plan.room.reflectances[rims.surfaces]
-    there, on = out.radial[first], back.radial[second]
-    longer = search.wavelength * np.hypot(1.0, (out.axial[first] - back.axial[second]) / np.maximum(there + on, 1e-300))
+    before, after = out.radial[first], back.radial[second]
+    longer = search.wavelength * np.hypot(
+        1.0, (out.axial[first] - back.axial[second]) / np.maximum(before + after, 1e-300)
+    )
     angles, wedges = (out.angles[first], back.angles[second]), rims.wedges.openings[rim] / math.pi
-    amplitudes = edge_amplitudes(*angles, wedges, faces[rim], there, on, longer, search.edge_strength)
+    amplitudes = edge_amplitudes(*angles, wedges, faces[rim], before, after, longer, search.edge_strength)
     if search.edge_strength is not EdgeStrength.UNIFORM:
         return amplitudes
     arriving = Arriving(out.rims, out.angles, out.radial)
@@ -499,8 +501,10 @@ def round_rim_paths(
     images = approaches.images, images_of(receiver, approaches.surfaces, room.walls)
     circles = room.posts[np.array([post for post, _ in rims]) - len(room.walls)][rim]
     rises = [sequences.totals[chosen] * sequences.signs[chosen, 1] for chosen in (first, second)]
-    one, other = (np.column_stack((image[way], heights[rim] + rise)) for image, rise in zip(images, rises, strict=True))
-    points, lengths, amplitudes = _bent(room, rims, rim, circles, one, other, heights[rim], search)
+    sources, receivers = (
+        np.column_stack((image[way], heights[rim] + rise)) for image, rise in zip(images, rises, strict=True)
+    )
+    points, lengths, amplitudes = _bent(room, rims, rim, circles, sources, receivers, heights[rim], search)
     of_levels = np.append(room.reflectances[levels.surfaces], 1.0)[sequences.levels].prod(axis=1)
     gains = approaches.gains[way] ** 2 * of_levels[first] * of_levels[second] * np.abs(amplitudes)
     bends = Bends(_edges(room, rims)[rim], points, lengths, gains, np.angle(amplitudes))
@@ -543,8 +547,8 @@ def _bent(
     rims: list[tuple[int, int]],
     rim: NDArray[np.intp],
     circles: FloatArray,
-    one: FloatArray,
-    other: FloatArray,
+    source: FloatArray,
+    receiver: FloatArray,
     heights: FloatArray,
     search: PathSearch,
 ) -> tuple[FloatArray, FloatArray, ComplexArray]:
@@ -553,17 +557,17 @@ def _bent(
     `circles` (m, 3) and `heights` (m,) m are those of the rims.
     """
     centres, radii = circles[:, :2], circles[:, 2]
-    angles = _nearest(one, other, circles, heights)
+    angles = _nearest(source, receiver, circles, heights)
     outward = np.column_stack((np.cos(angles), np.sin(angles)))
     points = centres + radii[:, None] * outward
-    at = np.column_stack((points, heights))
-    (aside, up, there), (other_aside, other_up, on) = (
-        (((end[:, :2] - points) * outward).sum(axis=1), end[:, 2] - heights, np.sqrt(((end - at) ** 2).sum(axis=1)))
-        for end in (one, other)
+    bends = np.column_stack((points, heights))
+    (aside, up, before), (other_aside, other_up, after) = (
+        (((end[:, :2] - points) * outward).sum(axis=1), end[:, 2] - heights, np.sqrt(((end - bends) ** 2).sum(axis=1)))
+        for end in (source, receiver)
     )
     near, far = np.hypot(aside, up), np.hypot(other_aside, other_up)
-    there, on = np.maximum(there, 1e-12), np.maximum(on, 1e-12)
-    lengths = there + on
+    before, after = np.maximum(before, 1e-12), np.maximum(after, 1e-12)
+    lengths = before + after
     cone = np.clip((near + far) / lengths, 1e-6, 1.0)
     upper = np.array([end for _, end in rims], dtype=np.bool_)[rim]
     # the first face is the side of the post below an upper end, or the end itself at a lower one
@@ -575,9 +579,9 @@ def _bent(
     outside = (aside > 0.0) & (other_aside > 0.0)
     wave = search.wavelength / cone
     amplitudes = edge_amplitudes(turned[0], turned[1], wedges, faces, near, far, wave, search.edge_strength)
-    curvature = (np.maximum(aside, 0.0) / there + np.maximum(other_aside, 0.0) / on) / (radii * cone**2)
-    caustic = 1 / (1 / there + curvature)
-    spread = np.sqrt(np.where(outside, caustic * lengths / (there * (caustic + on)), 0.0))
+    curvature = (np.maximum(aside, 0.0) / before + np.maximum(other_aside, 0.0) / after) / (radii * cone**2)
+    caustic = 1 / (1 / before + curvature)
+    spread = np.sqrt(np.where(outside, caustic * lengths / (before * (caustic + after)), 0.0))
     return points, lengths, amplitudes * spread
 
 
@@ -589,16 +593,16 @@ def _reflectances(room: Room, post: int, end: int) -> tuple[float, float]:
     return (side, of_end) if end else (of_end, side)
 
 
-def _nearest(one: FloatArray, other: FloatArray, circles: FloatArray, heights: FloatArray) -> FloatArray:
+def _nearest(source: FloatArray, receiver: FloatArray, circles: FloatArray, heights: FloatArray) -> FloatArray:
     """Return the angles (m,) rad of the points of circles with the shortest way between two points (m, 3)."""
-    away = [end[:, :2] - circles[:, :2] for end in (one, other)]
+    away = [end[:, :2] - circles[:, :2] for end in (source, receiver)]
     sum_of = sum(step / np.maximum(np.hypot(*step.T), 1e-300)[:, None] for step in away)
     angles = np.arctan2(*np.asarray(sum_of).T[::-1])
     radii = circles[:, 2]
     for _ in range(_STEPS):
         cosine, sine = np.cos(angles), np.sin(angles)
         slope, bend = np.zeros((2, len(angles)))
-        for end, (x, y) in zip((one, other), (step.T for step in away), strict=True):
+        for end, (x, y) in zip((source, receiver), (step.T for step in away), strict=True):
             u, v = radii * cosine - x, radii * sine - y
             distance = np.sqrt(u**2 + v**2 + (end[:, 2] - heights) ** 2)
             along = radii * (v * cosine - u * sine) / distance

@@ -91,10 +91,10 @@ def _towards(
     directions = fan(max(16, search.rays // _FEWER), None if search.axes is None else search.axes.leaving)
     detectable = all_rays(len(directions), len(points), search.faintest_diffraction)
     with_climbs = replace(plan.passing, climbs=climbs)
-    found = follow_fan(room, place, directions, targets, search.max_bounces, detectable, with_climbs)
-    ray, bounces, target = found.candidates[found.candidates[:, 2] > 0].T
+    followed = follow_fan(room, place, directions, targets, search.max_bounces, detectable, with_climbs)
+    ray, bounces, target = followed.candidates[followed.candidates[:, 2] > 0].T
     most = int(bounces.max(initial=0))
-    before = np.where(np.arange(most) < bounces[:, None], found.touched[ray, :most], -1).astype(np.int32)
+    before = np.where(np.arange(most) < bounces[:, None], followed.touched[ray, :most], -1).astype(np.int32)
     return target - 1, before, bounces.astype(np.int32)
 
 
@@ -124,9 +124,9 @@ def _look(
         for step in range(bounces[row]):
             mirror = walls[surfaces[row, step]]
             for earlier in range(step):
-                one, other = windows[earlier, :2], windows[earlier, 2:]
-                one[0], one[1] = mirrored(one[0], one[1], mirror)
-                other[0], other[1] = mirrored(other[0], other[1], mirror)
+                begin, end = windows[earlier, :2], windows[earlier, 2:]
+                begin[0], begin[1] = mirrored(begin[0], begin[1], mirror)
+                end[0], end[1] = mirrored(end[0], end[1], mirror)
             for k in range(4):
                 windows[step, k] = mirror[k]
         parts[row, 0], parts[row, 1] = _visible(images[row], walls[wall[row]], windows, bounces[row])
@@ -154,9 +154,9 @@ def _visible(image: FloatArray, wall: FloatArray, windows: FloatArray, count: in
         low, high = max(min(first, last), 0.0), min(max(first, last), 1.0)
         if low > high:
             return 0.0, -np.inf
-        one = _seen_at(begin, end, near, far, low, axial)
-        other = _seen_at(begin, end, near, far, high, axial)
-        lowest, highest = max(lowest, min(one, other)), min(highest, max(one, other))
+        enter = _seen_at(begin, end, near, far, low, axial)
+        leave = _seen_at(begin, end, near, far, high, axial)
+        lowest, highest = max(lowest, min(enter, leave)), min(highest, max(enter, leave))
     return max(lowest - _EDGE, -_EDGE), min(highest + _EDGE, length + _EDGE)
 
 
@@ -164,8 +164,8 @@ def _visible(image: FloatArray, wall: FloatArray, windows: FloatArray, count: in
 def _seen_at(begin: float, end: float, near: float, far: float, share: float, axial: float) -> float:
     """Return where along a wall the image is visible through the point at a share of a window, m."""
     ahead = 1.0 - min(max(near + share * (far - near), 0.0), 1.0 - _EDGE)
-    at: float = axial + (begin + share * (end - begin) - axial) / ahead
-    return at
+    position: float = axial + (begin + share * (end - begin) - axial) / ahead
+    return position
 
 
 def _in_pieces(approaches: Approaches) -> Approaches:
@@ -205,31 +205,31 @@ class Rims:
 
 def find_rims(room: Room, levels: Levels) -> Rims:
     """Return the rims of a room's walls that sound between these levels can reach."""
-    found = [
+    rims = [
         rim
         for wall in np.flatnonzero(np.isfinite(room.heights[: len(room.walls)]).any(axis=1)).tolist()
         for rim in _rims_of(room, wall, levels)
     ]
-    surfaces = np.array([[rim.first, rim.last] for rim in found], dtype=np.int32).reshape(-1, 2)
+    surfaces = np.array([[rim.first, rim.last] for rim in rims], dtype=np.int32).reshape(-1, 2)
     return Rims(
-        np.array([rim.ends for rim in found]).reshape(-1, 4),
-        np.array([rim.owner for rim in found], dtype=np.int32),
+        np.array([rim.ends for rim in rims]).reshape(-1, 4),
+        np.array([rim.owner for rim in rims], dtype=np.int32),
         Edges(
-            np.array([(0.0, rim.height) for rim in found]).reshape(-1, 2),
-            np.array([rim.start for rim in found]),
-            np.array([rim.opening for rim in found]),
+            np.array([(0.0, rim.height) for rim in rims]).reshape(-1, 2),
+            np.array([rim.start for rim in rims]),
+            np.array([rim.opening for rim in rims]),
             _sides(room, surfaces),
-            tuple(room.edge_name(room.edge_between(rim.owner, rim.other)) for rim in found),
+            tuple(room.edge_name(room.edge_between(rim.owner, rim.other)) for rim in rims),
         ),
         surfaces,
-        np.array([room.edge_between(rim.owner, rim.other) for rim in found], dtype=np.int32),
+        np.array([room.edge_between(rim.owner, rim.other) for rim in rims], dtype=np.int32),
     )
 
 
 def _sides(room: Room, surfaces: IntArray) -> IntArray:
     """Return the faces of wedges, with numbers of their own for lids: sound along a lid is not followed."""
-    apart = len(room.names) + np.arange(surfaces.size).reshape(surfaces.shape)
-    return np.where(surfaces < len(room.walls), surfaces, apart).astype(np.int32)
+    numbers = len(room.names) + np.arange(surfaces.size).reshape(surfaces.shape)
+    return np.where(surfaces < len(room.walls), surfaces, numbers).astype(np.int32)
 
 
 @dataclass(frozen=True)
@@ -272,10 +272,10 @@ def _flush(
     """Return the walls on one line with a wall, and where along it they begin and end, m."""
     away = walls.reshape(-1, 2, 2) - start
     aside = np.abs(away[..., 0] * along[1] - away[..., 1] * along[0]).max(axis=1)
-    at = away @ along
-    begins, ends = at.min(axis=1), at.max(axis=1)
-    on = np.flatnonzero((aside <= MEETING) & (ends > MEETING) & (begins < length - MEETING))
-    return on, begins[on], ends[on]
+    positions = away @ along
+    begins, ends = positions.min(axis=1), positions.max(axis=1)
+    rows = np.flatnonzero((aside <= MEETING) & (ends > MEETING) & (begins < length - MEETING))
+    return rows, begins[rows], ends[rows]
 
 
 def _faces(
@@ -283,10 +283,10 @@ def _faces(
 ) -> Iterator[tuple[float, int]]:
     """Yield angle (rad) and number of the surfaces that meet at a height at a point of some walls on one line."""
     lower, upper = room.heights[walls].T
-    for side, at in ((_ABOVE, height + 2 * MEETING), (_BELOW, height - 2 * MEETING)):
-        there = walls[(lower < at) & (at < upper)]
-        if len(there):
-            yield side, int(there[0])
+    for side, level in ((_ABOVE, height + 2 * MEETING), (_BELOW, height - 2 * MEETING)):
+        present = walls[(lower < level) & (level < upper)]
+        if len(present):
+            yield side, int(present[0])
     left = np.array([-along[1], along[0]])
     for surface in room.levels:
         lid = room.lid(surface)
@@ -361,23 +361,23 @@ def sequences_to(levels: Levels, heights: FloatArray, height: float, search: Pat
     """Return the sequences of levels from a height to rims at `heights` (r,), m, with at most one lid among them."""
     rim_heights, which = np.unique(heights, return_inverse=True)
     longest, most = search.max_length + SLACK, search.max_bounces
-    found: list[LevelSequence] = []
+    sequences: list[LevelSequence] = []
     ranges = []
     for end in rim_heights.tolist():
-        begin = len(found)
-        found += [LevelSequence((), (height, end)), *level_sequences(levels, height, end, longest, most, 1)]
-        ranges.append((begin, len(found)))
-    width = max((len(sequence.levels) for sequence in found), default=0)
-    missing = [width - len(sequence.levels) for sequence in found]
-    rows = [(*sequence.levels, *[-1] * few) for sequence, few in zip(found, missing, strict=True)]
-    at = [(*sequence.heights, *[0.0] * few) for sequence, few in zip(found, missing, strict=True)]
-    climbs = [(*sequence.climbs, *[0.0] * few) for sequence, few in zip(found, missing, strict=True)]
+        begin = len(sequences)
+        sequences += [LevelSequence((), (height, end)), *level_sequences(levels, height, end, longest, most, 1)]
+        ranges.append((begin, len(sequences)))
+    width = max((len(sequence.levels) for sequence in sequences), default=0)
+    missing = [width - len(sequence.levels) for sequence in sequences]
+    rows = [(*sequence.levels, *[-1] * few) for sequence, few in zip(sequences, missing, strict=True)]
+    heights_of_levels = [(*sequence.heights, *[0.0] * few) for sequence, few in zip(sequences, missing, strict=True)]
+    climbs = [(*sequence.climbs, *[0.0] * few) for sequence, few in zip(sequences, missing, strict=True)]
     return RimSequences(
         np.array(rows, dtype=np.int32).reshape(len(rows), width),
-        np.array(at).reshape(len(rows), width + 2),
+        np.array(heights_of_levels).reshape(len(rows), width + 2),
         np.array(climbs).reshape(len(rows), width + 2),
-        np.array([sequence.climb for sequence in found]),
-        np.array([sequence.signs for sequence in found]).reshape(-1, 2),
+        np.array([sequence.climb for sequence in sequences]),
+        np.array([sequence.signs for sequence in sequences]).reshape(-1, 2),
         np.array(ranges, dtype=np.int32).reshape(-1, 2)[which.ravel()],
     )
 
@@ -476,15 +476,15 @@ def paths_by(
     plan: Plan, levels: Levels, sequences: RimSequences, ends: tuple[End, End], bends: Bends, search: PathSearch
 ) -> Paths:
     """Return the paths past these bends that sound can take, loud enough, shortest first."""
-    (free, there), (also_free, on) = (
+    (free, before), (also_free, after) = (
         ways_to(plan, end.position, end.approaches, end.rows, sequences, end.sequences, bends.points) for end in ends
     )
     clear = np.flatnonzero(free & also_free)
-    one, other = (
+    sent, received = (
         _solved(levels, sequences, end.sequences[clear], Ways._make(column[clear] for column in ways))
-        for end, ways in zip(ends, (there, on), strict=True)
+        for end, ways in zip(ends, (before, after), strict=True)
     )
-    return _audible(_joined(Bends._make(column[clear] for column in bends), one, other), search)
+    return _audible(_joined(Bends._make(column[clear] for column in bends), sent, received), search)
 
 
 def _solved(levels: Levels, sequences: RimSequences, chosen: NDArray[np.intp], ways: Ways) -> _Solved:
@@ -503,24 +503,24 @@ def _solved(levels: Levels, sequences: RimSequences, chosen: NDArray[np.intp], w
     )
 
 
-def _joined(bends: Bends, one: _Solved, other: _Solved) -> Paths:
+def _joined(bends: Bends, before: _Solved, after: _Solved) -> Paths:
     """Return the paths past bends from both of their ways."""
-    rows, count = np.arange(len(bends.edges)), one.touches + other.touches
+    rows, count = np.arange(len(bends.edges)), before.touches + after.touches
     most = int(count.max(initial=0))
     surfaces, points = np.full((len(rows), most), -1, np.int32), np.full((len(rows), most + 3, 2), np.nan)
-    fill_rows(surfaces, one.surfaces, rows, one.touches, other.surfaces, rows, other.touches)
-    fill_rows(points, one.points, rows, one.touches + 2, other.points, rows, other.touches + 1)
+    fill_rows(surfaces, before.surfaces, rows, before.touches, after.surfaces, rows, after.touches)
+    fill_rows(points, before.points, rows, before.touches + 2, after.points, rows, after.touches + 1)
     return Paths(
         lengths=bends.lengths,
-        departures=one.departures,
-        arrivals=other.departures,
+        departures=before.departures,
+        arrivals=after.departures,
         gains=bends.gains,
         phases=bends.phases,
         spreads=np.zeros(len(rows)),
         surfaces=surfaces,
         edges=bends.edges,
-        bends=one.touches,
-        elevations=np.column_stack((one.elevations, other.elevations)),
+        bends=before.touches,
+        elevations=np.column_stack((before.elevations, after.elevations)),
         points=points,
     )
 
