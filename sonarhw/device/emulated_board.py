@@ -20,6 +20,7 @@ from typing import Literal
 import numpy as np
 
 from sonarhw.device.fake_board import WiringFault
+from sonarhw.device.served import in_thread
 from sonarhw.errors import InputError, LinkError
 from sonarhw.readings import EchoSource, Ping, PingResult
 
@@ -163,7 +164,7 @@ def emulated_board(
         except (EOFError, OSError) as error:
             raise LinkError("the emulated board did not start; see its output above") from error
         line.settimeout(None)
-        with _served(board):
+        with in_thread(f"echoes for {board.url}", board.serve, board.end, board.end, _ENDS_WITHIN):
             yield board
         if process.wait(_ENDS_WITHIN):
             raise LinkError(f"the emulated board ended with exit status {process.returncode}; see its output above")
@@ -185,25 +186,3 @@ def _started(arguments: list[str | Path]) -> Iterator[tuple["subprocess.Popen[by
                 process.wait(_ENDS_WITHIN)
             except subprocess.TimeoutExpired:
                 process.kill()
-
-
-@contextmanager
-def _served(board: EmulatedBoard) -> Iterator[None]:
-    failures: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            board.serve()
-        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that started the board
-            failures.append(failure)
-            board.end()
-
-    thread = threading.Thread(target=run, name=f"echoes for {board.url}", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        board.end()
-        thread.join(_ENDS_WITHIN)
-    if failures:
-        raise failures[0]

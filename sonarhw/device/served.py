@@ -452,23 +452,40 @@ def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace:
 
     An error in the device is raised at the end of the block.
     """
+    with open_server_port(pty, tcp) as port:
+        endpoint = Endpoint(device, port, pace)
+        # clients notice an error by the closed port
+        with in_thread(f"serve {port.url}", endpoint.run, endpoint.stop, port.close):
+            yield endpoint
+
+
+@contextmanager
+def in_thread(
+    name: str,
+    work: Callable[[], None],
+    end: Callable[[], None],
+    failed: Callable[[], None],
+    within: float | None = None,
+) -> Iterator[None]:
+    """Call `work` in a thread. At the end of the block, `end` it, wait `within` s for it, and raise its error.
+
+    `failed` is called in the thread after an error.
+    """
     failures: list[BaseException] = []
 
     def run() -> None:
         try:
-            endpoint.run()
-        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that called `serve`
+            work()
+        except BaseException as failure:  # noqa: BLE001 - raised again at the end of the block
             failures.append(failure)
-            port.close()  # so that clients notice the error
+            failed()
 
-    with open_server_port(pty, tcp) as port:
-        endpoint = Endpoint(device, port, pace)
-        thread = threading.Thread(target=run, name=f"serve {port.url}", daemon=True)
-        thread.start()
-        try:
-            yield endpoint
-        finally:
-            endpoint.stop()
-            thread.join()
+    thread = threading.Thread(target=run, name=name, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        end()
+        thread.join(within)
     if failures:
         raise failures[0]

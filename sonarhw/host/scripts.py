@@ -304,9 +304,9 @@ def broken_protocol(where: str, rule: str) -> DeviceError:
     return DeviceError(f"{where}: its firmware breaks the protocol: {rule}; see firmware_protocol.md")
 
 
-def settled(command: Command, until: float = math.inf) -> Wait:
+def settled(command: Command) -> Wait:
     """Return the wait until a command is answered or given up."""
-    return Wait(lambda: command.settled, until)
+    return Wait(lambda: command.settled)
 
 
 _MAX_WITHOUT_PROGRESS = 3  # consecutive scan commands without a new reading

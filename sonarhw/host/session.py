@@ -85,11 +85,6 @@ class JobRecording:
         if received:
             self._record(lambda _: received(time, data))
 
-    def take_failure(self) -> BaseException | None:
-        """Return the error that the recorder raised, and clear it."""
-        failure, self.failure = self.failure, None
-        return failure
-
     def _record(self, act: Callable[[Recorder], None]) -> None:
         if self._recorder is None or not self._wanted():
             return
@@ -348,7 +343,7 @@ class Session:
             self._jobs.popleft()
 
     def _give_up_recording(self) -> None:
-        error = self.recording.take_failure()
+        error, self.recording.failure = self.recording.failure, None
         if error is not None and self._jobs:
             self._jobs[0].end(error=error)
             self._jobs[0].stop_wanted = True

@@ -5,6 +5,7 @@ import pytest
 from tests import structure
 
 SMALL_WITH_ONE_IMPORTER = {
+    "sonarhw.device.emulated_board": "a device of the driver; its importer is a command",
     "sonarhw.foxglove": "needs the extra `foxglove`, which `serve --foxglove` alone loads",
     "sonarhw_compare.import_formats": "`--help` lists the formats, and the readers of the formats load slowly",
     "sonarhw_gui.views.echoes": "a view; each is a module",
