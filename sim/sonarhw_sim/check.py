@@ -85,8 +85,8 @@ def _grouped(number: float) -> str:
 def _short_walls(room: Room) -> Iterator[Finding]:
     lengths = np.hypot(*(room.walls[:, 2:] - room.walls[:, :2]).T)
     for k in np.flatnonzero(lengths < _SHORT).tolist():
-        found = f"is only {_millimetres(lengths[k])} long"
-        yield Finding("short wall", f"wall {room.names[k]!r}", found, "remove one of its points", (_middle(room, k),))
+        text = f"is only {_millimetres(lengths[k])} long"
+        yield Finding("short wall", f"wall {room.names[k]!r}", text, "remove one of its points", (_middle(room, k),))
 
 
 def _gaps(room: Room) -> Iterator[Finding]:
@@ -155,29 +155,29 @@ def _posts_in_walls(room: Room) -> Iterator[Finding]:
         distances = wall_distances(np.array([[x, y]]), room.walls)[0]
         for wall in np.flatnonzero(distances < radius - MEETING).tolist():
             if _same_heights(room, number, wall):
-                found = f"overlaps wall {room.names[wall]!r} by {_millimetres(radius - distances[wall])}"
+                text = f"overlaps wall {room.names[wall]!r} by {_millimetres(radius - distances[wall])}"
                 advice = "move the post, or make it smaller"
-                yield Finding("post in wall", f"post {room.names[number]!r}", found, advice, ((x, y),))
+                yield Finding("post in wall", f"post {room.names[number]!r}", text, advice, ((x, y),))
         if room.is_outside((x, y)):
-            found, advice = f"is outside the room, at {_point((x, y))}", "move it into the room, or remove it"
-            yield Finding("post outside", f"post {room.names[number]!r}", found, advice, ((x, y),))
+            text, advice = f"is outside the room, at {_point((x, y))}", "move it into the room, or remove it"
+            yield Finding("post outside", f"post {room.names[number]!r}", text, advice, ((x, y),))
 
 
 def _places(room: Room) -> Iterator[Finding]:
     for place in room.places.values():
-        where, at = f"place {place.name!r}", _point(place.position)
+        where, point = f"place {place.name!r}", _point(place.position)
         if room.is_outside(place.position) or room.is_far_from(place.position):
             advice = "move it into the room; expected [x, y] in metres"
-            yield Finding("place outside", where, f"is outside the room, at {at}", advice, (place.position,))
+            yield Finding("place outside", where, f"is outside the room, at {point}", advice, (place.position,))
         distances = wall_distances(np.array([place.position]), room.walls)[0]
         nearest = int(distances.argmin())
         if distances[nearest] < _IN_WALL:
-            found = f"is {_millimetres(distances[nearest])} from wall {room.names[nearest]!r}, at {at}"
-            yield Finding("place in wall", where, found, "move it away from the wall", (place.position,))
+            text = f"is {_millimetres(distances[nearest])} from wall {room.names[nearest]!r}, at {point}"
+            yield Finding("place in wall", where, text, "move it away from the wall", (place.position,))
         chain = object_around(room, place)
         if chain is not None:
-            found = f"is inside {object_name(room, chain)}, at {at}"
-            yield Finding("place in object", where, found, "move it out; expected [x, y] in metres", (place.position,))
+            text = f"is inside {object_name(room, chain)}, at {point}"
+            yield Finding("place in object", where, text, "move it out; expected [x, y] in metres", (place.position,))
 
 
 def _same_heights(room: Room, first: int, second: int) -> bool:
@@ -255,8 +255,8 @@ def refusals_of(text: str, where: str) -> list[str]:
 def _unused_materials(room: Room) -> Iterator[Finding]:
     for name in materials(room):
         if name not in room.materials:
-            found = "no wall, post, floor or ceiling has it"
-            yield Finding("unused material", f"material {name!r}", found, "use it, or remove it")
+            text = "no wall, post, floor or ceiling has it"
+            yield Finding("unused material", f"material {name!r}", text, "use it, or remove it")
 
 
 def _silent_places(room: Room, board: Board) -> Iterator[Finding]:
@@ -276,11 +276,11 @@ def _silent_places(room: Room, board: Board) -> Iterator[Finding]:
             ranges = predict_scan(room, place, board, headings).ranges
         except InputError as error:
             # the advice after the semicolon is about options that a check does not have
-            found = f"its echoes cannot be predicted: {str(error).partition(';')[0]}"
+            text = f"its echoes cannot be predicted: {str(error).partition(';')[0]}"
             advice = "check whether surfaces enclose it, the reflectances, and the number of surfaces"
-            yield Finding("no prediction", where, found, advice, (place.position,))
+            yield Finding("no prediction", where, text, advice, (place.position,))
             continue
         if np.isnan(ranges).all():
-            found = f"nothing is heard here: {reason_for_silence(room, place, board)}"
+            text = f"nothing is heard here: {reason_for_silence(room, place, board)}"
             advice = "move the place, or use another board"
-            yield Finding("silence", where, found, advice, (place.position,))
+            yield Finding("silence", where, text, advice, (place.position,))
