@@ -27,7 +27,7 @@ import numpy as np
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import compare_readings
 from sonarhw_compare.rooms.evidence import REFLECTANCE
-from sonarhw_compare.rooms.search import PlacedRoom, find_room, find_room_and_poses
+from sonarhw_compare.rooms.search import FoundRoom, find_room, find_room_and_poses
 from sonarhw_sim.board.profile import Board, load_board
 
 from benchmarks.cases.random_rooms import RandomRoom, random_room
@@ -88,7 +88,7 @@ class Search:
     """A room found from the scans of a random room, and how well it agrees with that."""
 
     case: RandomRoom
-    placed: PlacedRoom
+    found: FoundRoom
     lengths: tuple[Lengths, Lengths, Lengths]  # of the room search, of walls by arcs, and of the certainty grid
     held: list[tuple[bool, bool]]  # of found walls: whether the intervals hold the true offset, and the true direction
     wall_time: float  # s
@@ -101,7 +101,7 @@ def find_rooms(cases: Iterable[RandomRoom], board: Board, option: str | None) ->
     searches = []
     for case in cases:
         searches.append(searched(case, board, option))
-        poses = f"; {pose_text(searches[-1].case, searches[-1].placed)}" if option else ""
+        poses = f"; {pose_text(searches[-1].case, searches[-1].found)}" if option else ""
         print(f"{case.seed:4} {_row(searches[-1])}{poses}", flush=True)
     totals = [sum(of_rooms, Lengths(0, 0, 0, 0)) for of_rooms in zip(*(one.lengths for one in searches), strict=True)]
     held = [wall for one in searches for wall in one.held]
@@ -112,16 +112,16 @@ def searched(case: RandomRoom, board: Board, option: str | None) -> Search:
     """Return the room found from the scans of a random room."""
     scans, spreads = (POSES[option] if option else exact_poses)(case, case.seed)
     began, used = time.perf_counter(), _processor_time()
-    placed = find_room_and_poses(scans, board, case.room.air, spreads)
+    found = find_room_and_poses(scans, board, case.room.air, spreads)
     took, used = time.perf_counter() - began, _processor_time() - used
     parts, baseline = seen_parts(case, board), map_scans(case.scans, board).direct
     by_arcs = np.array([(*wall.start, *wall.end) for wall in baseline.features.walls]).reshape(-1, 4)
     lengths = (
-        lengths_found(case, parts, placed.found.draft.segments),
+        lengths_found(case, parts, found.draft.segments),
         lengths_found(case, parts, by_arcs),
         lengths_in_grid(case, parts, baseline.grid),
     )
-    return Search(case, placed, lengths, truth_held(case, placed.found), took, used)
+    return Search(case, found, lengths, truth_held(case, found), took, used)
 
 
 def _processor_time() -> float:
@@ -131,7 +131,7 @@ def _processor_time() -> float:
 
 
 def _row(one: Search) -> str:
-    room, draft = one.case.room, one.placed.found.draft
+    room, draft = one.case.room, one.found.draft
     return (
         f"{len(room.walls):6} {len(room.posts):5} {len(one.case.scans):5} {len(draft.walls):6} {len(draft.posts):5} "
         f"{one.lengths[0].seen:6.2f} {_agreement(one.lengths, one.held)} {one.wall_time:5.0f} {one.processor_time:6.0f}"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import UNKNOWN, PoseSpread
-from sonarhw_compare.rooms.search import Move, PlacedRoom
+from sonarhw_compare.rooms.search import FoundRoom, Move
 from sonarhw_sim.room.room import Place
 
 from benchmarks.cases.random_rooms import RandomRoom
@@ -60,19 +60,19 @@ POSES = {
 }  # by the option of the benchmark
 
 
-def pose_text(case: RandomRoom, placed: PlacedRoom) -> str:
+def pose_text(case: RandomRoom, found: FoundRoom) -> str:
     """Return how many scans were placed, the largest errors, and how many 95 % intervals hold the true values."""
     true = {scan.title: scan.place for scan in case.scans}
     away, turned, held = [], [], []
-    for number, scan in enumerate(placed.scans):
+    for number, scan in enumerate(found.scans):
         place, expected = scan.place, true[scan.title]
         shifts = [at - was for at, was in zip(place.position, expected.position, strict=True)]
         errors = [*shifts, math.remainder(place.heading - expected.heading, math.tau)]
         away.append(math.hypot(*shifts))
         turned.append(abs(errors[2]))
-        known = ((error, placed.found.deviations.get(Move("place", number, part))) for part, error in enumerate(errors))
+        known = ((error, found.deviations.get(Move("place", number, part))) for part, error in enumerate(errors))
         held += [abs(error) <= _Z95 * sd for error, sd in known if sd is not None]
     return (
-        f"{len(placed.scans)} of {len(case.scans)} placed, within {max(away) * 100:.1f} cm and "
+        f"{len(found.scans)} of {len(case.scans)} placed, within {max(away) * 100:.1f} cm and "
         f"{math.degrees(max(turned)):.1f}°; {sum(held)} of {len(held)} intervals of poses hold"
     )

@@ -24,7 +24,7 @@ import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import UNKNOWN, Pose, PoseSpread
 from sonarhw_compare.map import map_scans
-from sonarhw_compare.rooms.search import PlacedRoom, find_room_and_poses
+from sonarhw_compare.rooms.search import FoundRoom, find_room_and_poses
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Place
 
@@ -94,22 +94,21 @@ def stated(scan: PlacedScan, xy: float) -> tuple[PlacedScan, PoseSpread]:
     return replace(scan, place=replace(scan.place, heading=math.radians(degrees))), PoseSpread(xy, STATED)
 
 
-def print_found_room(title: str, given: Sequence[tuple[PlacedScan, PoseSpread]]) -> PlacedRoom:
+def print_found_room(title: str, given: Sequence[tuple[PlacedScan, PoseSpread]]) -> FoundRoom:
     """Print which walls of the arena are found from scans and how well their places are known, and what is left out."""
     placed, spreads = [scan for scan, _ in given], [spread for _, spread in given]
-    answer = find_room_and_poses(placed, load_board("lego-nxt"), ROOM.air, spreads)
-    found = answer.found
+    found = find_room_and_poses(placed, load_board("lego-nxt"), ROOM.air, spreads)
     print(
         f"found room, {title}: {_walls_text(found.draft.segments)}, {len(found.draft.posts)} posts; "
         f"{found.explained} of {found.echoes} echoes explained; "
         f"range offset {found.draft.offset * 1000:.0f} ± {(found.offset_deviation or 0.0) * 1000:.0f} mm"
-        f"{'; left out: ' if answer.left_out else ''}{', '.join(answer.left_out)}",
+        f"{'; left out: ' if found.left_out else ''}{', '.join(found.left_out)}",
         flush=True,
     )
-    return answer
+    return found
 
 
-def print_turned(answer: PlacedRoom, first: Place, farthest: float, marked: Sequence[PlacedScan]) -> None:
+def print_turned(answer: FoundRoom, first: Place, farthest: float, marked: Sequence[PlacedScan]) -> None:
     """Print which walls are found after turns of the found room about the first place.
 
     One turn fits the written positions `marked`, the other gives most walls of all up to `farthest` (rad).
@@ -129,7 +128,7 @@ def print_turned(answer: PlacedRoom, first: Place, farthest: float, marked: Sequ
     )
 
 
-def _turn_to(answer: PlacedRoom, first: Place, marked: Sequence[PlacedScan]) -> float:
+def _turn_to(answer: FoundRoom, first: Place, marked: Sequence[PlacedScan]) -> float:
     """Return the turn about the first place towards the written positions, rad: the median of those of the scans."""
     written = {scan.title: scan.place.position for scan in marked}
     turns = []
@@ -141,10 +140,10 @@ def _turn_to(answer: PlacedRoom, first: Place, marked: Sequence[PlacedScan]) -> 
     return median(turns)
 
 
-def _turned(answer: PlacedRoom, first: Place, turn: float) -> FloatArray:
+def _turned(answer: FoundRoom, first: Place, turn: float) -> FloatArray:
     """Return the segments (n, 4) m of a found room turned about the first place by an angle (rad)."""
     ahead = np.array([math.cos(turn), math.sin(turn)])
-    points = answer.found.draft.segments.reshape(-1, 2) - first.position
+    points = answer.draft.segments.reshape(-1, 2) - first.position
     turned = np.column_stack((points @ (ahead * (1, -1)), points @ ahead[::-1])) + first.position
     return turned.reshape(-1, 4)
 

@@ -28,7 +28,7 @@ from sonarhw_compare.arcs import Arc, direction, headings_and_ranges
 from sonarhw_compare.calibration.room import RoomCalibration
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import NEAR, Located, Pose
-from sonarhw_compare.map import Layer, RoomMap, judged_readings
+from sonarhw_compare.map import Layer, RoomMap, reflections_of
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.pictures import (
     EXTRA,
@@ -645,14 +645,11 @@ def draw_found_room(
 
 def _draw_echoes(axes: Axes, scans: Sequence[PlacedScan], room: Room, board: Board) -> None:
     """Draw each echo at its range along its heading, by the kind of path that explains it in the found room."""
-    judged = judged_readings(scans, room, board)
-    points, direct, explained = [], [], []
-    for scan, is_direct, is_explained in zip(scans, judged.direct, judged.explained, strict=True):
+    reflections, points = np.concatenate(reflections_of(scans, room, board)), []
+    for scan in scans:
         headings, ranges = headings_and_ranges(scan, board)
         points.append(points_at(standpoints(board, scan.place, headings), headings, ranges))
-        direct.append(is_direct)
-        explained.append(is_explained)
-    where, once, found = np.vstack(points), np.concatenate(direct), np.concatenate(explained)
+    where, once, found = np.vstack(points), reflections <= 1, reflections > 0
     heard = np.isfinite(where).all(axis=1)
     for (colour, marker), rows, label in (
         (_DIRECT, heard & found & once, "one reflection"),

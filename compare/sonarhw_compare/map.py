@@ -360,32 +360,21 @@ _BEYOND = 0.1  # m behind a wall; a leg that ends farther behind it crosses the 
 _ONE_POINT = 1e-3  # m between reflections that count as one point
 
 
-@dataclass(frozen=True)
-class JudgedReadings:
-    """What following sound in a room shows about the readings, (n,) bool for each scan."""
-
-    direct: tuple[BoolArray, ...]  # reflected at one point, or without a path: kept
-    explained: tuple[BoolArray, ...]  # with a path
-
-
-def judged_readings(
+def reflections_of(
     scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
-) -> JudgedReadings:
-    """Return which readings are direct and which have a path in a room. `tick` is called before each scan."""
-    direct, explained = [], []
+) -> tuple[NDArray[np.intp], ...]:
+    """Return the number of points at which the path of each reading is reflected, 0 without a path, (n,) by scan.
+
+    A reading is direct unless there are several. `tick` is called before each scan.
+    """
+    counts = []
     for scan in scans:
         tick()
-        points = _points_of_readings(scan, room, board)
-        direct.append(points <= 1)
-        explained.append(points > 0)
-    return JudgedReadings(tuple(direct), tuple(explained))
-
-
-def _points_of_readings(scan: PlacedScan, room: Room, board: Board) -> NDArray[np.intp]:
-    """Return the number of points at which the path of each reading is reflected, (n,); 0 without a path."""
-    comparison = compare_readings(scan.readings, room, board.faced(scan.place), board)
-    points = _reflection_points(comparison.prediction.paths)
-    return np.array([0 if row.path is None else max(1, points[row.path]) for row in comparison.rows], dtype=np.intp)
+        comparison = compare_readings(scan.readings, room, board.faced(scan.place), board)
+        points = _reflection_points(comparison.prediction.paths)
+        paths = (row.path for row in comparison.rows)
+        counts.append(np.array([0 if path is None else max(1, points[path]) for path in paths], dtype=np.intp))
+    return tuple(counts)
 
 
 def _reflection_points(paths: Paths) -> NDArray[np.intp]:
@@ -605,9 +594,10 @@ def map_scans(
     followed_room = found if room is None else room
     direct, explained = plain, tuple(np.zeros_like(kept) for kept in plain.kept)
     if followed_room is not None:
-        judged = judged_readings(scans, followed_room, board, begin_part)
+        reflections = reflections_of(scans, followed_room, board, begin_part)
         begin_part()
-        direct, explained = _layer(scans, board, judged.direct), judged.explained
+        direct = _layer(scans, board, tuple(points <= 1 for points in reflections))
+        explained = tuple(points > 0 for points in reflections)
     tick(1.0)
     return RoomMap(tuple(scans), plain, followed_room, direct, explained)
 

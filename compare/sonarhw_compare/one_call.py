@@ -368,7 +368,7 @@ def map_room(
     moved = replace(profile, range_offset=profile.range_offset - offset)
     found = _room_of_scans(placed, moved, given[0], spreads, plan_next, progress) if find else None
     if found is not None:
-        known, moved, placed = found.room, found.board, found.placed.scans
+        known, moved, placed = found.room, found.board, found.found.scans
     mapped = map_scans(placed, moved, known, lambda share: progress(share, "mapping"))
     doubts = (*_map_doubts(mapped, room is not None, found), *_own_body_doubts(placed, profile))
     same = not poses and all(not isinstance(place, Place) for place in _places(places))
@@ -391,13 +391,11 @@ def _room_of_scans(
 
     recorded = first.recorded_room
     air = Air() if recorded is None else recorded.air
-    placed = find_room_and_poses(scans, board, air, spreads, lambda share: progress(share, "finding the room"))
-    room, board_as_found, nexts = found_room(placed, board), as_found(board, placed.found.draft), None
+    found = find_room_and_poses(scans, board, air, spreads, lambda share: progress(share, "finding the room"))
+    room, board_as_found, nexts = found_room(found, board), as_found(board, found.draft), None
     if plan_next:
-        nexts = next_places(
-            placed.found, room, board_as_found, tick=lambda share: progress(share, "planning the next scan")
-        )
-    return RoomOfScans(placed, room, board_as_found, board, nexts)
+        nexts = next_places(found, room, board_as_found, tick=lambda share: progress(share, "planning the next scan"))
+    return RoomOfScans(found, room, board_as_found, board, nexts)
 
 
 def _with_poses(
@@ -457,7 +455,7 @@ def _map_doubts(mapped: "RoomMap", is_given: bool, found: "RoomOfScans | None") 
             yield f"{count} the found room: {false}; {check}, or give more scans"
         else:
             yield f"{count} the room in which sound is followed: {false}; give the room, or more scans"
-    for title in found.placed.left_out if found else ():
+    for title in found.found.left_out if found else ():
         yield (
             f"{title}: its pose was not found, so the room is found without it; give more of its pose, or add a scan "
             "between it and the others"

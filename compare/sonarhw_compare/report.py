@@ -131,7 +131,7 @@ def map_report_html(mapped: MappedScans) -> str:
 
 
 def _body_of_map(mapped: MappedScans, outcome: RoomOfScans) -> Iterator[str]:
-    found, scans, figures = outcome.placed.found, outcome.placed.scans, found_room_figures(outcome.placed.found)
+    found, scans, figures = outcome.found, outcome.found.scans, found_room_figures(outcome.found)
     yield f"<h1>Room found from {len(scans)} scans</h1>"
     yield f"<p>{escaped(', '.join(scan.title for scan in scans))}</p>"
     yield (

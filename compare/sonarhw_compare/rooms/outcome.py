@@ -21,7 +21,7 @@ from sonarhw_compare.locate import Pose
 from sonarhw_compare.map import RoomMap
 from sonarhw_compare.rooms.draft import MATERIAL, SHARE, SPREAD, at_right_angles, post_name, wall_name
 from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, REFLECTANCE
-from sonarhw_compare.rooms.search import FoundRoom, Move, PlacedRoom, Shifts, shifts_of
+from sonarhw_compare.rooms.search import FoundRoom, Move, Shifts, shifts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 _DIGITS = 5  # of metres
 
 
-def found_room_text(placed: PlacedRoom, board: Board) -> str:
+def found_room_text(found: FoundRoom, board: Board) -> str:
     """Return the text of a room file with the found walls, posts and places."""
-    found, file = placed.found, tomlkit.document()
-    for line in _header(placed, board):
+    file = tomlkit.document()
+    for line in _header(found, board):
         file.add(tomlkit.comment(line))
     file["name"] = "Found room"
     material = tomlkit.table()
@@ -46,15 +46,15 @@ def found_room_text(placed: PlacedRoom, board: Board) -> str:
     if found.draft.posts:
         file["posts"] = _array([_post(found, row) for row in range(len(found.draft.posts))])
     places = tomlkit.table(is_super_table=True)
-    for number, name in enumerate(_place_names(placed)):
+    for number, name in enumerate(_place_names(found)):
         places[name] = _place(found, number)
     file["places"] = places
     return tomlkit.dumps(file)
 
 
-def found_room(placed: PlacedRoom, board: Board) -> Room:
+def found_room(found: FoundRoom, board: Board) -> Room:
     """Return the room of `found_room_text`."""
-    return parse_room(found_room_text(placed, board), "the found room")
+    return parse_room(found_room_text(found, board), "the found room")
 
 
 def found_room_figures(found: FoundRoom) -> dict[str, Any]:
@@ -126,11 +126,10 @@ def open_ends(found: FoundRoom) -> list[tuple[float, float]]:
     return ends
 
 
-def _header(placed: PlacedRoom, board: Board) -> list[str]:
-    found, scans = placed.found, placed.scans
+def _header(found: FoundRoom, board: Board) -> list[str]:
     lines = [
-        f"Found by `sonarhw map` in {counted(len(scans), 'scan')} with board {board.name!r}: "
-        + ", ".join(harmless(scan.title) for scan in scans),
+        f"Found by `sonarhw map` in {counted(len(found.scans), 'scan')} with board {board.name!r}: "
+        + ", ".join(harmless(scan.title) for scan in found.scans),
         f"{found.explained} of {found.echoes} echoes are within 5 cm of one that this room predicts.",
         "± is one standard deviation. Surfaces that returned no echo to any scan are missing.",
     ]
@@ -138,16 +137,16 @@ def _header(placed: PlacedRoom, board: Board) -> list[str]:
     ends = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in open_ends(found))
     if ends:
         lines.append(f"The walls may continue beyond these points (m): {ends}")
-    for title, poses in placed.poses.items():
+    for title, poses in found.poses.items():
         lines.append(f"Possible poses of {harmless(title)}: {'; '.join(map(pose_text, poses))}")
-    lines += [f"Left out, because its pose was not found: {harmless(title)}" for title in placed.left_out]
+    lines += [f"Left out, because its pose was not found: {harmless(title)}" for title in found.left_out]
     return lines
 
 
-def _place_names(placed: PlacedRoom) -> list[str]:
+def _place_names(found: FoundRoom) -> list[str]:
     """Return a name for the place of each scan, with a number behind a name that another one has already."""
     names: list[str] = []
-    for scan, place in zip(placed.scans, placed.found.draft.places, strict=True):
+    for scan, place in zip(found.scans, found.draft.places, strict=True):
         name, number = scan.name or place.name, 2
         while name in names:
             name, number = f"{scan.name or place.name}-{number}", number + 1
@@ -324,7 +323,7 @@ def _apart(places: Sequence[NextPlace], count: int) -> tuple[NextPlace, ...]:
 class RoomOfScans:
     """A found room, the poses of the scans in it, and where to scan next."""
 
-    placed: PlacedRoom
+    found: FoundRoom
     room: Room  # of its file
     board: Board  # with range offset and threshold as found
     given_board: Board
@@ -332,9 +331,9 @@ class RoomOfScans:
 
     def lines(self) -> list[str]:
         """Return what was found as lines of text."""
-        found = self.placed.found
+        found = self.found
         return [
-            *(f"{title}: {'; '.join(map(pose_text, poses))}" for title, poses in self.placed.poses.items()),
+            *(f"{title}: {'; '.join(map(pose_text, poses))}" for title, poses in found.poses.items()),
             f"found room: {counted(len(found.draft.walls), 'wall')}, {counted(len(found.draft.posts), 'post')}, "
             f"{counted(len(open_ends(found)), 'open end')}; "
             f"{found.explained} of {found.echoes} echoes are within 5 cm of one that it predicts",
@@ -344,8 +343,8 @@ class RoomOfScans:
 
     def figures(self) -> dict[str, Any]:
         """Return what was found for JSON."""
-        poses = {title: list(map(_pose_figures, several)) for title, several in self.placed.poses.items()}
-        figures = found_room_figures(self.placed.found) | {"poses": poses, "left_out": list(self.placed.left_out)}
+        poses = {title: list(map(_pose_figures, several)) for title, several in self.found.poses.items()}
+        figures = found_room_figures(self.found) | {"poses": poses, "left_out": list(self.found.left_out)}
         if self.next_places is not None:
             figures["next"] = list(map(_next_figures, self.next_places))
         return figures
@@ -398,5 +397,5 @@ class MappedScans:
 
         if self.found is None:
             return draw_map(self.baseline, self.room)
-        found, placed = self.found, self.found.placed
-        return draw_found_room(placed.scans, found.room, found.board, open_ends(placed.found), self.known)
+        found, room, board = self.found.found, self.found.room, self.found.board
+        return draw_found_room(found.scans, room, board, open_ends(found), self.known)

@@ -820,6 +820,10 @@ class FoundRoom:
     touches: Touches
     worth: float  # log-likelihood of all scans, less the price of all walls and posts
     threshold_deviation: float | None = None  # dB: standard deviation; None if the board states that it is exact
+    scans: tuple[PlacedScan, ...] = ()  # those of the room, at their refined places
+    # possible poses of each located scan, by its title, in the room of the scans before it
+    poses: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()  # titles of the scans that could not be located
 
     @property
     def echoes(self) -> int:
@@ -1051,17 +1055,6 @@ _UNLIKELY = 0.05  # probability of a pose, by that of the most probable one, bel
 
 
 @dataclass(frozen=True)
-class PlacedRoom:
-    """A room found from scans, and the poses found with it."""
-
-    found: FoundRoom
-    scans: tuple[PlacedScan, ...]  # those of the room, at their refined places
-    # possible poses of each located scan, by its title, in the room of the scans before it
-    poses: dict[str, tuple[Pose, ...]]
-    left_out: tuple[str, ...]  # titles of the scans that could not be located
-
-
-@dataclass(frozen=True)
 class _Stage:
     """A room of some scans at the places with which its search began."""
 
@@ -1096,7 +1089,7 @@ def find_room_and_poses(
     spreads: Sequence[PoseSpread] = (),
     tick: Callable[[float], None] = lambda _share: None,
     course: Course | None = None,
-) -> PlacedRoom:
+) -> FoundRoom:
     """Return the room and the poses that explain scans.
 
     `spreads` are the standard deviations of the places of the scans, by default exact; positions, headings or both may
@@ -1128,11 +1121,11 @@ def find_room_and_poses(
             again = search.room_with(stage, {}, 1.0, search.course.unseen)
             stage = max(again, stage, key=lambda one: one.found.worth)
     tick(1.0)
-    return PlacedRoom(
+    return replace(
         stage.found,
-        tuple(stage.refined.values()),
-        {scans[k].title: found_here for k, found_here in sorted(poses.items())},
-        tuple(scan.title for k, scan in enumerate(scans) if k not in stage.placed),
+        scans=tuple(stage.refined.values()),
+        poses={scans[k].title: found_here for k, found_here in sorted(poses.items())},
+        left_out=tuple(scan.title for k, scan in enumerate(scans) if k not in stage.placed),
     )
 
 

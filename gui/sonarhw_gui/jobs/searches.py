@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     )
     from sonarhw_compare.fit.likelihood import ReadingNoise
     from sonarhw_compare.fit.result import FitWarning
-    from sonarhw_compare.locate import Pose, PoseSpread
+    from sonarhw_compare.locate import PoseSpread
     from sonarhw_compare.rooms.candidates import Support
     from sonarhw_compare.rooms.causes import FoundCauses
     from sonarhw_compare.rooms.draft import DraftPost, DraftWall, RoomDraft
@@ -433,8 +433,6 @@ class RoomAnswer:
     hypotheses: Hypotheses
     found: "FoundRoom"
     room: Room  # with the places of the scans
-    poses: "dict[str, tuple[Pose, ...]]"  # possible ones of the scans that were located, by their names
-    left_out: tuple[str, ...]  # scans that could not be located
 
 
 def search_room(
@@ -457,17 +455,10 @@ def search_room(
     if start is not None and not start.is_sound:
         raise InputError("a wall of the room is shorter than 2 cm; remove it in the plan, and go on")
     course = Course(start, refused, lambda draft: progress.show(_supported(scans, air, draft, ROUGH)))
-    placed = find_room_and_poses(
+    found = find_room_and_poses(
         [_placed(scan) for scan in scans], board, air, _spreads(scans, accuracy), progress.check, course
     )
-    found = placed.found
-    return RoomAnswer(
-        _supported(scans, air, found.draft, FINE),
-        found,
-        found_room(placed, board),
-        placed.poses,
-        placed.left_out,
-    )
+    return RoomAnswer(_supported(scans, air, found.draft, FINE), found, found_room(found, board))
 
 
 def _supported(scans: tuple[LoadedScan, ...], air: Air, draft: "RoomDraft", noise: "ReadingNoise") -> Hypotheses:

@@ -558,8 +558,8 @@ def poses_text(state: FindState, unit: LengthUnit) -> str:
     """Return the possible poses of each scan that was located, and the scans that were not; empty if there are none."""
     if (answer := state.answer) is None:
         return ""
-    lines = [f"{name}: {'; '.join(_pose(one, unit) for one in poses)}" for name, poses in answer.poses.items()]
-    lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.left_out]
+    lines = [f"{name}: {'; '.join(_pose(one, unit) for one in poses)}" for name, poses in answer.found.poses.items()]
+    lines += [f"⚠ {name} is left out: its pose was not found." for name in answer.found.left_out]
     return "\n".join(lines)
 
 
