@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.rooms.causes import MISFITS, Change, FoundCauses, NewPost, NewWall, cause_text, find_causes
+from sonarhw_compare.rooms.causes import MISFITS, Change, FoundCauses, NewPost, NewWall, find_causes
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.room.room import Place, Room, load_room
 
@@ -127,7 +127,7 @@ def _distance(change: Change, wall: NewWall) -> float:
 
 
 def _end(found: FoundCauses, began: float) -> str:
-    proposals = "; ".join(f"{cause_text(cause)} (+{cause.gain:.0f})" for cause in found.causes) or "nothing proposed"
+    proposals = "; ".join(f"{cause.text()} (+{cause.gain:.0f})" for cause in found.causes) or "nothing proposed"
     return f"[{proposals}] {time.process_time() - began:.0f} s"
 
 

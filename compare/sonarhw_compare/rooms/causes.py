@@ -168,6 +168,7 @@ _AGREE = 4  # readings that a change must explain better
 _MOST_OF_ONE = 3.0  # log-likelihood that one reading counts for or against a change
 _RANGES, _LEVELS = (0.003, 0.006, 0.012, 0.025), (1.5, 3.0)  # m, dB, noise that is tried
 _NEIGHBOURS = math.radians(11)  # largest step between readings of one sector
+_MOST_SECTORS = 3  # named in a text
 MISFITS = (Kind.SHORT, Kind.LONG, Kind.MISSED, Kind.EXTRA)
 
 
@@ -181,6 +182,13 @@ class Cause:
     kinds: tuple[tuple[Kind, int], ...]  # classes of these readings in the given room, the most frequent first
     sectors: tuple[tuple[float, float], ...]  # rad: first and last heading of neighbouring readings among these
 
+    def text(self, length: LengthText = in_metres) -> str:
+        """Return one sentence: the readings, their headings, and the change that explains them."""
+        misfits = [(kind, count) for kind, count in self.kinds if kind in MISFITS]
+        (kind, count), whole = (misfits or self.kinds)[0], len(self.readings)
+        readings = f"{count} {kind.label} readings" if count == whole else f"{whole} readings ({count} {kind.label})"
+        return f"{readings} at {_headings_text(self.sectors)}: {self.change.text(length)}"
+
 
 @dataclass(frozen=True)
 class FoundCauses:
@@ -192,14 +200,23 @@ class FoundCauses:
     after: Comparison  # in the changed room
     left: tuple[int, ...]  # rows of misfits in the changed room
 
+    @property
+    def left_text(self) -> str:
+        """How many misfits have no cause, by class."""
+        if not self.left:
+            return "no misfit is left"
+        kinds = Counter(self.after.rows[row].kind.label for row in self.left)
+        return f"without a cause: {', '.join(f'{count} {kind}' for kind, count in kinds.most_common())}"
+
     def lines(self) -> Iterator[str]:
         """Yield the changes and what they explain as lines of text."""
         if not self.causes:
             yield "no change of the room explains misfits"
         for number, cause in enumerate(self.causes, 1):
-            yield f"{number}. {cause_text(cause)} (log-likelihood +{cause.gain:.0f})"
-        yield explained_text(self)
-        yield left_text(self)
+            yield f"{number}. {cause.text()} (log-likelihood +{cause.gain:.0f})"
+        before, after = _share(self.before), _share(self.after)
+        yield f"within 5 cm of the prediction: {before} of the echoes, with all changes {after}"
+        yield self.left_text
 
     def figures(self) -> dict[str, Any]:
         """Return the changes under the keys of `compare --find-missing --json`; headings in degrees."""
@@ -207,7 +224,7 @@ class FoundCauses:
         return {
             "causes": [
                 {
-                    "text": cause_text(cause),
+                    "text": cause.text(),
                     "kind": type(cause.change).__name__,
                     "change": vars(cause.change),
                     "log_likelihood": cause.gain,
@@ -219,6 +236,17 @@ class FoundCauses:
             ],
             "after": {"within_5cm": after.within_5cm, "explained": after.explained, "misfits": len(self.left)},
         }
+
+
+def _headings_text(sectors: Sequence[tuple[float, float]]) -> str:
+    degrees = [[round(math.degrees(heading)) % 360 for heading in sector] for sector in sectors]
+    texts = [f"{first}–{last}°" if first != last else f"{first}°" for first, last in degrees]
+    return ", ".join([*texts[:_MOST_SECTORS], *(["…"] if len(texts) > _MOST_SECTORS else [])])
+
+
+def _share(comparison: Comparison) -> str:
+    share = comparison.summary().within_5cm
+    return "none" if share is None else f"{share:.1%}"
 
 
 def find_causes(
@@ -477,49 +505,3 @@ def _sectors(headings: Sequence[float]) -> tuple[tuple[float, float], ...]:
     firsts = np.remainder(ends + 1, len(turned))
     pairs = zip(turned[firsts].tolist(), turned[np.roll(ends, -1)].tolist(), strict=True)
     return tuple(sorted(pairs)) or ((float(turned[0]), float(turned[-1])),)
-
-
-# Causes of misfits as text.
-
-
-_MOST_SECTORS = 3  # named in a text
-
-
-def cause_text(cause: Cause, text: LengthText = in_metres) -> str:
-    """Return one sentence: the readings, their headings, and the change that explains them."""
-    return f"{readings_text(cause)}: {cause.change.text(text)}"
-
-
-def readings_text(cause: Cause) -> str:
-    """Return how many readings of which class a change explains, and their headings."""
-    misfits = [(kind, count) for kind, count in cause.kinds if kind in MISFITS]
-    kind, count = misfits[0] if misfits else cause.kinds[0]
-    if count == len(cause.readings):
-        return f"{count} {kind.label} readings at {_headings(cause)}"
-    return f"{len(cause.readings)} readings ({count} {kind.label}) at {_headings(cause)}"
-
-
-def _headings(cause: Cause) -> str:
-    degrees = [[round(math.degrees(heading)) % 360 for heading in sector] for sector in cause.sectors]
-    texts = [f"{first}–{last}°" if first != last else f"{first}°" for first, last in degrees]
-    return ", ".join([*texts[:_MOST_SECTORS], *(["…"] if len(texts) > _MOST_SECTORS else [])])
-
-
-def explained_text(found: FoundCauses) -> str:
-    """Return the shares of echoes within 5 cm of the prediction before and after all changes."""
-    return (
-        f"within 5 cm of the prediction: {_share(found.before)} of the echoes, with all changes {_share(found.after)}"
-    )
-
-
-def left_text(found: FoundCauses) -> str:
-    """Return how many misfits have no cause, by class."""
-    if not found.left:
-        return "no misfit is left"
-    kinds = Counter(found.after.rows[row].kind.label for row in found.left)
-    return f"without a cause: {', '.join(f'{count} {kind}' for kind, count in kinds.most_common())}"
-
-
-def _share(comparison: Comparison) -> str:
-    share = comparison.summary().within_5cm
-    return "none" if share is None else f"{share:.1%}"

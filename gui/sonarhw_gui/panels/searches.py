@@ -264,14 +264,12 @@ class CausesPanel(SearchPanel):
         self._session.showing.propose(None)
         self.note.setText("" if self._state.running else _CAUSES_HINT)
         if answer is not None and answer.scene.room is not None:
-            from sonarhw_compare.rooms.causes import cause_text, left_text  # loaded by the search
-
             self._tried = [(answer.scene.room, frozenset())]
             for number, cause in enumerate(answer.found.causes, 1):
-                text = f"{number}. {cause_text(cause, self._shown.look.unit.text)}"
+                text = f"{number}. {cause.text(self._shown.look.unit.text)}"
                 self.list.addItem(_item(text, f"{text}; log-likelihood +{cause.gain:.0f}"))
             count = "no change of the room explains misfits; " if not answer.found.causes else ""
-            left = left_text(answer.found)
+            left = answer.found.left_text
             self.note.setText(f"{count}with all changes, {left}".replace("changes, no", "changes no"))
         self._enable()
 

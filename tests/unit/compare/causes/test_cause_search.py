@@ -11,7 +11,6 @@ from sonarhw_compare.rooms.causes import (
     NewPost,
     NewWall,
     OtherReflectance,
-    cause_text,
     find_causes,
 )
 from sonarhw_sim.board.profile import load_board
@@ -98,7 +97,7 @@ def test_the_leg_of_a_chair_is_a_post_at_its_place() -> None:
     before, after = (one.summary().within_5cm or 0.0 for one in (found.before, found.after))
     assert after > before
     assert after > 0.95
-    assert "something near 0.3" in cause_text(first)
+    assert "something near 0.3" in first.text()
 
 
 def test_a_post_is_found_between_walls_whose_echoes_overlap_its_own() -> None:
@@ -119,8 +118,8 @@ def test_a_wall_that_is_2_cm_farther_is_named_with_its_distance() -> None:
     (cause,) = found_in(MovedWall("west", -0.02, 0.02).applied(GIVEN)).causes
     assert isinstance(cause.change, MovedWall)
     assert (cause.change.wall, cause.change.farther) == ("west", pytest.approx(0.02, abs=0.006))
-    assert "wall west is 0.0" in cause_text(cause)
-    assert "m farther" in cause_text(cause)
+    assert "wall west is 0.0" in cause.text()
+    assert "m farther" in cause.text()
 
 
 def test_a_wall_is_not_moved_so_far_that_a_short_neighbour_loses_its_length() -> None:
@@ -138,7 +137,7 @@ def test_an_edge_that_is_weaker_is_named() -> None:
     (cause,) = found_in(OtherReflectance("plate", 0.9, 0.1).applied(GIVEN)).causes
     assert isinstance(cause.change, OtherReflectance)
     assert cause.change.reflectance < 0.5
-    assert "edge plate/ is weaker than assumed" in cause_text(cause)
+    assert "edge plate/ is weaker than assumed" in cause.text()
 
 
 @pytest.mark.parametrize(
