@@ -408,7 +408,7 @@ def test_possible_poses_and_scans_left_out_are_stated(
         Pose(at, math.radians(turn), 0.0, share, (0.01,) * 3)
         for at, turn, share in (((1.3, 0.5), 0.0, 0.64), ((0.7, 1.1), 180.0, 0.36))
     )
-    found = replace(known[0], poses={"b": several}, left_out=("c",))
+    found = replace(known[0], found=replace(known[0].found, poses={"b": several}, left_out=("c",)))
     monkeypatch.setattr(window.session.finding, "_function", lambda *_: found)
     find(qtbot, window)
     assert window.finding.poses.isVisible()
