@@ -1,6 +1,7 @@
 """`sonarhw fit`, `locate`, `map` and `study`: values, poses and rooms that explain scans, and many predictions."""
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,7 @@ from sonarhw_cli.options import (
     RoomOfLog,
     print_error,
     print_line,
+    print_note,
     print_result,
     warn,
     with_options,
@@ -251,6 +253,14 @@ def locate(
     print_result(as_json, lambda: located.figures(near), lambda: located.lines(near))
     for doubt in located.doubts:
         warn(with_options(doubt))
+    if not located.fits_room:
+        return
+    (x, y), heading = located.poses[0].position, located.poses[0].heading
+    place = f"{x:.4f},{y:.4f},{math.degrees(heading):.3f}"
+    given = {"--room": room_name, "--board": board, "--place": place}
+    options = " ".join(f"{option} {shlex.quote(str(value))}" for option, value in given.items() if value is not None)
+    for command in ("compare", "gui"):
+        print_note(f"next: sonarhw {command} {shlex.quote(str(log_file))} {options}")
 
 
 StudyFile = Annotated[

@@ -211,8 +211,8 @@ PlaceName = Annotated[
     str | None,
     typer.Option(
         "--place",
-        help="Place of the room file, or X,Y in metres.",
-        metavar="NAME|X,Y",
+        help="Place of the room file, or X,Y in metres and the heading in degrees; without it, 0.",
+        metavar="NAME|X,Y[,DEG]",
         autocompletion=complete_place,
     ),
 ]

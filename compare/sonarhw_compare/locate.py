@@ -245,8 +245,13 @@ class Located:
             "places": {name: round(share, 6) for name, share in places.items()},
             "readings_alike": round(self.redundancy, 3),
             "explained": round(self.explained, 6),
-            "fits_room": not explains_few(self.explained),
+            "fits_room": self.fits_room,
         }
+
+    @property
+    def fits_room(self) -> bool:
+        """Whether the first pose explains enough echoes."""
+        return not explains_few(self.explained)
 
     def _place_near(self, pose: Pose, near: float) -> Place | None:
         return self.room.places.get(self.place_near(pose, near) or "")

@@ -6,6 +6,7 @@ board are objects, names or files; by default those in the log. A result has its
 """
 
 import math
+import numbers
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -532,10 +533,11 @@ def _words(given: str | Iterable[str]) -> list[str]:
 
 
 def _places(given: PlaceInput | Sequence[PlaceInput] | None) -> list[PlaceInput]:
+    """Return places as a list; two or three numbers are one place."""
     if given is None:
         return []
-    if isinstance(given, str | tuple | Place):
-        return [given]
+    if isinstance(given, Place | str) or all(isinstance(part, numbers.Real) for part in given):
+        return [given]  # type: ignore[list-item]  # no list of places is left
     return [*given]
 
 

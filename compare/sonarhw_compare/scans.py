@@ -19,7 +19,7 @@ from sonarhw.errors import InputError, OutputError, counted_are, harmless
 from sonarhw.export import number, text_cell
 from sonarhw.files import atomic_file
 from sonarhw.log import Log, LogMetadata, read_log
-from sonarhw.readings import Origin, Reading
+from sonarhw.readings import FloatArray, Origin, Reading
 
 # The room, place and board that a log was recorded with, even if their files no longer exist.
 
@@ -48,7 +48,7 @@ def board_of_log(metadata: LogMetadata) -> Board:
 
 
 RoomInput: TypeAlias = Room | Path | str
-PlaceInput: TypeAlias = Place | tuple[float, float] | str
+PlaceInput: TypeAlias = Place | Sequence[float] | FloatArray | str
 BoardInput: TypeAlias = Board | Path | str
 Warn: TypeAlias = Callable[[str], None]  # receives a warning
 

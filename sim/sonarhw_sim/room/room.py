@@ -419,47 +419,58 @@ class Room:
                 f"height {height:g}: expected metres between {lowest:g} and {highest:g} (floor and ceiling)"
             )
 
-    def place(self, name: "Place | str | tuple[float, float] | None" = None) -> Place:
-        """Return the place with this name, or at `X,Y` (text, or two numbers in m); for None, the only place.
+    def place(self, name: "Place | str | Sequence[float] | FloatArray | None" = None) -> Place:
+        """Return the place with this name, or at a position; for None, the only place.
 
-        A `Place` is returned as it is. Raises InputError if there is no such place, or it is inside a post.
+        A position is text, `X,Y` or `X,Y,DEG` with metres and the heading of step 0 in degrees, or two or three numbers
+        with metres and radians. Without a heading, it is 0. A `Place` is returned as it is. Raises InputError if there
+        is no such place, or it is inside a post.
         """
         if isinstance(name, Place):
             return name
-        if isinstance(name, tuple):
-            if len(name) != 2:
-                raise InputError(f"place {name!r}: expected two numbers, x and y in metres")
-            x, y = map(float, name)
-            # the name appears in titles; millimetres are enough
-            return self._place_at(",".join(f"{round(coordinate, 3) + 0.0:.9g}" for coordinate in (x, y)), (x, y))
         if name is None:
             if len(self.places) == 1:
                 return next(iter(self.places.values()))
             raise InputError(f"room {self.name!r}: give a place, or X,Y in metres; {self._known_places()}")
-        if name in self.places:
-            return self.places[name]
-        return self._place_at(name, self._position(name))
+        if isinstance(name, str):
+            return self.places[name] if name in self.places else self._place_at(name, *self._typed_pose(name))
+        numbers = _numbers(name)
+        if numbers is None or len(numbers) not in (2, 3):
+            raise InputError(f"place {name!r}: expected x and y in metres, and no heading or one in radians")
+        # the name appears in titles; millimetres are enough
+        shown = (*numbers[:2], *(math.degrees(heading) for heading in numbers[2:]))
+        return self._place_at(",".join(f"{round(number, 3) + 0.0:.9g}" for number in shown), *numbers)
 
-    def _position(self, name: str) -> tuple[float, float]:
+    def _typed_pose(self, name: str) -> tuple[float, ...]:
         try:
-            x, y = map(float, name.split(","))
+            x, y, *degrees = map(float, name.split(","))
+            (heading,) = degrees or (0.0,)
         except ValueError as error:
             hint = " without a space" if name.endswith(",") else ""
             raise InputError(
                 f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres{hint}"
             ) from error
-        return x, y
+        return x, y, math.radians(heading)
 
-    def _place_at(self, name: str, position: tuple[float, float]) -> Place:
-        x, y = position
+    def _place_at(self, name: str, x: float, y: float, heading: float = 0.0) -> Place:
         if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
             raise InputError(f"place {name!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
+        if not math.isfinite(heading):
+            raise InputError(f"place {name!r}: expected a finite heading")
         for post in self.posts_at((x, y)):
             raise InputError(f"place {name!r} lies inside post {self.names[post]!r}; sound cannot leave it")
-        return Place(name, (x, y))
+        return Place(name, (x, y), heading)
 
     def _known_places(self) -> str:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
+
+
+def _numbers(values: object) -> tuple[float, ...] | None:
+    """Return values as numbers, or None if they are none."""
+    try:
+        return tuple(np.asarray(values, dtype=np.float64).reshape(-1).tolist())
+    except (TypeError, ValueError):
+        return None
 
 
 def load_room(name: Path | str) -> Room:

@@ -3,9 +3,10 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.room.room import load_room, parse_room
+from sonarhw_sim.room.room import Place, load_room, parse_room
 
 from sonarhw.errors import InputError
 
@@ -143,7 +144,10 @@ def test_place_by_name_by_numbers_or_alone() -> None:
     room = parse_room(GOOD, "good.toml")
     assert room.place(None) == room.place("here")
     assert room.place("here").heading == pytest.approx(math.pi / 2)
-    assert room.place("0.5,0.25").position == (0.5, 0.25)
+    assert room.place("0.5,0.25") == Place("0.5,0.25", (0.5, 0.25), 0.0)
+    assert room.place("0.5,0.25,90") == Place("0.5,0.25,90", (0.5, 0.25), math.pi / 2)
+    for pose in ([0.5, 0.25, math.pi / 2], np.array([0.5, 0.25, math.pi / 2])):
+        assert room.place(pose) == room.place("0.5,0.25,90")
 
 
 def test_a_place_at_two_numbers_is_named_in_millimetres_and_keeps_its_position() -> None:
@@ -157,10 +161,12 @@ def test_a_place_at_two_numbers_is_named_in_millimetres_and_keeps_its_position()
         assert (place.name, place.position) == (name, position)
 
 
-@pytest.mark.parametrize("place", ["there", "1,2,3", "nan,1", "5.2,5.0"])
-def test_wrong_place_is_rejected(place: str) -> None:
+@pytest.mark.parametrize(
+    "place", ["there", "1,2,3,4", "nan,1", "1,2,inf", "1,2,x", "5.2,5.0", (1.0,), (1.0, 2.0, 3.0, 4.0), ("a", "b"), 1.0]
+)
+def test_wrong_place_is_rejected(place: object) -> None:
     with pytest.raises(InputError):
-        parse_room(GOOD, "good.toml").place(place)
+        parse_room(GOOD, "good.toml").place(place)  # type: ignore[arg-type]
 
 
 def test_place_is_required_if_there_are_several() -> None:
