@@ -95,6 +95,16 @@ def test_processes_end_with_the_process_that_started_them() -> None:
     assert (ended.returncode != 0, ended.stderr) == (True, b"")
 
 
+def test_processes_end_with_the_one_that_started_them_also_while_they_compute() -> None:
+    script = (
+        "import os, select, signal, threading; from sonarhw_compare.processes import Processes\n"
+        "threading.Timer(2.0, os.kill, (os.getpid(), signal.SIGTERM)).start()\n"
+        "Processes(2, []).results(select.select, [([], [])] * 2, lambda: None)"  # waits for ever
+    )
+    ended = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (ended.returncode != 0, ended.stderr) == (True, b"")
+
+
 def test_two_processes_find_the_same_to_the_last_bit(two_cores: list[Processes]) -> None:
     room = load_room("simple")
     scans = [scan_of(room, Place(name, at)) for name, at in (("a", (0.4, 0.3)), ("b", (0.6, 0.5)), ("c", (0.3, 0.5)))]
