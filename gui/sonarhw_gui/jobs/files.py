@@ -66,20 +66,11 @@ def open_log(path: Path, last_scene: Scene | None = None) -> LogOpened:
     return LogOpened(path, log, last_scene or scene_of_log(log.metadata))
 
 
-@dataclass(frozen=True)
-class LogGrown:
-    """A log that was read again, because its file has grown."""
-
-    path: Path
-    log: Log
-    took: float  # s
-
-
-def read_grown_log(path: Path) -> LogGrown:
-    """Read a log that is being written once more. Raises InputError."""
+def read_grown_log(path: Path) -> tuple[Path, Log, float]:
+    """Read a log that is being written once more; return its path too, and the time that took, s. Raises InputError."""
     began = time.perf_counter()
     log = read_log(path)
-    return LogGrown(path, log, time.perf_counter() - began)
+    return path, log, time.perf_counter() - began
 
 
 def import_scan(csv: CsvRead, folder: Path) -> LogOpened:

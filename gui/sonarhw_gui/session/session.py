@@ -27,7 +27,6 @@ from sonarhw_gui.jobs.files import (
     Documents,
     FileWatch,
     FollowedLog,
-    LogGrown,
     LogOpened,
     RoomOpened,
     WatchedFile,
@@ -486,16 +485,17 @@ class WindowSession(QObject):
         self.files.watch(WatchedFile.ROOM, opened.path)
         self.room_opened.emit()
 
-    def _take_grown(self, grown: LogGrown) -> None:
+    def _take_grown(self, grown: tuple[Path, Log, float]) -> None:
         if self.live.running:
             return
-        self._followed.rest(grown.took, time.monotonic())
+        path, log, took = grown
+        self._followed.rest(took, time.monotonic())
         replay = self.replay
-        if replay is None or replay.path != grown.path:
+        if replay is None or replay.path != path:
             return
-        replay.extend(grown.log)
+        replay.extend(log)
         self.showing.follow(replay.readings)
-        if not grown.log.torn:
+        if not log.torn:
             self._followed.stop()
 
     def _warn_of_torn(self, now: float) -> None:

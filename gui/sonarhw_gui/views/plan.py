@@ -216,11 +216,6 @@ class PlanDrawing(Canvas):
     # the interface `plan_controller.DrawingContext`
 
     @property
-    def handle_at(self) -> Point | None:
-        """Where the beam can be dragged, m."""
-        return self.sensor.handle_at
-
-    @property
     def pixel(self) -> float:
         """The length of a pixel, m."""
         return float(abs(self._box.viewPixelSize()[0]))
@@ -234,14 +229,6 @@ class PlanDrawing(Canvas):
         at = self._box.mapSceneToView(position)
         (left, right), (low, high) = self._box.viewRange()
         return min(max(at.x(), left), right), min(max(at.y(), low), high)
-
-    def draw_ruler(self, start: Point, end: Point, text: str) -> None:
-        """Draw the ruler."""
-        self.ruler.draw(start, end, text)
-
-    def clear_ruler(self) -> None:
-        """Remove the ruler."""
-        self.ruler.clear()
 
     def draw_cursor(self, shape: Qt.CursorShape) -> None:
         """Change the shape of the mouse cursor."""

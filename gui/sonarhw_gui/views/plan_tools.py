@@ -32,6 +32,7 @@ from sonarhw_gui.model.look import LengthUnit
 from sonarhw_gui.model.scene import Scene, decibels_text
 from sonarhw_gui.model.shown import Cursor, Shown
 from sonarhw_gui.views.base import Gestures
+from sonarhw_gui.views.plan_layers import RulerLayer, SensorLayer
 
 # One-line descriptions of the object under the mouse in the plan: sensor, corner, wall, post or plain point.
 
@@ -365,13 +366,12 @@ _GRIPPED = {GripPart.SENSOR: Qt.CursorShape.OpenHandCursor, GripPart.BEAM: Qt.Cu
 class DrawingContext(Protocol):
     """The interface of the drawing for its controller."""
 
+    sensor: SensorLayer
+    ruler: RulerLayer
+
     @property
     def shown(self) -> Shown | None:
         """What is drawn; None before the first update."""
-
-    @property
-    def handle_at(self) -> Point | None:
-        """Where the beam can be dragged, m."""
 
     @property
     def pixel(self) -> float:
@@ -385,12 +385,6 @@ class DrawingContext(Protocol):
 
     def draw_room(self) -> None:
         """Draw the room again, after a change of the selected surface or of the tool."""
-
-    def draw_ruler(self, start: Point, end: Point, text: str) -> None:
-        """Draw the ruler."""
-
-    def clear_ruler(self) -> None:
-        """Remove the ruler."""
 
     def draw_cursor(self, shape: Qt.CursorShape) -> None:
         """Change the shape of the mouse cursor."""
@@ -437,7 +431,7 @@ class PlanController:
     @property
     def handle_at(self) -> Point | None:
         """Where the beam can be dragged, m."""
-        return self._drawing.handle_at
+        return self._drawing.sensor.handle_at
 
     @property
     def pixel(self) -> float:
@@ -470,7 +464,7 @@ class PlanController:
 
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
-        self._drawing.draw_ruler(start, end, text)
+        self._drawing.ruler.draw(start, end, text)
 
     def ask(self, at: Point) -> None:
         """Explain the heading from the sensor to a point."""
@@ -492,7 +486,7 @@ class PlanController:
         """Activate another tool."""
         self.cancel_drag()
         self.tool = tool(self)
-        self._drawing.clear_ruler()
+        self._drawing.ruler.clear()
         self._drawing.draw_cursor(self.tool.shape)
         self._drawing.draw_room()
         self.show_message("")
@@ -555,7 +549,7 @@ class PlanController:
         self._cancelled = True
         self.drop(self.tool.gesture)
         self.choose_surface(self._before)
-        self._drawing.clear_ruler()
+        self._drawing.ruler.clear()
         self.show_message("")
         return True
 
