@@ -26,7 +26,6 @@ from dataclasses import dataclass
 import numpy as np
 from sonarhw_compare.map import map_scans
 from sonarhw_compare.match import compare_readings
-from sonarhw_compare.rooms.evidence import REFLECTANCE
 from sonarhw_compare.rooms.search import FoundRoom, find_room, find_room_and_poses
 from sonarhw_sim.board.profile import Board, load_board
 
@@ -75,7 +74,7 @@ def leave_out(cases: Iterable[RandomRoom], board: Board) -> None:
     totals = np.zeros(3)
     for case in cases:
         found, last = find_room(case.scans[:-1], board, case.room.air), case.scans[-1]
-        rooms = found.draft.room(REFLECTANCE, case.room.air), case.room
+        rooms = found.draft.room(case.room.air), case.room
         figures = [compare_readings(last.readings, room, last.place, board).summary() for room in rooms]
         counts = [figures[0].n_echo, *(figure.matched for figure in figures)]
         totals += counts

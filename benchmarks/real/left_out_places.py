@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import locate_scan
-from sonarhw_compare.rooms.evidence import REFLECTANCE
 from sonarhw_compare.rooms.search import find_room
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.room import Room
@@ -29,7 +28,7 @@ def main() -> None:
     totals = np.zeros(3)
     for position in dict.fromkeys(scan.place.position for scan in marked):
         others = [scan for scan in marked if scan.place.position != position]
-        found = find_room(others, BOARD, ROOM.air, [MARKS] * len(others)).draft.room(REFLECTANCE, ROOM.air)
+        found = find_room(others, BOARD, ROOM.air, [MARKS] * len(others)).draft.room(ROOM.air)
         for scan in marked:
             if scan.place.position == position:
                 echoes = sum(reading.range is not None for reading in scan.readings)

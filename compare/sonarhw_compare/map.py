@@ -35,6 +35,7 @@ from sonarhw_compare.arcs import (
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.match import compare_readings
+from sonarhw_compare.rooms.draft import REFLECTANCE
 
 # Occupancy grid from readings as cones (Moravec and Elfes, High Resolution Maps from Wide Angle Sonar, 1985).
 #
@@ -354,7 +355,6 @@ def _sees_through(scan: PlacedScan, wall: Wall, board: Board, kept: BoolArray) -
 # explains it is reflected at more than one point.
 
 
-_REFLECTANCE = 0.9  # of found walls; their level matters little
 _MEET = 1.0  # m, by which found walls are extended at most, to meet one another
 _BEYOND = 0.1  # m behind a wall; a leg that ends farther behind it crosses the wall
 _ONE_POINT = 1e-3  # m between reflections that count as one point
@@ -390,7 +390,7 @@ def room_of(features: Features) -> Room | None:
     if not walls:
         return None
     lines = [_longer(wall, walls) for wall in walls]
-    text = ['name = "found"', "[materials.found]", f"reflectance = {_REFLECTANCE}"]
+    text = ['name = "found"', "[materials.found]", f"reflectance = {REFLECTANCE}"]
     for number, (start, end) in enumerate(lines):
         text += ["[[walls]]", f'name = "wall {number}"', 'material = "found"']
         text.append(f"points = [[{start[0]:.6f}, {start[1]:.6f}], [{end[0]:.6f}, {end[1]:.6f}]]")

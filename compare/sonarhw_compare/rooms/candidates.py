@@ -18,7 +18,6 @@ from sonarhw_compare.rooms.evidence import (
     CLEARLY,
     FOLLOWED,
     PRICE,
-    REFLECTANCE,
     Evidence,
     Scored,
     all_scored,
@@ -374,7 +373,7 @@ class Touches:
 
 def touches_of(evidence: Evidence, draft: RoomDraft) -> Touches:
     """Return the touches of the paths that explain readings within 5 cm, reflected or diffracted there."""
-    room, board = draft.room(REFLECTANCE, evidence.air), as_found(evidence.board, draft)
+    room, board = draft.room(evidence.air), as_found(evidence.board, draft)
     walls: dict[int, list[float]] = {key: [] for key in draft.walls}
     posts, echoes, unexplained = [0] * len(draft.posts), [], []
     for scan, place in zip(evidence.scans, draft.places, strict=True):

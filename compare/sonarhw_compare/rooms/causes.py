@@ -26,8 +26,8 @@ from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.match import Comparison, Kind, compare_readings
 from sonarhw_compare.rooms.candidates import post_candidates
-from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.rooms.evidence import CLEARLY, FINE, PRICE, REFLECTANCE, Scored, all_scored, evidence_of, scored
+from sonarhw_compare.rooms.draft import REFLECTANCE, DraftEnd, DraftPost, DraftWall, RoomDraft
+from sonarhw_compare.rooms.evidence import CLEARLY, FINE, PRICE, Scored, all_scored, evidence_of, scored
 from sonarhw_compare.rooms.search import refined, unexplained_readings, with_post, with_wall
 
 # Changes of a room that may explain misfits: a new post or wall, a moved wall, another reflectance. Each has a price,

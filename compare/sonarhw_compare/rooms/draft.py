@@ -14,7 +14,7 @@ from sonarhw_sim.room.room import Place, Room, join_ends, with_post, with_walls
 
 from sonarhw.readings import FloatArray
 
-MATERIAL = "found"
+MATERIAL, REFLECTANCE = "found", 0.9  # of found walls and posts; the reflectance is assumed
 _PARALLEL = math.sin(math.radians(8))  # lines that differ less in direction do not meet in a corner
 _LONGEST = 50.0  # m, from the middle of a wall to an end that meets another wall
 _SHORTEST = 0.02  # m, of a wall
@@ -195,17 +195,17 @@ class RoomDraft:
             return self
         return replace(self, places=places, walls=walls, posts=posts, offset=numbers[0], threshold_db=numbers[1])
 
-    def room(self, reflectance: float, air: Air) -> Room:
-        """Return the room in which sound is followed; all surfaces but those of the base have one reflectance."""
+    def room(self, air: Air) -> Room:
+        """Return the room in which sound is followed; all surfaces but those of the base are found ones."""
         if self.base is not None:
-            return self._in_base(self.base, reflectance)
+            return self._in_base(self.base)
         segments = join_ends(self.segments)  # with gaps of rounding, corners would be two free ends
         names = (*(wall_name(k) for k in range(len(segments))), *(post_name(k) for k in range(len(self.posts))))
         return Room(
             name=MATERIAL,
             walls=segments,
             posts=self.round_surfaces,
-            reflectances=np.full(len(names), reflectance),
+            reflectances=np.full(len(names), REFLECTANCE),
             scattered=np.zeros(len(names)),
             heights=np.tile([-math.inf, math.inf], (len(names), 1)),
             names=names,
@@ -216,11 +216,11 @@ class RoomDraft:
             text="",
         )
 
-    def _in_base(self, room: Room, reflectance: float) -> Room:
+    def _in_base(self, room: Room) -> Room:
         for number, segment in enumerate(self.segments):
-            room = with_walls(room, segment[None], wall_name(number), reflectance)
+            room = with_walls(room, segment[None], wall_name(number), REFLECTANCE)
         for number, post in enumerate(self.posts):
-            room = with_post(room, (*post.center, post.radius), post_name(number), reflectance)
+            room = with_post(room, (*post.center, post.radius), post_name(number), REFLECTANCE)
         walls = join_ends(room.walls)
         return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)])) if self.walls else room
 

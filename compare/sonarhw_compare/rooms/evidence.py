@@ -67,7 +67,6 @@ class SearchProgress:
 # How well a draft explains scans: the likelihood of a fit, for every echo and every silence, with all reflections.
 
 
-REFLECTANCE = 0.9  # of found walls, assumed
 FOLLOWED = PredictionOptions(rays=720, max_bounces=5)  # few rays, because every trial searches all paths
 # later echoes come by more reflections; without their paths, a wrong room can be more likely than the true one
 FOLLOWED_LATER = PredictionOptions(rays=720, max_bounces=8)
@@ -157,7 +156,7 @@ class Evidence:
         """Return `by_reading` of several drafts, of all scans or these."""
         self.progress.step()
         scans = range(len(self.problems)) if scans is None else scans
-        rooms = [draft.room(REFLECTANCE, self.air) for draft in drafts]
+        rooms = [draft.room(self.air) for draft in drafts]
         keys = [[_key(draft, room, scan, noise) for scan in scans] for draft, room in zip(drafts, rooms, strict=True)]
         missing = {
             key: (draft, room, scan)
@@ -368,7 +367,7 @@ def evidence_of(
     several = any(len(reading.echo_times) > 1 for scan in scans for reading in scan.readings)
     prediction = prediction or (FOLLOWED_LATER if several else FOLLOWED)
     first = RoomDraft(tuple(scan.place for scan in scans))
-    nowhere = first.room(REFLECTANCE, air)
+    nowhere = first.room(air)
     problems = tuple(make_problem([scan], nowhere, board, [], prediction, all_echoes=True) for scan in scans)
     course, progress = course or Course(), progress or SearchProgress()
     first = first if course.start is None else replace(course.start, places=first.places)

@@ -19,8 +19,8 @@ from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.headings import in_degrees, rounded_point
 from sonarhw_compare.locate import Pose
 from sonarhw_compare.map import RoomMap
-from sonarhw_compare.rooms.draft import MATERIAL, SHARE, SPREAD, at_right_angles, post_name, wall_name
-from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, REFLECTANCE
+from sonarhw_compare.rooms.draft import MATERIAL, REFLECTANCE, SHARE, SPREAD, at_right_angles, post_name, wall_name
+from sonarhw_compare.rooms.evidence import FINE, FOLLOWED
 from sonarhw_compare.rooms.search import FoundRoom, Move, Shifts, shifts_of
 
 if TYPE_CHECKING:
@@ -247,7 +247,7 @@ def next_places(
     far whenever they change; places all over the room come first.
     """
     moves = [move for move in found.deviations if move.what in ("wall", "post") and found.deviations[move] > 0]
-    draft_room, by_move = found.draft.room(REFLECTANCE, room.air), shifts_of(found.draft, moves)
+    draft_room, by_move = found.draft.room(room.air), shifts_of(found.draft, moves)
     spreads = np.minimum([found.deviations[move] for move in moves], _LARGEST)
     tried: list[NextPlace] = []
     known: tuple[NextPlace, ...] = ()

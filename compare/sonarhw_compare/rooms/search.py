@@ -45,7 +45,6 @@ from sonarhw_compare.rooms.evidence import (
     FINE,
     FOLLOWED,
     PRICE,
-    REFLECTANCE,
     ROUGH,
     Course,
     Evidence,
@@ -312,7 +311,7 @@ def _of_scans(
     with_headings: bool,
 ) -> list[tuple[list[Row], list[Row], list[Row]]]:
     """Return the errors of ranges, of bearings and of the heading of each scan."""
-    room, found = draft.room(REFLECTANCE, evidence.air), []
+    room, found = draft.room(evidence.air), []
     for scan in scans:
         ranges, bearings, turns = _of_scan(evidence, draft, scan, room, moves, shifts)
         headings = [_of_heading(heading_error(evidence, draft, room, scan), turns)] if with_headings and turns else []
@@ -1183,7 +1182,7 @@ class _Search:
 
     def located(self, stage: _Stage, numbers: Iterable[int] | None = None) -> dict[int, Located]:
         """Return the possible poses in a room of these scans, by default of all that are not placed."""
-        room, sensor = stage.found.draft.room(REFLECTANCE, self.air), stage.sensor(self.board)
+        room, sensor = stage.found.draft.room(self.air), stage.sensor(self.board)
         return {
             k: locate_scan(
                 scan.readings,

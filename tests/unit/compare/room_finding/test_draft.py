@@ -68,14 +68,14 @@ def test_a_gap_divides_a_wall_and_its_corners() -> None:
 
 
 def test_a_draft_is_a_room_with_its_corner() -> None:
-    room = CORNER.room(0.9, Air())
+    room = CORNER.room(Air())
     assert room.names == ("wall 1", "wall 2")
     assert set(room.reflectances) == {0.9}
     assert "wall 1/wall 2" in room.edges.names
 
 
 def test_an_edited_room_is_a_draft_with_its_corners() -> None:
-    room = replace(CORNER, posts=(DraftPost((1.0, 1.0), 0.1),)).room(0.9, Air())
+    room = replace(CORNER, posts=(DraftPost((1.0, 1.0), 0.1),)).room(Air())
     draft = draft_of_room(room)
     assert np.allclose(draft.segments, room.walls)
     assert draft.posts == (DraftPost((1.0, 1.0), 0.1),)
@@ -86,7 +86,7 @@ def test_an_edited_room_is_a_draft_with_its_corners() -> None:
 
 def test_walls_on_one_line_have_no_corner() -> None:
     halves = CORNER.with_wall(1, FLAT.moved(0.0, 0.0)).with_wall(0, DraftWall((-1.0, 0.0), 0.0, FLAT.ends))
-    draft = draft_of_room(replace(halves, walls={k: _free(wall) for k, wall in halves.walls.items()}).room(0.9, Air()))
+    draft = draft_of_room(replace(halves, walls={k: _free(wall) for k, wall in halves.walls.items()}).room(Air()))
     assert [end.meets for wall in draft.walls.values() for end in wall.ends] == [None] * 4
 
 
@@ -102,5 +102,5 @@ def test_corners_of_a_draft_are_corners_of_its_room() -> None:
     drawn = draft_of_room(true)
     moved = replace(drawn, walls={key: wall.moved(0.0, 1e-4 * key) for key, wall in drawn.walls.items()})
     for draft in (drawn, moved):
-        assert len(draft.room(0.9, Air()).edges) == len(true.edges)
-        assert len(np.unique(draft.room(0.9, Air()).walls.reshape(-1, 2), axis=0)) == len(corners)
+        assert len(draft.room(Air()).edges) == len(true.edges)
+        assert len(np.unique(draft.room(Air()).walls.reshape(-1, 2), axis=0)) == len(corners)

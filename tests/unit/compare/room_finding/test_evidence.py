@@ -8,10 +8,9 @@ import pytest
 from sonarhw_compare.fit.objective import Problem
 from sonarhw_compare.fit.result import PlacedScan
 from sonarhw_compare.locate import PoseSpread
-from sonarhw_compare.rooms.draft import DraftEnd, DraftWall, RoomDraft, draft_of_room
+from sonarhw_compare.rooms.draft import REFLECTANCE, DraftEnd, DraftWall, RoomDraft, draft_of_room
 from sonarhw_compare.rooms.evidence import (
     PRICE,
-    REFLECTANCE,
     ROUGH,
     all_scored,
     evidence_of,
@@ -34,7 +33,7 @@ EAST = RoomDraft((HERE,), {0: DraftWall((3.0, 0.0), math.pi / 2, (DraftEnd(-1.0)
 
 def known_room(reflectance: float) -> RoomDraft:
     """Return a draft that adds nothing to a known room with one wall."""
-    room = EAST.room(REFLECTANCE, AIR)
+    room = EAST.room(AIR)
     return RoomDraft((HERE,), base=replace(room, reflectances=np.full_like(room.reflectances, reflectance)))
 
 

@@ -4,7 +4,6 @@ import math
 
 import pytest
 from sonarhw_compare.rooms.draft import DraftEnd, DraftPost, DraftWall, RoomDraft
-from sonarhw_compare.rooms.evidence import REFLECTANCE
 from sonarhw_compare.rooms.search import Move, shifts_of
 from sonarhw_sim.air import Air
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
@@ -45,7 +44,7 @@ def lengths_by_way(paths: Paths, room: Room) -> dict[tuple[str, ...], list[float
 
 @pytest.mark.parametrize("move", MOVES, ids=lambda move: f"{move.what}{move.which}-{move.part}")
 def test_a_path_gets_longer_by_what_a_new_search_says(move: Move) -> None:
-    room, changed = (move.of(draft(), by).room(REFLECTANCE, Air()) for by in (0.0, STEP))
+    room, changed = (move.of(draft(), by).room(Air()) for by in (0.0, STEP))
     paths = find_paths(room, STANDS, SEARCH)
     before, after = lengths_by_way(paths, room), lengths_by_way(find_paths(changed, STANDS, SEARCH), changed)
     slopes = shifts_of(draft(), [move])

@@ -31,7 +31,7 @@ NAMES = {"east": EAST, "north": NORTH, "west": WEST, "south": SOUTH}
 
 
 def proposed(found: FoundRoom) -> list[tuple[float, float, float, tuple[tuple[float, float], ...]]]:
-    room = found.draft.room(0.9, Air())
+    room = found.draft.room(Air())
     return [(*one.position, one.gain, one.sectors) for one in next_places(found, room, BOARD)]
 
 
@@ -58,7 +58,7 @@ def test_nothing_is_gained_in_a_room_that_is_known() -> None:
 
 def test_the_best_places_so_far_are_reported_from_the_first_one_on() -> None:
     found, shares, best = rectangle(east=0.03, north=0.02), [], []
-    room = found.draft.room(0.9, Air())
+    room = found.draft.room(Air())
     places = next_places(
         found, room, BOARD, tick=shares.append, best=lambda known: best.append((len(shares), known[0].gain, known))
     )

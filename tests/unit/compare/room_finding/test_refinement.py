@@ -9,7 +9,7 @@ import pytest
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.locate import PoseSpread
 from sonarhw_compare.rooms.draft import DraftPost, RoomDraft, draft_of_room
-from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, REFLECTANCE, ROUGH, Evidence, evidence_of, scored
+from sonarhw_compare.rooms.evidence import FINE, FOLLOWED, ROUGH, Evidence, evidence_of, scored
 from sonarhw_compare.rooms.search import (
     Move,
     deviations_of,
@@ -207,7 +207,7 @@ def test_headings_are_searched_as_far_as_they_are_uncertain(deviation: float, is
     spread = PoseSpread(0.0, math.radians(deviation))
     turned = [replace(PLACES[1], heading=math.radians(11)), replace(PLACES[2], heading=math.radians(-11))]
     evidence, draft = case(noise=0.01, spread=spread, places=(PLACES[0], *turned))
-    errors = [heading_error(evidence, draft, draft.room(REFLECTANCE, ROOM.air), scan)[0] for scan in (1, 2)]
+    errors = [heading_error(evidence, draft, draft.room(ROOM.air), scan)[0] for scan in (1, 2)]
     near = [abs(math.degrees(error) - true) < 1.5 for error, true in zip(errors, (-11, 11), strict=True)]
     assert near == [is_reached, is_reached]
 
